@@ -1,0 +1,1 @@
+"""The command line: typer commands, a few lines each; the work is app.py's."""

@@ -1,0 +1,1 @@
+"""The world in which machines are tried: engines, scenes, rollouts, tasks, feedback."""

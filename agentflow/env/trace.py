@@ -1,0 +1,120 @@
+"""Owns what a rollout yields: the recorded states, what broke, what happened, the result.
+
+Arrays are float64 in the game frame; T samples, N blocks (index = block id), E connections,
+L two-ended blocks, M scene things.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Status = Literal["ok", "invalid", "diverged", "timeout", "crashed"]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """States sampled every `interval` seconds from t = 0 (after settling)."""
+
+    times: Array
+    """(T,) seconds."""
+    position: Array
+    """(T, N, 3) block origins (building points), m. Two-ended blocks: midpoint of their ends."""
+    centre: Array
+    """(T, N, 3) box centres, m."""
+    rotation: Array
+    """(T, N, 4) quaternions x, y, z, w."""
+    velocity: Array
+    """(T, N, 3) of the block's centre, m/s."""
+    angular_velocity: Array
+    """(T, N, 3) rad/s."""
+    alive: Flags
+    """(T, N) whether the block still holds on to its parent."""
+    length: Array
+    """(T, L) distance between the ends of two-ended blocks, m; column i belongs to linear[i]."""
+    linear: tuple[int, ...]
+    """Ids of the two-ended blocks."""
+    utilisation: Array
+    """(T, E) load over strength of each connection, 1.0 breaks; after the break nan."""
+    connections: tuple[tuple[int, int], ...]
+    """(block, partner) of each connection."""
+    thing_position: Array
+    """(T, M, 3) centres."""
+    thing_rotation: Array
+    """(T, M, 4)."""
+    thing_velocity: Array
+    """(T, M, 3)."""
+    things: tuple[str, ...]
+    """Names of the scene's moving things, in scene order."""
+
+
+@dataclass(frozen=True)
+class Broken:
+    """One connection that gave way."""
+
+    block: int
+    type: int
+    partner: int
+    time: float
+    """Seconds since t = 0."""
+    load: float
+    """Load over strength when it broke."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something worth telling a designer, beside breakages."""
+
+    time: float
+    kind: str
+    blocks: tuple[int, ...] = ()
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a task says of a trace."""
+
+    score: float
+    terms: Mapping[str, float | bool | str | None]
+    """Every part of the score by name."""
+    events: tuple[Event, ...] = ()
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """What designers are told after a rollout: the same content as text and as data."""
+
+    text: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """The outcome of trying one machine at one task.
+
+    `diverged` is the machine's fault and scores 0; `timeout` and `crashed` are the computer's and
+    have score None; `invalid` was never simulated and scores 0.
+    """
+
+    status: Status
+    score: float | None
+    terms: Mapping[str, float | bool | str | None]
+    problems: tuple[Mapping[str, Any], ...]
+    """Why it is invalid: code, blocks, message of each problem (spec 1.12)."""
+    broken: tuple[Broken, ...]
+    events: tuple[Event, ...]
+    feedback: Feedback
+    trace: Trace | None
+    digest: str | None
+    """Hash of every recorded state: equal digests mean bitwise equal rollouts."""
+    sim_seconds: float | None
+    wall_seconds: float | None
+    constants: str | None
+    """Hash of the physical constants."""

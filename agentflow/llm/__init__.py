@@ -1,0 +1,1 @@
+"""Language models: one asynchronous interface, several implementations composed by wrapping."""

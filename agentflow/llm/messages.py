@@ -1,0 +1,82 @@
+"""Owns what passes between a role and a model: requests, replies, usage. No network, no files."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+Finish = Literal["stop", "length", "empty", "content_filter"]
+"""Why a reply ended. Only `stop` is a whole answer."""
+
+
+class _Frozen(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Message(_Frozen):
+    """One message of a conversation; `images` are PNG data URLs (vision variant only)."""
+
+    role: Literal["system", "user", "assistant"]
+    text: str
+    images: tuple[str, ...] = ()
+
+
+class Sampling(_Frozen):
+    """How a reply is drawn. Defaults as published: temperature 0.7, top-p 0.95."""
+
+    temperature: float = 0.7
+    top_p: float = 0.95
+    max_tokens: int | None = None
+    """Most output tokens; None leaves it to the endpoint."""
+    seed: int | None = None
+    stop: tuple[str, ...] = ()
+    response_format: Literal["text", "json_object"] = "text"
+
+
+class Request(_Frozen):
+    """One question to a model.
+
+    `label` says which call of the run this is ("refiner/traj-3/node-12/attempt-2"): two calls with
+    the same messages are different samples, and concurrency never changes which reply a call gets.
+    """
+
+    role: str
+    label: str
+    messages: tuple[Message, ...]
+    sampling: Sampling = Sampling()
+
+
+class Usage(_Frozen):
+    """Token counts as the endpoint reports them; 0 where it reports none."""
+
+    prompt: int = 0
+    completion: int = 0
+    reasoning: int = 0
+    cached: int = 0
+
+    @property
+    def total(self) -> int:
+        """Prompt and completion tokens together (completion includes reasoning)."""
+        return self.prompt + self.completion
+
+    def __add__(self, other: Usage) -> Usage:
+        return Usage(
+            prompt=self.prompt + other.prompt,
+            completion=self.completion + other.completion,
+            reasoning=self.reasoning + other.reasoning,
+            cached=self.cached + other.cached,
+        )
+
+
+class Reply(_Frozen):
+    """One answer. `text` is what roles parse; reasoning is split off and kept beside it."""
+
+    text: str
+    finish: Finish = "stop"
+    reasoning: str = ""
+    usage: Usage = Usage()
+    model: str = ""
+    """The model's name as the endpoint answered it."""
+    latency_s: float = 0.0
+    retries: int = 0

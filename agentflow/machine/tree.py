@@ -1,0 +1,95 @@
+"""Owns the construction tree: the ordered steps that make a machine, and their JSON form.
+
+Reading model text is parse.py's; whether a tree makes sense is validity.py's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One block and what it is attached to.
+
+    A standard block hangs on one face of one parent. A two-ended block (brace, spring, winch) has
+    a second end: `parent_b` and `face_id_b` are then set. The root has parent -1 and face -1.
+    """
+
+    id: int
+    type: int
+    parent: int
+    face_id: int
+    parent_b: int | None = None
+    face_id_b: int | None = None
+
+    @property
+    def two_ended(self) -> bool:
+        """Whether the step names two parents."""
+        return self.parent_b is not None
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """Ids of the blocks it hangs on; () for the root."""
+        if self.parent_b is not None:
+            return (self.parent, self.parent_b)
+        return (self.parent,) if self.parent >= 0 else ()
+
+    def to_json(self) -> dict[str, int]:
+        """The step in the notation that models read and write."""
+        if self.parent_b is None or self.face_id_b is None:
+            return {
+                "type": self.type,
+                "id": self.id,
+                "parent": self.parent,
+                "face_id": self.face_id,
+            }
+        return {
+            "type": self.type,
+            "id": self.id,
+            "parent_a": self.parent,
+            "face_id_a": self.face_id,
+            "parent_b": self.parent_b,
+            "face_id_b": self.face_id_b,
+        }
+
+
+ROOT = Step(id=0, type=0, parent=-1, face_id=-1)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A file-valid construction tree: `steps[i].id == i`, parents come before children."""
+
+    steps: tuple[Step, ...]
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def __iter__(self) -> Iterator[Step]:
+        return iter(self.steps)
+
+    def __getitem__(self, block_id: int) -> Step:
+        return self.steps[block_id]
+
+    def to_json(self) -> list[dict[str, int]]:
+        """The tree as JSON data, one object per block in id order."""
+        return [step.to_json() for step in self.steps]
+
+    def to_text(self) -> str:
+        """The tree as JSON text, one block per line."""
+        return "[\n" + ",\n".join("  " + json.dumps(item) for item in self.to_json()) + "\n]"
+
+    @cached_property
+    def digest(self) -> str:
+        """Content hash, 16 hex digits: equal trees have equal digests on every platform."""
+        text = json.dumps(self.to_json(), separators=(",", ":"), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def count(self, block_type: int) -> int:
+        """How many blocks of this type the machine has."""
+        return sum(step.type == block_type for step in self.steps)

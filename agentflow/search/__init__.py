@@ -1,0 +1,1 @@
+"""Search over candidates, whatever they are: the domain comes in as `expand` and `evaluate`."""

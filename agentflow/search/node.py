@@ -1,0 +1,82 @@
+"""Owns the vocabulary of search: evaluations, attempts, nodes, and the two functions it is given.
+
+A candidate is anything; search never looks into it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+
+C = TypeVar("C")
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What trying a candidate gave.
+
+    `score` is None when the computer, not the candidate, failed (timeout, crash): such a result
+    counts neither as zero nor in means.
+    """
+
+    valid: bool
+    score: float | None
+    details: Any = None
+    """Whatever the domain wants to hand on; search does not look at it."""
+
+
+@dataclass(frozen=True)
+class Attempt(Generic[C]):
+    """One reply to an expansion: a child, or the reason why there is none."""
+
+    label: str
+    candidate: C | None
+    note: str
+    """Told to the later attempts of the same expansion."""
+
+
+Expand = Callable[[C, Sequence[str], Sequence[Attempt[C]]], Awaitable[Sequence[Attempt[C]]]]
+"""expand(parent, labels, earlier) -> one attempt per label, in label order.
+
+One wave: the calls run at once. `earlier` are the attempts of the earlier waves.
+"""
+
+Evaluate = Callable[[C, str], Awaitable[Evaluation]]
+"""evaluate(candidate, label) -> evaluation; the label names the node for the record."""
+
+
+@dataclass
+class Node(Generic[C]):
+    """A candidate in a tree. Ids count from 0 (the root) in order of creation."""
+
+    id: int
+    candidate: C
+    parent: int | None
+    evaluation: Evaluation
+    children: list[int] = field(default_factory=list)
+    visits: int = 0
+    total: float = 0.0
+    """Sum of the rewards backed up through this node."""
+
+
+@dataclass
+class Tally:
+    """What a search cost; the same for all strategies, so that equal budgets can be compared."""
+
+    expansions: int = 0
+    attempts: int = 0
+    valid: int = 0
+    rollouts: int = 0
+
+
+@dataclass(frozen=True)
+class Found(Generic[C]):
+    """The outcome of a search."""
+
+    nodes: tuple[Node[C], ...]
+    result: int
+    """Node id of the strategy's answer."""
+    best: int
+    """Node id of the best candidate met anywhere; the lower id among equals."""
+    tally: Tally
