@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Generic, TypeVar
 
 from agentflow.llm.client import Client
@@ -75,7 +75,7 @@ class Desk:
 
     client: Client
     prompts: PromptSet
-    sampling: Sampling = Sampling()
+    sampling: Sampling = field(default_factory=Sampling)
     max_retry: int = 5
     """Most attempts per question."""
     on_attempt: Callable[[Attempt[object]], None] = lambda _attempt: None
