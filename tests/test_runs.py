@@ -1,0 +1,90 @@
+"""The run directory: what is written, what is refused, what survives a kill."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from agentflow.errors import RunError
+from agentflow.runs import (
+    Event,
+    RunDirectory,
+    read_document,
+    read_events,
+    read_result,
+)
+
+
+def test_a_run_reads_back_what_was_written(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path / "deep" / "runs", "demo", {"config": {"seed": 3}})
+    heard: list[Event] = []
+    run.listeners.append(heard.append)
+    run.event("stage", "initial", valid=2)
+    run.event("stage", "blind_refinement", valid=1)
+    run.save_machine("ab12", "[]")
+    run.finish({"score": 1.5})
+    run.close()
+    assert read_document(run.path) == {"schema": 1, "config": {"seed": 3}}
+    assert list(read_events(run.path)) == heard
+    assert heard[0] == Event("stage", "initial", {"valid": 2})
+    assert read_result(run.path) == {"score": 1.5}
+    assert (run.path / "machines" / "ab12.json").read_text() == "[]\n"
+
+
+def test_names_that_are_taken_get_a_number(tmp_path: Path) -> None:
+    first = RunDirectory.create(tmp_path, "demo", {})
+    second = RunDirectory.create(tmp_path, "demo", {})
+    assert [first.path.name, second.path.name] == ["demo", "demo-2"]
+    first.close()
+    second.close()
+
+
+def test_a_second_writer_is_refused_until_the_first_ends(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    with pytest.raises(RunError, match="is in use by another process"):
+        RunDirectory.resume(run.path)
+    run.close()
+    RunDirectory.resume(run.path).close()
+
+
+def test_resume_drops_the_half_line_and_repeats_nothing(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    run.event("attempt", "designer/1", code="")
+    run.close()
+    with (run.path / "events.jsonl").open("a") as file:
+        file.write('{"kind": "att')
+    again = RunDirectory.resume(run.path)
+    again.event("attempt", "designer/1", code="")
+    again.event("attempt", "designer/2", code="overlap")
+    again.close()
+    labels = [json.loads(line)["label"] for line in (run.path / "events.jsonl").open()]
+    assert labels == ["designer/1", "designer/2"]
+
+
+def test_a_damaged_middle_line_is_named(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    run.close()
+    (run.path / "events.jsonl").write_text("nonsense\n{}\n")
+    with pytest.raises(RunError, match="damaged in line 1"):
+        list(read_events(run.path))
+
+
+def test_foreign_schema_no_run_and_unfinished_run_are_said(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="is no run: it has no readable run.yaml"):
+        read_document(tmp_path)
+    (tmp_path / "run.yaml").write_text("schema: 99\n")
+    with pytest.raises(RunError, match="has schema 99, this version reads 1"):
+        read_document(tmp_path)
+    with pytest.raises(RunError, match="the run is unfinished"):
+        read_result(tmp_path)
+
+
+def test_an_unwritable_folder_names_the_flag(tmp_path: Path) -> None:
+    blocker = tmp_path / "file"
+    blocker.write_text("")
+    with pytest.raises(RunError, match="choose another folder with --out"):
+        RunDirectory.create(blocker / "runs", "demo", {})
+    assert os.listdir(tmp_path) == ["file"]
