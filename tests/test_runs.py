@@ -73,7 +73,7 @@ def test_a_damaged_middle_line_is_named(tmp_path: Path) -> None:
 
 
 def test_foreign_schema_no_run_and_unfinished_run_are_said(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="is no run: it has no readable run.yaml"):
+    with pytest.raises(RunError, match=r"is no run: it has no readable run\.yaml"):
         read_document(tmp_path)
     (tmp_path / "run.yaml").write_text("schema: 99\n")
     with pytest.raises(RunError, match="has schema 99, this version reads 1"):
