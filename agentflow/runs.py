@@ -217,5 +217,6 @@ def _whole_lines(path: Path) -> Iterator[str]:
 def _drop_half_line(path: Path) -> None:
     if not path.exists():
         return
-    whole = sum(len(line) for line in path.open("rb") if line.endswith(b"\n"))
+    with path.open("rb") as lines:
+        whole = sum(len(line) for line in lines if line.endswith(b"\n"))
     os.truncate(path, whole)

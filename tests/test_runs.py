@@ -60,7 +60,8 @@ def test_resume_drops_the_half_line_and_repeats_nothing(tmp_path: Path) -> None:
     again.event("attempt", "designer/1", code="")
     again.event("attempt", "designer/2", code="overlap")
     again.close()
-    labels = [json.loads(line)["label"] for line in (run.path / "events.jsonl").open()]
+    lines = (run.path / "events.jsonl").read_text().splitlines()
+    labels = [json.loads(line)["label"] for line in lines]
     assert labels == ["designer/1", "designer/2"]
 
 
