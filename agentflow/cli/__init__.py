@@ -1,1 +1,52 @@
-"""The command line: typer commands, a few lines each; the work is app.py's."""
+"""The command line: typer commands, a few lines each; the work is app's.
+
+`main` turns every error of ours into one or two lines on stderr and an exit status (spec 6.5).
+"""
+
+from __future__ import annotations
+
+import sys
+
+from agentflow.errors import AgentflowError
+
+USAGE, INTERRUPTED = 2, 130
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command and return the exit status.
+
+    0 done, 1 comparison failed, 2 usage or configuration, 3 partly failed, 4 the model endpoint
+    cannot be used, 130 interrupted. No traceback unless `--debug` is given.
+    """
+    import typer
+
+    from agentflow.cli.commands import commands
+
+    # Typer carries its own copy of click in some versions and depends on click in others; the
+    # base of its public BadParameter is click's UsageError in both.
+    usage_error = typer.BadParameter.__mro__[1]
+    given = sys.argv[1:] if arguments is None else arguments
+    debug = "--debug" in given
+    try:
+        status = commands(args=[item for item in given if item != "--debug"], standalone_mode=False)
+        return status if isinstance(status, int) else 0
+    except typer.Abort:
+        return _say("interrupted", INTERRUPTED)
+    except usage_error as error:
+        return _say(_usage(error), USAGE)
+    except AgentflowError as error:
+        if debug:
+            raise
+        return _say(str(error), error.exit_status)
+
+
+def _usage(error: BaseException) -> str:
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "agentflow"
+    message = getattr(error, "format_message", error.__str__)()
+    return f"{message} Try '{command} --help'."
+
+
+def _say(message: str, status: int) -> int:
+    print(f"agentflow: {message}", file=sys.stderr)
+    return status
