@@ -4,7 +4,8 @@
     ├── UsageError              what the user asked for cannot be done        exit 2
     │   ├── UnknownNameError    no task, workflow, block ... of that name
     │   ├── ConfigError         a configuration key is wrong
-    │   └── RunError            a run directory is busy, damaged, unwritable
+    │   ├── RunError            a run directory is busy, damaged, unwritable
+    │   └── PromptError         a template of a prompt set is wrong or lacks a variable
     ├── EndpointError           the model endpoint cannot be used             exit 4
     │   ├── UnreachableError    nothing answers at the base URL
     │   ├── UnauthorisedError   401 or 403
@@ -51,6 +52,10 @@ class ConfigError(UsageError):
 
 class RunError(UsageError):
     """A run directory cannot be used: busy, damaged, unwritable or of a foreign schema."""
+
+
+class PromptError(UsageError):
+    """A template cannot be rendered; the message names prompt set, template and variable."""
 
 
 class EndpointError(AgentflowError):

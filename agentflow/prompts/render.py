@@ -1,7 +1,140 @@
-"""Owns how prompts are rendered: one pass, strict, and named by a content hash."""
+"""Owns how prompts are rendered: one pass, strict, and named by a content hash.
+
+What the variables hold is the roles' business (agents/); what the templates say is theirs.
+"""
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterator, Mapping
+from functools import cache, cached_property
+from importlib import resources
+from importlib.abc import Traversable
+from types import TracebackType
+
+import jinja2
+import yaml
+
+from agentflow.errors import PromptError, UnknownNameError
+from agentflow.prompts.text import as_json, guard, oneline, quote, token_estimate
+
+__all__ = ["PromptSet", "block_functions", "prompt_sets", "token_estimate"]
+
+_FUNCTIONS = "block_functions.yaml"
+_RETRY = "_parts/retry.j2"
+
+
+def prompt_sets() -> tuple[str, ...]:
+    """Names of the prompt sets that ship, in alphabetical order."""
+    folders = (item for item in _home().iterdir() if item.is_dir())
+    return tuple(sorted(item.name for item in folders if item.joinpath("_parts").is_dir()))
+
+
+@cache
+def block_functions() -> Mapping[int, str]:
+    """What each block type does, in one line by type id; the last column of the block table."""
+    loaded: dict[int, str] = yaml.safe_load(_home().joinpath(_FUNCTIONS).read_text("utf-8"))
+    return loaded
+
 
 class PromptSet:
-    """A named folder of templates."""
+    """A named folder of templates: `<role>/system.j2`, `<role>/user.j2` and shared `_parts/`.
+
+    Variables are inserted as they are and never rendered again; a variable that a template uses
+    and nobody gave is an error.
+    """
+
+    def __init__(self, name: str = "default") -> None:
+        """Open a shipped set.
+
+        Raises:
+            UnknownNameError: No set has this name.
+        """
+        if name not in prompt_sets():
+            raise UnknownNameError("prompt set", name, prompt_sets())
+        self.name = name
+        self._files = {path: text for path, text in _walk(_home().joinpath(name), "")}
+        self._environment = _environment(self._files)
+
+    @cached_property
+    def digest(self) -> str:
+        """Content hash, 16 hex digits, over all files of the set and the block functions."""
+        files = {**self._files, _FUNCTIONS: _home().joinpath(_FUNCTIONS).read_text("utf-8")}
+        digest = hashlib.sha256()
+        for path in sorted(files):
+            digest.update(f"{path}\0{files[path]}\0".encode())
+        return digest.hexdigest()[:16]
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """Names of the roles that the set has prompts for."""
+        folders = {path.partition("/")[0] for path in self._files}
+        return tuple(sorted(folder for folder in folders if not folder.startswith("_")))
+
+    def render(self, role: str, variables: Mapping[str, object]) -> tuple[str, str]:
+        """Render the system and the user prompt of a role.
+
+        Raises:
+            UnknownNameError: The set has no prompts for this role.
+            PromptError: A template uses a variable that is missing; names both.
+        """
+        if role not in self.roles:
+            raise UnknownNameError("role", role, self.roles)
+        return (
+            self._render(f"{role}/system.j2", variables),
+            self._render(f"{role}/user.j2", variables),
+        )
+
+    def retry(self, problem: str) -> str:
+        """Render the message that sends a reply back with the reason why it was not accepted."""
+        return self._render(_RETRY, {"problem": problem})
+
+    def _render(self, template: str, variables: Mapping[str, object]) -> str:
+        try:
+            return self._environment.get_template(template).render(variables).strip() + "\n"
+        except jinja2.UndefinedError as error:
+            place = _template_of(error.__traceback__) or template
+            raise PromptError(f"prompt set {self.name!r}, {place}: {error.message}") from error
+        except jinja2.TemplateError as error:
+            raise PromptError(f"prompt set {self.name!r}, {template}: {error}") from error
+
+
+def _home() -> Traversable:
+    return resources.files("agentflow.prompts")
+
+
+def _walk(folder: Traversable, prefix: str) -> Iterator[tuple[str, str]]:
+    """Yield the templates under a folder as (path with slashes, text)."""
+    for item in folder.iterdir():
+        if item.is_dir():
+            yield from _walk(item, f"{prefix}{item.name}/")
+        elif item.name.endswith(".j2"):
+            yield f"{prefix}{item.name}", item.read_text("utf-8")
+
+
+def _environment(files: Mapping[str, str]) -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(lambda path: _source(files, path)),
+        undefined=jinja2.StrictUndefined,
+        autoescape=False,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(quote=quote, guard=guard, oneline=oneline, as_json=as_json)
+    return environment
+
+
+def _source(files: Mapping[str, str], path: str) -> tuple[str, str, None] | None:
+    """Source and file name of a template; the name shows up in tracebacks."""
+    return (files[path], path, None) if path in files else None
+
+
+def _template_of(trace: TracebackType | None) -> str | None:
+    """The innermost template in a traceback (jinja shows templates as frames)."""
+    found = None
+    while trace is not None:
+        name = trace.tb_frame.f_code.co_filename
+        found = name if name.endswith(".j2") else found
+        trace = trace.tb_next
+    return found
