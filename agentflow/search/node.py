@@ -1,6 +1,6 @@
 """Owns the vocabulary of search: evaluations, attempts, nodes, and the two functions it is given.
 
-A candidate is anything; search never looks into it.
+A candidate is anything hashable; search never looks into it.
 """
 
 from __future__ import annotations
@@ -36,16 +36,6 @@ class Attempt(Generic[C]):
     """Told to the later attempts of the same expansion."""
 
 
-Expand = Callable[[C, Sequence[str], Sequence[Attempt[C]]], Awaitable[Sequence[Attempt[C]]]]
-"""expand(parent, labels, earlier) -> one attempt per label, in label order.
-
-One wave: the calls run at once. `earlier` are the attempts of the earlier waves.
-"""
-
-Evaluate = Callable[[C, str], Awaitable[Evaluation]]
-"""evaluate(candidate, label) -> evaluation; the label names the node for the record."""
-
-
 @dataclass
 class Node(Generic[C]):
     """A candidate in a tree. Ids count from 0 (the root) in order of creation."""
@@ -54,10 +44,25 @@ class Node(Generic[C]):
     candidate: C
     parent: int | None
     evaluation: Evaluation
+    label: str = ""
+    """Of the attempt that made it; empty for the root and for a parent fallen back to."""
     children: list[int] = field(default_factory=list)
     visits: int = 0
     total: float = 0.0
     """Sum of the rewards backed up through this node."""
+
+
+Expand = Callable[[Node[C], Sequence[str], Sequence[Attempt[C]]], Awaitable[Sequence[Attempt[C]]]]
+"""expand(node, labels, earlier) -> one attempt per label, in label order.
+
+One wave: the calls run at once. `earlier` are the attempts of the earlier waves of this expansion;
+the labels are "round-2/node-3/try-5" and unique within the search. When the budget runs out within
+a wave, the attempts that were answered come back, fewer than labels; when none was answered,
+BudgetSpentError is raised. Either ends the search.
+"""
+
+Evaluate = Callable[[C, str], Awaitable[Evaluation]]
+"""evaluate(candidate, label) -> evaluation; the label names the node ("round-2/node-3")."""
 
 
 @dataclass
@@ -67,7 +72,11 @@ class Tally:
     expansions: int = 0
     attempts: int = 0
     valid: int = 0
+    """Attempts that gave a child."""
     rollouts: int = 0
+    """Distinct candidates evaluated, the root not counted."""
+    seconds: float = field(default=0.0, compare=False)
+    """Wall time; no part of what makes two searches equal."""
 
 
 @dataclass(frozen=True)
@@ -80,3 +89,5 @@ class Found(Generic[C]):
     best: int
     """Node id of the best candidate met anywhere; the lower id among equals."""
     tally: Tally
+    stopped: bool = False
+    """Whether the budget ended it before its last round; everything above is what it had."""

@@ -1,0 +1,30 @@
+"""Owns random search: refine the last candidate, keep what comes, better or not."""
+
+from __future__ import annotations
+
+from agentflow.search.events import Observer, Selected, ignore
+from agentflow.search.node import C, Evaluate, Evaluation, Expand, Found
+from agentflow.search.settings import SearchSettings
+from agentflow.search.tree import Tree
+
+
+async def random(
+    root: C,
+    evaluation: Evaluation,
+    expand: Expand[C],
+    evaluate: Evaluate[C],
+    settings: SearchSettings,
+    observe: Observer = ignore,
+) -> Found[C]:
+    """Per round, one child of the last node; the result is the last one, `best` stands beside it.
+
+    Arguments as for `mcts`; `settings.width` and `settings.ucb` are not used.
+    """
+    tree = Tree(root, evaluation, expand, evaluate, settings.waves, observe)
+    for round_ in range(1, settings.rounds + 1):
+        last = tree.nodes[-1]
+        observe(Selected(round_, tuple(node.id for node in tree.path(last))))
+        await tree.grow(last, round_, width=1)
+        if tree.stopped:
+            break
+    return tree.found(tree.nodes[-1])

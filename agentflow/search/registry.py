@@ -1,0 +1,46 @@
+"""Owns the names of the search strategies."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Mapping
+from types import MappingProxyType
+from typing import Protocol
+
+from agentflow.errors import UnknownNameError
+from agentflow.search.best_of_n import best_of_n
+from agentflow.search.events import Observer, ignore
+from agentflow.search.mcts import mcts
+from agentflow.search.node import C, Evaluate, Evaluation, Expand, Found
+from agentflow.search.random import random
+from agentflow.search.settings import SearchSettings
+
+
+class Strategy(Protocol):
+    """A search; the arguments are explained at `mcts`."""
+
+    def __call__(
+        self,
+        root: C,
+        evaluation: Evaluation,
+        expand: Expand[C],
+        evaluate: Evaluate[C],
+        settings: SearchSettings,
+        observe: Observer = ignore,
+    ) -> Awaitable[Found[C]]:
+        """Run it."""
+
+
+STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
+    {"mcts": mcts, "best_of_n": best_of_n, "random": random}
+)
+
+
+def strategy(name: str) -> Strategy:
+    """The strategy of that name.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    if name not in STRATEGIES:
+        raise UnknownNameError("search strategy", name, STRATEGIES)
+    return STRATEGIES[name]

@@ -1,0 +1,49 @@
+import asyncio
+
+import pytest
+
+from agentflow.search.concurrency import Once, together
+from agentflow.search.node import Evaluation
+
+
+async def test_results_come_in_order() -> None:
+    async def late(value: int) -> int:
+        await asyncio.sleep(0.003 / (value + 1))
+        return value
+
+    assert await together(late(i) for i in range(4)) == [0, 1, 2, 3]
+
+
+async def test_nothing_runs_on_after_a_failure() -> None:
+    ended = []
+
+    async def slow() -> None:
+        try:
+            await asyncio.sleep(60)
+        finally:
+            ended.append("slow")
+
+    async def fails() -> None:
+        await asyncio.sleep(0)
+        raise RuntimeError("bug")
+
+    with pytest.raises(RuntimeError, match="bug"):
+        await together([slow(), fails()])
+    assert ended == ["slow"]
+
+
+async def test_each_candidate_is_tried_once() -> None:
+    asked = []
+
+    async def evaluate(candidate: str, label: str) -> Evaluation:
+        asked.append((candidate, label))
+        await asyncio.sleep(0)
+        return Evaluation(valid=True, score=float(len(candidate)))
+
+    known = Evaluation(valid=True, score=9.0)
+    once = Once(evaluate, {"root": known})
+    results = await together(once(c, f"label-{i}") for i, c in enumerate(["a", "bb", "a", "root"]))
+    assert asked == [("a", "label-0"), ("bb", "label-1")]
+    assert [result.score for result in results] == [1.0, 2.0, 1.0, 9.0]
+    assert await once("bb", "later") is results[1]
+    assert once.count == 2

@@ -1,0 +1,40 @@
+import math
+from typing import get_args
+
+import pytest
+from pydantic import ValidationError
+
+from agentflow.errors import UnknownNameError
+from agentflow.search.mcts import mcts
+from agentflow.search.registry import STRATEGIES, strategy
+from agentflow.search.settings import SearchSettings, UcbSettings
+
+
+def test_by_name() -> None:
+    assert strategy("mcts") is mcts
+    with pytest.raises(UnknownNameError) as caught:
+        strategy("mtcs")
+    assert str(caught.value) == ("unknown search strategy 'mtcs'; known: mcts, best_of_n, random")
+
+
+def test_settings_know_the_same_names() -> None:
+    assert get_args(SearchSettings.model_fields["strategy"].annotation) == tuple(STRATEGIES)
+
+
+def test_defaults() -> None:
+    numbers = SearchSettings()
+    assert (numbers.strategy, numbers.rounds, numbers.width, numbers.waves) == ("mcts", 5, 4, 5)
+    assert (numbers.ucb.c, numbers.ucb.scale) == (math.sqrt(2), "minmax")
+
+
+@pytest.mark.parametrize("settings", [SearchSettings, UcbSettings])
+def test_every_setting_has_help(settings: type[SearchSettings] | type[UcbSettings]) -> None:
+    assert all(field.description for field in settings.model_fields.values())
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"rounds": -1}, {"width": 0}, {"waves": 0}, {"depth": 3}, {"ucb": {"c": -1}}]
+)
+def test_wrong_settings_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValidationError, match=next(iter(wrong))):
+        SearchSettings.model_validate(wrong)
