@@ -8,11 +8,24 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Generic, TypeVar
 
 from agentflow.llm.client import Client
-from agentflow.llm.messages import Reply, Sampling
+from agentflow.llm.messages import Message, Reply, Request, Sampling
 from agentflow.prompts.render import PromptSet
 
 In = TypeVar("In")
-Out = TypeVar("Out")
+Out = TypeVar("Out", covariant=True)
+
+UNFINISHED: Mapping[str, tuple[str, str]] = {
+    "length": (
+        "truncated",
+        "It was cut off at the length limit. Send a shorter one: less thought, the whole format.",
+    ),
+    "empty": ("empty", "It was empty. Send the whole format."),
+    "content_filter": (
+        "content_filter",
+        "A content filter stopped it. Put it in other words and send the whole format.",
+    ),
+}
+"""Finish reason of a reply that is no whole answer -> code and problem."""
 
 
 @dataclass(frozen=True)
@@ -79,3 +92,52 @@ class Desk:
     max_retry: int = 5
     """Most attempts per question."""
     on_attempt: Callable[[Attempt[object]], None] = lambda _attempt: None
+
+
+async def ask(role: Role[In, Out], given: In, desk: Desk, label: str) -> Outcome[Out]:
+    """Ask a role until a reply gives an output, at most `desk.max_retry` times.
+
+    A reply that does not is sent back within the conversation with the reason. Every attempt goes
+    to `desk.on_attempt` before the next begins.
+
+    Args:
+        role: whose prompts and parser to use.
+        given: the typed input.
+        desk: model, prompts, sampling, number of attempts.
+        label: which question of the run this is; attempts are labelled `<label>/attempt-<i>`.
+
+    Raises:
+        EndpointError: The endpoint cannot be used.
+        BudgetSpentError: The budget has run out.
+        ReplayMissError: A replaying client has no record of the request.
+    """
+    system, user = desk.prompts.render(role.name, role.variables(given))
+    conversation = [Message(role="system", text=system), Message(role="user", text=user)]
+    attempts: list[Attempt[Out]] = []
+    for number in range(1, desk.max_retry + 1):
+        request = Request(
+            role=role.name,
+            label=f"{label}/attempt-{number}",
+            messages=tuple(conversation),
+            sampling=desk.sampling,
+        )
+        reply = await desk.client.complete(request)
+        attempt = Attempt(role.name, request.label, reply, _judge(role, given, reply))
+        desk.on_attempt(attempt)
+        attempts.append(attempt)
+        if attempt.parsed.output is not None:
+            break
+        conversation += [
+            Message(role="assistant", text=reply.text.strip() or "(no text)"),
+            Message(role="user", text=desk.prompts.retry(attempt.parsed.problem)),
+        ]
+    return Outcome(attempts[-1].parsed.output if attempts else None, tuple(attempts))
+
+
+def _judge(role: Role[In, Out], given: In, reply: Reply) -> Parsed[Out]:
+    """Parse a whole answer; say what is wrong with one that is not whole."""
+    finish = reply.finish if reply.finish != "stop" or reply.text.strip() else "empty"
+    if finish != "stop":
+        code, problem = UNFINISHED[finish]
+        return Parsed(None, problem, code, parsed=False)
+    return role.parse(reply.text, given)

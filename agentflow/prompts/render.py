@@ -53,7 +53,7 @@ class PromptSet:
         if name not in prompt_sets():
             raise UnknownNameError("prompt set", name, prompt_sets())
         self.name = name
-        self._files = {path: text for path, text in _walk(_home().joinpath(name), "")}
+        self._files = dict(_walk(_home().joinpath(name), ""))
         self._environment = _environment(self._files)
 
     @cached_property

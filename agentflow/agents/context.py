@@ -1,0 +1,81 @@
+"""Owns what every role's prompt says of a task and of a machine, as template variables.
+
+The wording around them is the templates'; which of them a role gets is the role's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agentflow.machine.blocks import BlockType, Face, library
+from agentflow.machine.brief import Brief
+from agentflow.machine.describe import describe_text
+from agentflow.machine.tree import Machine
+from agentflow.prompts.render import block_functions
+
+_NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+
+
+def task_context(brief: Brief) -> dict[str, object]:
+    """Task, block table and what the rules about them need."""
+    kinds = [library()[kind] for kind in brief.blocks]
+    linear = [kind for kind in kinds if kind.linear]
+    x, y, z = (f"{limit:g}" for limit in brief.size_limit)
+    return {
+        "task": {
+            "name": brief.name,
+            "objective": brief.objective,
+            "required": [_required(kind, n) for kind, n in sorted(brief.required.items())],
+            "scene": brief.scene,
+            "schedule": brief.schedule,
+            "score": brief.score,
+        },
+        "blocks": [block_row(kind) for kind in kinds],
+        "types": list(brief.blocks),
+        "two_ended": [f"{kind.name} {kind.type}" for kind in linear],
+        "two_ended_type": linear[0].type if linear else None,
+        "size_limit": f"{x} m along x, {y} m along y and {z} m along z",
+    }
+
+
+def machine_context(machine: Machine | None, *, spatial: bool) -> dict[str, object]:
+    """The machine so far as JSON text, and its 3D information where wanted; "" for neither."""
+    return {
+        "machine": machine.to_text() if machine else "",
+        "geometry": describe_text(machine) if machine and spatial else "",
+    }
+
+
+def report_context(score: float | None, feedback: str) -> dict[str, object]:
+    """The report of a simulation, beginning with its score; "" where there was none."""
+    if score is None and not feedback:
+        return {"report": ""}
+    if feedback.startswith("Score:"):
+        return {"report": feedback}
+    shown = "none" if score is None else f"{score:.2f}"
+    return {"report": f"Score: {shown}\n{feedback}".strip()}
+
+
+def block_row(kind: BlockType) -> dict[str, object]:
+    """One row of the block table: size x, y, z in m, mass in kg, faces as id:direction@x,y,z."""
+    return {
+        "type": kind.type,
+        "name": kind.name,
+        "size": _joined(kind.size, "x") if kind.size else "two-ended",
+        "mass": f"{kind.mass:g}",
+        "faces": " ".join(_face(face) for face in kind.faces) or "none",
+        "function": block_functions()[kind.type],
+    }
+
+
+def _face(face: Face) -> str:
+    return f"{face.id}:{face.direction}@{_joined(face.position, ',')}"
+
+
+def _joined(numbers: Sequence[float], by: str) -> str:
+    return by.join(f"{number:g}" for number in numbers)
+
+
+def _required(kind: int, count: int) -> str:
+    number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
+    return f"exactly {number} {library()[kind].name} (type {kind})"

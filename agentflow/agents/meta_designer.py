@@ -1,0 +1,248 @@
+"""Owns the meta-designer: from a brief to a blueprint of structures in build order.
+
+Building the structures is the designer's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from agentflow.agents.base import Parsed, Role
+from agentflow.agents.context import task_context
+from agentflow.machine.brief import Brief
+from agentflow.machine.parse import extract_json
+
+MAX_TYPES = 3
+"""Most block types per structure, the root not counted (spec 4.2)."""
+ROOT_TYPE = 0
+_KEYS = ("definition", "function_points", "design_structure", "build_order", "machine_structure")
+
+
+@dataclass(frozen=True)
+class MetaDesignerInput:
+    """What the meta-designer is asked about."""
+
+    brief: Brief
+
+
+@dataclass(frozen=True)
+class Structure:
+    """One functional part of a machine. All strings are the model's words."""
+
+    name: str
+    description: str
+    function_points: tuple[str, ...]
+    """The function points of the blueprint that it serves."""
+    types: tuple[int, ...]
+    """Block types that it may use, ascending, without the root's."""
+    guidance: str
+
+
+@dataclass(frozen=True)
+class Blueprint:
+    """A plan: structures in the order in which they are built; at least one."""
+
+    definition: str
+    function_points: tuple[str, ...]
+    structures: tuple[Structure, ...]
+
+    def find(self, name: str) -> Structure:
+        """The structure of this name; KeyError where there is none."""
+        for structure in self.structures:
+            if structure.name == name:
+                return structure
+        raise KeyError(name)
+
+    def to_json(self) -> dict[str, Any]:
+        """The blueprint in the notation that models read and write (spec 4.2)."""
+        return {
+            "definition": self.definition,
+            "function_points": list(self.function_points),
+            "design_structure": [
+                {
+                    "function_name": structure.name,
+                    "description": structure.description,
+                    "related_function_points": list(structure.function_points),
+                }
+                for structure in self.structures
+            ],
+            "build_order": [structure.name for structure in self.structures],
+            "machine_structure": {
+                structure.name: {"type": list(structure.types), "guidance": structure.guidance}
+                for structure in self.structures
+            },
+        }
+
+
+class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
+    """Splits a machine into structures, each with its block types and guidance."""
+
+    name: ClassVar[str] = "meta_designer"
+
+    def variables(self, given: MetaDesignerInput) -> Mapping[str, object]:
+        """Task and block table."""
+        return task_context(given.brief)
+
+    def parse(self, text: str, given: MetaDesignerInput) -> Parsed[Blueprint]:
+        """Read the last JSON object of the reply that is a blueprint."""
+        found = extract_json(text, dict, accept=_is_blueprint)
+        if found.value is None:
+            found = extract_json(text, dict)
+        if found.value is None:
+            return Parsed(None, _NO_OBJECT, "unparsable", found.repaired, parsed=False)
+        try:
+            return Parsed(read_blueprint(found.value, given.brief), repaired=found.repaired)
+        except _Refused as refused:
+            return Parsed(None, refused.problem, refused.code, found.repaired)
+
+
+def read_blueprint(data: Mapping[str, Any], brief: Brief) -> Blueprint:
+    """Check decoded JSON and make it a blueprint; raises `_Refused` with the first problem."""
+    missing = [key for key in _KEYS if key not in data]
+    if missing:
+        raise _Refused("missing_key", f"The blueprint lacks the key {', '.join(missing)}.")
+    parts, names = _structures(data), _build_order(data)
+    descriptions = _descriptions(data["design_structure"])
+    structures = []
+    for name in names:
+        if _key(name) not in parts:
+            known = ", ".join(str(part) for part in data["machine_structure"])
+            raise _Refused(
+                "undefined_structure",
+                f"build_order names {name!r}, which machine_structure does not define; "
+                f"it defines: {known}.",
+            )
+        structures.append(_structure(name, parts[_key(name)], descriptions, brief))
+    _check_complete(structures, parts, brief)
+    points = _strings(data["function_points"])
+    return Blueprint(_text(data["definition"]), points, tuple(structures))
+
+
+_NO_OBJECT = (
+    "The reply holds no blueprint: expected one JSON object in a ```json fence with the keys "
+    + ", ".join(_KEYS)
+    + "."
+)
+
+
+class _Refused(Exception):
+    """A blueprint that cannot be built, with the reason for the model."""
+
+    def __init__(self, code: str, problem: str) -> None:
+        super().__init__(problem)
+        self.code, self.problem = code, problem
+
+
+def _is_blueprint(value: object) -> bool:
+    return isinstance(value, dict) and "machine_structure" in value
+
+
+def _structures(data: Mapping[str, Any]) -> dict[str, Any]:
+    parts = data["machine_structure"]
+    if not isinstance(parts, dict) or not parts:
+        raise _Refused(
+            "no_structure",
+            "machine_structure must map at least one structure name to its type and guidance.",
+        )
+    return {_key(str(name)): part for name, part in parts.items()}
+
+
+def _build_order(data: Mapping[str, Any]) -> tuple[str, ...]:
+    names = _strings(data["build_order"])
+    if not names:
+        raise _Refused("no_structure", "build_order must list at least one structure name.")
+    keys = [_key(name) for name in names]
+    for name, key in zip(names, keys, strict=True):
+        if keys.count(key) > 1:
+            raise _Refused("repeated_structure", f"build_order names {name!r} more than once.")
+    return names
+
+
+def _structure(
+    name: str, part: object, descriptions: Mapping[str, Mapping[str, Any]], brief: Brief
+) -> Structure:
+    if not isinstance(part, dict):
+        raise _Refused(
+            "bad_structure", f"Structure {name!r} must be an object with type and guidance."
+        )
+    types = _types(name, part.get("type", part.get("block_id")), brief.blocks)
+    told = descriptions.get(_key(name), {})
+    return Structure(
+        name=name,
+        description=_text(told.get("description", "")),
+        function_points=_strings(told.get("related_function_points", ())),
+        types=types,
+        guidance=_text(part.get("guidance", "")),
+    )
+
+
+def _types(name: str, value: object, allowed: Collection[int]) -> tuple[int, ...]:
+    items = value if isinstance(value, list) else [value]
+    numbers = [_integer(item) for item in items]
+    types = sorted({number for number in numbers if number not in (None, ROOT_TYPE)})
+    if None in numbers or (not types and ROOT_TYPE not in numbers):
+        raise _Refused(
+            "bad_types",
+            f"Structure {name!r} needs `type`: a list of one to {MAX_TYPES} block type ids.",
+        )
+    foreign = [str(kind) for kind in types if kind not in allowed]
+    if foreign:
+        raise _Refused(
+            "type_not_allowed",
+            f"Structure {name!r} uses type {', '.join(foreign)}, which this task does not allow; "
+            f"allowed: {', '.join(map(str, sorted(allowed)))}.",
+        )
+    if len(types) > MAX_TYPES:
+        raise _Refused(
+            "too_many_types",
+            f"Structure {name!r} lists {len(types)} block types; at most {MAX_TYPES} each. "
+            "Drop some or split the structure.",
+        )
+    return tuple(types)
+
+
+def _check_complete(structures: list[Structure], parts: Mapping[str, Any], brief: Brief) -> None:
+    built = {_key(structure.name) for structure in structures}
+    left = [name for name in parts if name not in built]
+    if left:
+        raise _Refused(
+            "not_in_build_order", f"build_order leaves out the structure {', '.join(left)}."
+        )
+    used = {kind for structure in structures for kind in structure.types}
+    for kind, count in sorted(brief.required.items()):
+        if count and kind not in used and kind != ROOT_TYPE:
+            raise _Refused(
+                "required_missing",
+                f"A complete machine must have {count} of type {kind}, "
+                "but no structure lists this type.",
+            )
+
+
+def _descriptions(value: object) -> dict[str, Mapping[str, Any]]:
+    items = value if isinstance(value, list) else []
+    return {
+        _key(str(item.get("function_name", ""))): item for item in items if isinstance(item, dict)
+    }
+
+
+def _strings(value: object) -> tuple[str, ...]:
+    """A list of strings, or a lone one, as a tuple; empty ones dropped."""
+    items = value if isinstance(value, list | tuple) else [value]
+    return tuple(text for item in items if (text := _text(item)))
+
+
+def _text(value: object) -> str:
+    return "" if value is None else str(value).strip()
+
+
+def _key(name: str) -> str:
+    """Names that differ only in case, spaces or underscores mean the same structure."""
+    return " ".join(name.replace("_", " ").split()).casefold()
+
+
+def _integer(value: object) -> int | None:
+    if isinstance(value, str) and value.strip().isdecimal() and len(value.strip()) < 5:
+        return int(value)
+    return value if isinstance(value, int) and not isinstance(value, bool) else None
