@@ -1,0 +1,195 @@
+"""Owns the conversation with an OpenAI-compatible endpoint over httpx: one attempt per call.
+
+Repetition, limits, budgets and the record are clients around this one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import aclosing
+
+import httpx
+from pydantic import BaseModel, ConfigDict, Field
+
+from agentflow.errors import ConfigError, EndpointError
+from agentflow.llm import faults, wire
+from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.messages import Reply, Request
+from agentflow.llm.quirks import Quirks
+from agentflow.llm.sse import Framing
+
+_LARGEST_ANSWER = 64 * 2**20
+_LARGEST_REFUSAL = 2**16
+_DRAIN_S = 1.0
+"""How long a stream may take to end after `[DONE]`, so that its connection can be used again."""
+_LOOPBACK = ("all://127.0.0.1", "all://localhost", "all://[::1]")
+
+
+class HttpSettings(BaseModel):
+    """How long to wait for an endpoint."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    connect_s: float = Field(default=10.0, gt=0)
+    """Longest wait for a connection."""
+    idle_s: float = Field(default=300.0, gt=0)
+    """Longest silence inside an answer; servers that do not stream are silent until it is ready."""
+    total_s: float = Field(default=1800.0, gt=0)
+    """Longest duration of one attempt, against servers that trickle for ever."""
+
+
+class OpenAIClient:
+    """Asks one model of an OpenAI-compatible endpoint.
+
+    Proxies and certificates come from httpx's own reading of the environment; loopback addresses
+    are never proxied.
+
+    Args:
+        endpoint: Where requests go.
+        settings: Time limits.
+        warn: Called with one line when the endpoint turns out to refuse a parameter.
+
+    Raises:
+        ConfigError: The environment's proxy or certificate settings are unusable.
+    """
+
+    def __init__(
+        self, endpoint: Endpoint, settings: HttpSettings, warn: Callable[[str], None]
+    ) -> None:
+        self._endpoint = endpoint
+        self._settings = settings
+        self.quirks = Quirks(warn)
+        self.streams: bool | None = None
+        """Whether the endpoint streams; None before its first answer."""
+        try:
+            self._http = httpx.AsyncClient(
+                auth=endpoint.auth,
+                timeout=httpx.Timeout(settings.idle_s, connect=settings.connect_s, pool=None),
+                limits=httpx.Limits(max_connections=None, max_keepalive_connections=64),
+                mounts=dict.fromkeys(_LOOPBACK),
+            )
+        except (ImportError, OSError, ValueError) as problem:
+            raise ConfigError(
+                f"the proxy or certificate settings of the environment are unusable: {problem}"
+            ) from None
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self._endpoint.model
+
+    def __repr__(self) -> str:
+        return f"OpenAIClient({self._endpoint!r})"
+
+    async def complete(self, request: Request) -> Reply:
+        """Answer one request; see `Client`.
+
+        Raises:
+            TransientFault: An `EndpointError` after which a repetition may help.
+        """
+        body = wire.request_body(request, self.name)
+        while True:
+            sent = self.quirks.adapt(body)
+            answer = await self._attempt(sent)
+            if isinstance(answer, Reply):
+                return answer
+            said = faults.shown(self._endpoint, answer.message)
+            if not self.quirks.learn(answer, sent, said):
+                raise faults.error_for(self._endpoint, answer)
+
+    async def aclose(self) -> None:
+        """Close all connections."""
+        await self._http.aclose()
+
+    async def _attempt(self, body: dict[str, object]) -> Reply | faults.Refusal:
+        """One exchange within the total time; connection failures become typed errors."""
+        started = time.perf_counter()
+        try:
+            answer = await asyncio.wait_for(self._exchange(body), self._settings.total_s)
+        except asyncio.TimeoutError:
+            reason = f"no whole reply within {self._settings.total_s:g} s"
+            raise faults.unreachable(self._endpoint, reason) from None
+        except httpx.RequestError as problem:
+            raise self._unreachable(problem) from None
+        except wire.BrokenAnswerError as problem:
+            raise faults.unreachable(self._endpoint, str(problem)) from None
+        except wire.NoReplyError as problem:
+            raise faults.no_reply(self._endpoint, str(problem)) from None
+        if isinstance(answer, faults.Refusal):
+            return answer
+        scrub = self._endpoint.scrub_known
+        return answer.model_copy(
+            update={
+                "text": scrub(answer.text),
+                "reasoning": scrub(answer.reasoning),
+                "model": scrub(answer.model),
+                "latency_s": round(time.perf_counter() - started, 3),
+            }
+        )
+
+    def _unreachable(self, problem: httpx.RequestError) -> EndpointError:
+        reason = str(problem) or type(problem).__name__
+        if isinstance(problem, httpx.ReadTimeout):
+            reason = f"silent for {self._settings.idle_s:g} s"
+        elif isinstance(problem, httpx.ConnectTimeout):
+            reason = f"no connection within {self._settings.connect_s:g} s"
+        return faults.unreachable(self._endpoint, reason)
+
+    async def _exchange(self, body: dict[str, object]) -> Reply | faults.Refusal:
+        async with self._http.stream("POST", self._endpoint.url, json=body) as response:
+            if response.status_code != 200:
+                start = await _at_most(response.aiter_bytes(), _LARGEST_REFUSAL)
+                return faults.read_refusal(response.status_code, response.headers, start)
+            try:
+                return (await self._gather(response)).reply()
+            except wire.ErrorObjectError as problem:
+                return faults.refusal_of(200, problem.content)
+
+    async def _gather(self, response: httpx.Response) -> wire.Gathered:
+        """Take in an answer up to its end, streamed or whole."""
+        framing, gathered, size = Framing(), wire.Gathered(), 0
+        async with aclosing(response.aiter_bytes()) as chunks:  # type: ignore[type-var]
+            async for chunk in chunks:
+                size += len(chunk)
+                if size > _LARGEST_ANSWER:
+                    raise wire.NoReplyError(f"more than {_LARGEST_ANSWER // 2**20} MB")
+                if _take(framing.feed(chunk), gathered):
+                    self.streams = True
+                    await _drain(chunks)
+                    return gathered
+        done = _take(framing.end(), gathered)
+        self.streams = bool(framing.streamed)
+        if framing.streamed and not gathered.finish and not done:
+            raise wire.BrokenAnswerError("the stream breaks off")
+        return gathered
+
+
+def _take(events: list[bytes], gathered: wire.Gathered) -> bool:
+    """Whether the stream's end mark was among the events."""
+    for data in events:
+        if data.strip() == b"[DONE]":
+            return True
+        gathered.add(wire.decode(data))
+    return False
+
+
+async def _drain(chunks: AsyncIterator[bytes]) -> None:
+    async def rest() -> None:
+        async for _ in chunks:
+            pass
+
+    try:
+        await asyncio.wait_for(rest(), _DRAIN_S)
+    except (asyncio.TimeoutError, httpx.RequestError):
+        return  # the reply is whole; only the connection is lost
+
+
+async def _at_most(chunks: AsyncIterator[bytes], size: int) -> bytes:
+    start = bytearray()
+    async for chunk in chunks:
+        start += chunk
+        if len(start) >= size:
+            break
+    return bytes(start[:size])

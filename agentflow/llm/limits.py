@@ -1,0 +1,120 @@
+"""Owns how fast one endpoint is asked: calls at once, calls and tokens per minute."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from agentflow.llm.client import Client
+from agentflow.llm.messages import Reply, Request
+
+_CHARS_PER_TOKEN = 4
+"""A usual ratio for English and JSON; only used until the true count is known."""
+
+
+class LimitSettings(BaseModel):
+    """Limits of one endpoint over the whole run; None is no limit."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    concurrent: int | None = Field(default=None, ge=1)
+    """Most calls in flight."""
+    rpm: int | None = Field(default=None, ge=1)
+    """Most calls begun per minute."""
+    tpm: int | None = Field(default=None, ge=1)
+    """Most tokens (prompt and completion) per minute, estimated before a call, true after it."""
+
+
+@dataclass
+class _Entry:
+    begun: float
+    amount: int
+
+
+class Window:
+    """A sum over the last period that may not exceed a limit; first come, first served.
+
+    Args:
+        limit: Largest sum.
+        period_s: Length of the period in seconds.
+    """
+
+    def __init__(self, limit: int, period_s: float) -> None:
+        self._limit = limit
+        self._period_s = period_s
+        self._entries: deque[_Entry] = deque()
+        self._sum = 0
+        self._turn = asyncio.Lock()
+
+    async def take(self, amount: int) -> _Entry:
+        """Wait until the amount fits, and book it. One larger than the limit waits for all."""
+        async with self._turn:
+            while (wait := self._wait_s(amount)) > 0:
+                await asyncio.sleep(wait)
+            entry = _Entry(time.monotonic(), amount)
+            self._entries.append(entry)
+            self._sum += amount
+            return entry
+
+    def correct(self, entry: _Entry, amount: int) -> None:
+        """Replace a booked amount by the true one."""
+        if entry.begun > time.monotonic() - self._period_s:
+            self._sum += amount - entry.amount
+            entry.amount = amount
+
+    def _wait_s(self, amount: int) -> float:
+        now = time.monotonic()
+        while self._entries and self._entries[0].begun <= now - self._period_s:
+            self._sum -= self._entries.popleft().amount
+        if not self._entries or self._sum + amount <= self._limit:
+            return 0.0
+        return max(self._entries[0].begun + self._period_s - now, 0.001)
+
+
+class LimitedClient:
+    """Holds calls back until the limits allow them.
+
+    Args:
+        inner: The client whose calls are held back.
+        settings: The limits.
+        period_s: What "per minute" means, in seconds.
+    """
+
+    def __init__(self, inner: Client, settings: LimitSettings, period_s: float = 60.0) -> None:
+        self._inner = inner
+        self._slots = asyncio.Semaphore(settings.concurrent) if settings.concurrent else None
+        self._calls = Window(settings.rpm, period_s) if settings.rpm else None
+        self._tokens = Window(settings.tpm, period_s) if settings.tpm else None
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self._inner.name
+
+    async def complete(self, request: Request) -> Reply:
+        """Answer one request as soon as the limits allow; see `Client`."""
+        async with AsyncExitStack() as stack:
+            if self._slots:
+                await stack.enter_async_context(self._slots)
+            if self._calls:
+                await self._calls.take(1)
+            booked = await self._tokens.take(_estimate(request)) if self._tokens else None
+            reply = await self._inner.complete(request)
+            if self._tokens and booked and reply.usage.total:
+                self._tokens.correct(booked, reply.usage.total)
+            return reply
+
+    async def aclose(self) -> None:
+        """Close the inner client."""
+        await self._inner.aclose()
+
+
+def _estimate(request: Request) -> int:
+    """Tokens that a call will probably use, before it is made."""
+    chars = sum(len(message.text) for message in request.messages)
+    return chars // _CHARS_PER_TOKEN + (request.sampling.max_tokens or 0) + 1
