@@ -5,6 +5,7 @@ What makes a machine valid is agentflow.machine's; the order of structures is th
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -124,10 +125,10 @@ def _altered(machine: Machine, given: Machine | None) -> tuple[str, str] | None:
     for step in given:
         new = machine[step.id] if step.id < len(machine) else None
         if new != step:
-            now = "left out" if new is None else f"changed to {new.to_json()}"
+            now = "left out" if new is None else f"changed to {json.dumps(new.to_json())}"
             return (
                 "given_altered",
-                f"Block {step.id} of the current machine, {step.to_json()}, was {now}. "
+                f"Block {step.id} of the current machine, {json.dumps(step.to_json())}, was {now}. "
                 f"Repeat its {len(given)} steps unchanged and append new ones.",
             )
     if len(machine) == len(given):

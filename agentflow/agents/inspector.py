@@ -1,0 +1,123 @@
+"""Owns the inspector: a critique of a machine without simulation, and a check of its bearings.
+
+Whether the true geometry agrees with it is world.py's.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from agentflow.agents.base import Parsed, Role
+from agentflow.agents.context import machine_context, task_context
+from agentflow.agents.meta_designer import Blueprint
+from agentflow.agents.sections import sections
+from agentflow.agents.world import ID_LIST, world_answers, world_score
+from agentflow.machine.brief import Brief
+from agentflow.machine.describe import tree_text
+from agentflow.machine.geometry import place
+from agentflow.machine.tree import Machine
+
+WORLD = "Three-Dimensional Perception of the World"
+ANSWERS = "Question Answer"
+DEFECTS = "Summary of Design Defects"
+_BULLET = re.compile(r"^\s*(?:[-*+]|\d{1,3}[.)])\s+")
+_IDS = re.compile(rf"\bblocks?\W{{0,4}}({ID_LIST.pattern})", re.IGNORECASE)
+_NUMBER = re.compile(r"\d{1,6}")
+_NOTHING = frozenset({"", "none", "no defects", "no defect", "no defects found"})
+
+
+@dataclass(frozen=True)
+class InspectorInput:
+    """What the inspector looks at."""
+
+    brief: Brief
+    machine: Machine
+    blueprint: Blueprint | None = None
+    groups: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    """Structure -> ids of its blocks, where known; the tree is then shown by structure."""
+    spatial: bool = True
+    """Whether 3D information is shown."""
+
+
+@dataclass(frozen=True)
+class Defect:
+    """One thing that is wrong."""
+
+    blocks: tuple[int, ...]
+    """Ids of blocks of the machine, in the order named."""
+    structure: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """A critique."""
+
+    text: str
+    """Answers and defects in the inspector's words, as a refiner is to read them."""
+    world: dict[str, Any]
+    """Its answers on the world: axis -> word, extreme -> block ids."""
+    world_score: float
+    """Share of those answers that are right, 0 to 1."""
+    defects: tuple[Defect, ...]
+
+
+class Inspector(Role[InspectorInput, Inspection]):
+    """Criticises a machine before it is simulated."""
+
+    name: ClassVar[str] = "inspector"
+
+    def variables(self, given: InspectorInput) -> Mapping[str, object]:
+        """Task, blocks, blueprint, machine, 3D information and tree."""
+        return {
+            **task_context(given.brief),
+            **machine_context(given.machine, spatial=given.spatial),
+            "blueprint": given.blueprint and given.blueprint.to_json(),
+            "tree": tree_text(given.machine, given.groups or None),
+        }
+
+    def parse(self, text: str, given: InspectorInput) -> Parsed[Inspection]:
+        """Read the three sections; only the world may be missing (it then scores 0)."""
+        found = sections(text, (WORLD, ANSWERS, DEFECTS))
+        missing = [f"<{name}>" for name in (ANSWERS, DEFECTS) if name not in found]
+        if missing:
+            problem = f"The reply lacks the section {' and '.join(missing)}."
+            return Parsed(None, problem, "missing_section", parsed=False)
+        answers = world_answers(found.get(WORLD, ""))
+        inspection = Inspection(
+            text=f"{found[ANSWERS]}\n\nDefects:\n{found[DEFECTS] or 'none'}".strip(),
+            world=answers,
+            world_score=world_score(answers, place(given.machine)),
+            defects=read_defects(found[DEFECTS], len(given.machine)),
+        )
+        return Parsed(inspection)
+
+
+def read_defects(text: str, count: int) -> tuple[Defect, ...]:
+    """Read one defect per line: `- blocks 3, 4 | structure NAME | what is wrong`.
+
+    Lines without bars are read for the words "block 3". Ids that the machine of `count` blocks
+    does not have are left out; a line that names no block is still a defect.
+    """
+    defects = []
+    for line in text.splitlines():
+        words = _BULLET.sub("", line[:2000]).strip()
+        if words.strip(" .*`").casefold() in _NOTHING or not words.strip("`-=*_ "):
+            continue
+        parts = [part.strip() for part in words.split("|", 2)]
+        if len(parts) == 3:
+            ids, structure, told = _NUMBER.findall(parts[0]), _structure(parts[1]), parts[2]
+        else:
+            named = [match[1] for match in _IDS.finditer(words)]
+            ids, structure, told = _NUMBER.findall(" ".join(named)), "", words
+        blocks = dict.fromkeys(int(number) for number in ids if int(number) < count)
+        defects.append(Defect(tuple(blocks), structure, told))
+    return tuple(defects)
+
+
+def _structure(text: str) -> str:
+    name = re.sub(r"^structure\b\W{0,3}", "", text, flags=re.IGNORECASE).strip()
+    return "" if name.casefold() in ("none", "-") else name

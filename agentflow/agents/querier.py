@@ -1,0 +1,78 @@
+"""Owns the environment querier: which recorded states are to be shown before a refinement.
+
+Whether a query can be answered is decided where it is answered; an invalid one stops no other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from agentflow.agents.base import Parsed, Role
+from agentflow.agents.context import machine_context, report_context, task_context
+from agentflow.agents.sections import sections
+from agentflow.machine.brief import Brief
+from agentflow.machine.parse import extract_json
+from agentflow.machine.tree import Machine
+
+THOUGHT = "Thought Process"
+QUERIES = "Required Feedback"
+_NOTHING = frozenset({"", "none", "no feedback required", "no queries"})
+
+
+@dataclass(frozen=True)
+class QuerierInput:
+    """What the querier looks at."""
+
+    brief: Brief
+    machine: Machine
+    score: float | None = None
+    """None where there is none (the rollout failed for no fault of the machine)."""
+    feedback: str = ""
+    """The default feedback of the simulation."""
+    spatial: bool = True
+    """Whether 3D information is shown."""
+
+
+@dataclass(frozen=True)
+class Inquiry:
+    """What the querier wants to see; the queries are raw JSON items, as the model sent them."""
+
+    thought: str
+    queries: tuple[object, ...]
+
+
+class Querier(Role[QuerierInput, Inquiry]):
+    """Asks for recorded states of single blocks."""
+
+    name: ClassVar[str] = "querier"
+
+    def variables(self, given: QuerierInput) -> Mapping[str, object]:
+        """Task, machine, 3D information and the report of the simulation."""
+        return {
+            **task_context(given.brief),
+            **machine_context(given.machine, spatial=given.spatial),
+            **report_context(given.score, given.feedback),
+        }
+
+    def parse(self, text: str, given: QuerierInput) -> Parsed[Inquiry]:  # noqa: ARG002
+        """Read the thought and the list of queries, which may be empty."""
+        found = sections(text, (THOUGHT, QUERIES))
+        if QUERIES not in found:
+            problem = f"The reply lacks the section <{QUERIES}>."
+            return Parsed(None, problem, "missing_section", parsed=False)
+        thought, wanted = found.get(THOUGHT, ""), found[QUERIES]
+        if wanted.strip(" .`\n").casefold() in _NOTHING:
+            return Parsed(Inquiry(thought, ()))
+        many = extract_json(wanted, list)
+        if many.value is not None:
+            return Parsed(Inquiry(thought, tuple(many.value)), repaired=many.repaired)
+        one = extract_json(wanted, dict)
+        if one.value is not None:
+            return Parsed(Inquiry(thought, (one.value,)), repaired=one.repaired)
+        problem = (
+            f"<{QUERIES}> holds no JSON list. Expected, for instance: "
+            '[{"id": 3, "duration": [0.0, 1.0], "properties": ["position"]}]'
+        )
+        return Parsed(None, problem, "unparsable", parsed=False)

@@ -1,0 +1,154 @@
+"""Owns the refiner: from a machine and what is known of it to a better one.
+
+Applying the edit commands is agentflow.machine's; trying the result is the search's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from agentflow.agents.base import Parsed, Role
+from agentflow.agents.context import machine_context, report_context, task_context
+from agentflow.agents.meta_designer import Blueprint
+from agentflow.agents.sections import sections
+from agentflow.agents.verdicts import shortcoming, told
+from agentflow.machine.brief import Brief
+from agentflow.machine.edits import StepVerdict, apply_script
+from agentflow.machine.parse import read_machine
+from agentflow.machine.tree import Machine
+from agentflow.machine.validity import check
+
+THOUGHT = "Thought Process"
+DESCRIPTION = "Modification Description"
+PREDICTION = "Simulation Prediction After Modification"
+STEPS = "Modification Steps"
+GEOMETRIC = frozenset({"face_occupied", "overlap", "size_limit"})
+"""Codes of failing edits that are about space, not about form or bookkeeping."""
+
+
+@dataclass(frozen=True)
+class RefinerInput:
+    """What the refiner works from; what is empty is not shown."""
+
+    brief: Brief
+    machine: Machine
+    blueprint: Blueprint | None = None
+    critique: str = ""
+    """An inspector's report."""
+    history: str = ""
+    """Summary of the edits that led to the machine (history.py)."""
+    score: float | None = None
+    feedback: str = ""
+    """The default feedback of the machine's simulation."""
+    queried: str = ""
+    """Answers to a querier's queries."""
+    earlier: tuple[str, ...] = ()
+    """Verdicts on earlier replies to the same question."""
+    spatial: bool = True
+    """Whether 3D information is shown."""
+    format: Literal["steps", "whole_machine"] = "steps"
+    """Whether edit commands or a whole machine are asked for."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A new machine, valid and different from the given one, and how it came about."""
+
+    thought: str
+    description: str
+    prediction: str
+    machine: Machine
+    script: str = ""
+    """The edit commands; "" for a whole machine."""
+    steps: tuple[StepVerdict, ...] = ()
+
+
+class Refiner(Role[RefinerInput, Refinement]):
+    """Changes a machine, by edit commands or as a whole."""
+
+    name: ClassVar[str] = "refiner"
+
+    def variables(self, given: RefinerInput) -> Mapping[str, object]:
+        """Everything that is known of the machine and was not switched off."""
+        return {
+            **task_context(given.brief),
+            **machine_context(given.machine, spatial=given.spatial),
+            **report_context(given.score, given.feedback),
+            "blueprint": given.blueprint and given.blueprint.to_json(),
+            "critique": given.critique,
+            "history": given.history,
+            "queried": given.queried,
+            "earlier": given.earlier,
+            "format": given.format,
+        }
+
+    def parse(self, text: str, given: RefinerInput) -> Parsed[Refinement]:
+        """Read the sections, make the new machine and check it."""
+        found = sections(text, (THOUGHT, DESCRIPTION, PREDICTION, STEPS))
+        if not found.get(STEPS):
+            lack = "is empty" if STEPS in found else "is missing"
+            problem = f"The section <{STEPS}> {lack}."
+            return Parsed(None, problem, "missing_section", parsed=False)
+        read = _whole if given.format == "whole_machine" else _edited
+        return read(found, given)
+
+
+def _edited(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
+    script = _without_fence(found[STEPS])
+    outcome = apply_script(given.machine, script, given.brief)
+    if not outcome.success:
+        code = next((step.code for step in outcome.steps if step.code), "bad_format")
+        listed = "\n".join(verdict_line(step) for step in outcome.steps)
+        problem = f"The script fails; the machine is unchanged:\n{listed}"
+        return Parsed(None, problem, code, spatial=False if code in GEOMETRIC else None)
+    return _checked(found, given, outcome.machine, script, outcome.steps, repaired=False)
+
+
+def _whole(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
+    reading = read_machine(found[STEPS], given.brief.blocks)
+    if reading.machine is None:
+        code = reading.problems[0].code if reading.problems else "unparsable"
+        problem = f"<{STEPS}> holds no valid machine:\n" + told(reading.problems)
+        return Parsed(None, problem, code, reading.repaired, parsed=False)
+    return _checked(found, given, reading.machine, "", (), repaired=reading.repaired)
+
+
+def _checked(
+    found: Mapping[str, str],
+    given: RefinerInput,
+    machine: Machine,
+    script: str,
+    steps: tuple[StepVerdict, ...],
+    *,
+    repaired: bool,
+) -> Parsed[Refinement]:
+    report = check(machine, given.brief)
+    refused = shortcoming(machine, report, given.brief, complete=True)
+    if refused is None and machine == given.machine:
+        refused = "no_change", "The new machine is the same as the current one."
+    if refused is not None:
+        code, problem = refused
+        return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)
+    refinement = Refinement(
+        thought=found.get(THOUGHT, ""),
+        description=found.get(DESCRIPTION, ""),
+        prediction=found.get(PREDICTION, ""),
+        machine=machine,
+        script=script,
+        steps=steps,
+    )
+    return Parsed(refinement, repaired=repaired, spatial=report.spatial_valid)
+
+
+def verdict_line(step: StepVerdict) -> str:
+    """One step as it is told: `Add 15 to 3 in 0: Error (overlap: block 9 ... )`."""
+    reason = f" ({step.code}: {step.reason})" if step.reason else ""
+    return f"{step.text}: {step.verdict}{reason}"
+
+
+def _without_fence(text: str) -> str:
+    """A script without the lines of a fence around it."""
+    lines = [line for line in text.splitlines() if not line.lstrip().startswith("```")]
+    return "\n".join(lines).strip()
