@@ -1,0 +1,274 @@
+"""Owns the parts of feedback that all families share: facing, breakages, loads, stalls, series.
+
+Text and data hold the same; the text is regular enough to be read by a program. What only one
+family tells is added by its module.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from agentflow.env.trace import Array, Broken, Event, Feedback, Trace, Verdict
+from agentflow.machine.blocks import library
+from agentflow.machine.tree import Machine
+
+SAMPLE = 0.2
+"""Seconds between two samples of the published records; landing indices count these."""
+MAX_SAMPLES = 26
+"""Most samples of a series, whatever the window (spec 3.2)."""
+MAX_LINES = 8
+"""Most breakages that the text tells one by one; the data holds all."""
+STALL_SPEED = 0.5
+"""rad/s: a motor that turns slower against its carrier stands still. A twentieth of the speed of a
+wheel, above the jitter of a loaded joint."""
+STALL_TIME = 1.0
+AXES = ("x+", "x-", "y+", "y-", "z+", "z-")
+
+
+@dataclass(frozen=True)
+class Series:
+    """Positions over time, thinned to at most 26 samples."""
+
+    label: str
+    times: tuple[float, ...]
+    values: tuple[tuple[float, ...], ...]
+
+    @property
+    def text(self) -> str:
+        """One line: what, how often, since when, and the points in brackets."""
+        step = self.times[1] - self.times[0] if len(self.times) > 1 else SAMPLE
+        points = " ".join("(" + ", ".join(number(v) for v in row) + ")" for row in self.values)
+        return f"{self.label} every {step:.3g} s from t = {self.times[0]:.3g} s (x, y, z): {points}"
+
+
+def number(value: float, digits: int = 2) -> str:
+    """Fixed decimals, without the sign of a rounded zero."""
+    return f"{round(float(value), digits) + 0.0:.{digits}f}"
+
+
+def block_name(machine: Machine, block: int) -> str:
+    """ "block 8 (Wooden Block)"."""
+    return f"block {block} ({library()[machine[block].type].name})"
+
+
+def sample_indices(count: int, most: int = MAX_SAMPLES) -> range:
+    """Evenly spaced indices into `count` samples, at most `most`, the first included."""
+    return range(0, count, max(1, -(-(count - 1) // (most - 1))))
+
+
+def series(label: str, times: Array, values: Array) -> Series:
+    """Thin (T,) times and (T, K) values to a series."""
+    picks = sample_indices(len(times))
+    rows = tuple(tuple(float(v) for v in values[i]) for i in picks)
+    return Series(label, tuple(float(times[i]) for i in picks), rows)
+
+
+def rotate(rotation: Array, vector: Sequence[float]) -> Array:
+    """Turn a vector by (..., 4) quaternions x, y, z, w; the formula holds in either handedness."""
+    axis, w = rotation[..., :3], rotation[..., 3:]
+    given = np.broadcast_to(np.asarray(vector, dtype=np.float64), axis.shape)
+    twice = 2.0 * np.cross(axis, given)
+    turned: Array = given + w * twice + np.cross(axis, twice)
+    return turned
+
+
+def _axis(vector: Array) -> str:
+    index = int(np.argmax(np.abs(vector)))
+    return AXES[2 * index + (vector[index] < 0)]
+
+
+def orientation(trace: Trace) -> list[tuple[str, float, float]]:
+    """Runs of samples in which the root roughly faces one axis: (words, from, to) in seconds.
+
+    The words are the axis that its Front faces, and where its top points unless that is up.
+    """
+    turn = trace.rotation[:, 0]
+    fronts, tops = rotate(turn, (0.0, 0.0, 1.0)), rotate(turn, (0.0, 1.0, 0.0))
+    words = [
+        _axis(front) + ("" if _axis(top) == "y+" else f" with its top to {_axis(top)}")
+        for front, top in zip(fronts, tops, strict=True)
+    ]
+    runs = []
+    for word, group in groupby(range(len(words)), key=words.__getitem__):
+        members = list(group)
+        runs.append((word, float(trace.times[members[0]]), float(trace.times[members[-1]])))
+    return runs
+
+
+def _orientation_text(runs: Sequence[tuple[str, float, float]], interval: float) -> str:
+    if len(runs) <= 4:
+        return "; ".join(f"{word} {start:.1f}-{end:.1f} s" for word, start, end in runs)
+    held: dict[str, float] = defaultdict(float)
+    for word, start, end in runs:
+        held[word] += end - start + interval
+    total = sum(held.values())
+    shares = [
+        f"{word} {100 * time / total:.0f} % of the time"
+        for word, time in sorted(held.items(), key=lambda item: -item[1])[:4]
+    ]
+    return f"changes {len(runs) - 1} times; " + "; ".join(shares)
+
+
+def stalled_motors(machine: Machine, trace: Trace) -> tuple[Event, ...]:
+    """Motors that stand still against their carrier for over a second, once they should turn.
+
+    Read from the samples: |angular velocity of the motor - of its parent| below 0.5 rad/s.
+    """
+    events = []
+    for step in machine:
+        kind = library()[step.type]
+        if not (kind.non_static and kind.rotation_axis == "Front") or step.parent < 0:
+            continue
+        relative = trace.angular_velocity[:, step.id] - trace.angular_velocity[:, step.parent]
+        still = np.linalg.norm(relative, axis=1) < STALL_SPEED
+        still &= trace.alive[:, step.id]
+        still[0] = False  # every motor stands at t = 0
+        for start, end in _runs(still, trace.times):
+            if end - start >= STALL_TIME:
+                name = block_name(machine, step.id)
+                text = f"{name} {start:.1f}-{end:.1f} s"
+                events.append(Event(start, "motor_stalled", (step.id,), text))
+    return tuple(events)
+
+
+def _runs(flags: np.ndarray[Any, np.dtype[np.bool_]], times: Array) -> list[tuple[float, float]]:
+    """First and last time of every run of true flags."""
+    runs = []
+    for value, group in groupby(range(len(flags)), key=lambda i: bool(flags[i])):
+        if value:
+            members = list(group)
+            runs.append((float(times[members[0]]), float(times[members[-1]])))
+    return runs
+
+
+def most_loaded(trace: Trace) -> list[dict[str, Any]]:
+    """Per sample the connection with the greatest share of its strength: time, blocks, load."""
+    found = []
+    for index in sample_indices(len(trace.times)):
+        row = trace.utilisation[index]
+        if row.size and not np.isnan(row).all():
+            edge = int(np.nanargmax(row))
+            block, partner = trace.connections[edge]
+            found.append(
+                {
+                    "time": float(trace.times[index]),
+                    "block": block,
+                    "partner": partner,
+                    "load": float(row[edge]),
+                }
+            )
+    return found
+
+
+def _loads_text(loads: Sequence[Mapping[str, Any]]) -> str:
+    """Connections that were ever the most loaded, greatest peak first, five at most."""
+    peaks: dict[tuple[int, int], Mapping[str, Any]] = {}
+    counts: Counter[tuple[int, int]] = Counter()
+    for load in loads:
+        edge = (load["block"], load["partner"])
+        counts[edge] += 1
+        if edge not in peaks or load["load"] > peaks[edge]["load"]:
+            peaks[edge] = load
+    order = sorted(peaks, key=lambda edge: -peaks[edge]["load"])[:5]
+    parts = [
+        f"{block}-{partner} {number(peaks[block, partner]['load'])} at "
+        f"{peaks[block, partner]['time']:.1f} s ({counts[block, partner]} of {len(loads)} samples)"
+        for block, partner in order
+    ]
+    return "; ".join(parts) or "none"
+
+
+def _broken_lines(machine: Machine, broken: Sequence[Broken]) -> list[str]:
+    if not broken:
+        return ["Broken: none"]
+    lines = [
+        f"Broken: {block_name(machine, item.block)} off block {item.partner} at "
+        f"{number(item.time)} s, load {number(item.load)}"
+        for item in broken[:MAX_LINES]
+    ]
+    rest = broken[MAX_LINES:]
+    if rest:
+        names = ", ".join(f"{item.block} off {item.partner}" for item in rest)
+        lines.append(f"Broken later: {names}")
+    return lines
+
+
+def compose(
+    machine: Machine,
+    trace: Trace,
+    broken: Sequence[Broken],
+    verdict: Verdict,
+    unit: str,
+    lines: Sequence[str],
+    data: Mapping[str, Any],
+    paths: Sequence[Series],
+) -> Feedback:
+    """The default feedback: score, the family's lines, what all families tell, paths.
+
+    Args:
+        unit: of the score, "" where it has none.
+        lines: the family's own lines, each "Key: ...".
+        data: the same as data, merged over the shared keys.
+        paths: series that end the text.
+    """
+    runs, loads = orientation(trace), most_loaded(trace)
+    interval = float(trace.times[1] - trace.times[0]) if len(trace.times) > 1 else SAMPLE
+    stalls = [event for event in verdict.events if event.kind == "motor_stalled"]
+    text = [
+        f"Score: {number(verdict.score)} {unit}".rstrip(),
+        *lines,
+        *_broken_lines(machine, broken),
+        "Orientation of block 0: faces " + _orientation_text(runs, interval),
+        "Most loaded connections (load 1 breaks): " + _loads_text(loads),
+        *(f"Motor stalled: {event.text}" for event in stalls[:MAX_LINES]),
+        *(path.text for path in paths),
+    ]
+    return Feedback("\n".join(text), _data(trace, broken, verdict, runs, loads, data, paths))
+
+
+def _data(
+    trace: Trace,
+    broken: Sequence[Broken],
+    verdict: Verdict,
+    runs: Sequence[tuple[str, float, float]],
+    loads: Sequence[Mapping[str, Any]],
+    data: Mapping[str, Any],
+    paths: Sequence[Series],
+) -> dict[str, Any]:
+    events = [
+        {"time": e.time, "kind": e.kind, "blocks": list(e.blocks), "text": e.text}
+        for e in verdict.events
+    ]
+    return {
+        "score": verdict.score,
+        "terms": dict(verdict.terms),
+        "seconds": float(trace.times[-1]),
+        "broken": [
+            {
+                "block": item.block,
+                "type": item.type,
+                "partner": item.partner,
+                "time": item.time,
+                "load": item.load,
+            }
+            for item in broken
+        ],
+        "orientation": [{"faces": word, "from": start, "to": end} for word, start, end in runs],
+        "most_loaded": list(loads),
+        "events": events,
+        "series": [
+            {
+                "label": path.label,
+                "times": list(path.times),
+                "values": [list(v) for v in path.values],
+            }
+            for path in paths
+        ],
+        **data,
+    }

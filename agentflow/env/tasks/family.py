@@ -1,0 +1,99 @@
+"""Owns what families share: wind, start times, walls, and the sentences that tell them.
+
+What a family asks for beyond that is its own module's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from agentflow.env.scene import Thing, Vec3
+from agentflow.env.tasks.base import Parameters, Schedule, Task
+from agentflow.env.tasks.knobs import knob
+
+WOOD = (0.71, 0.53, 0.34, 1.0)
+
+
+class Wind(Parameters):
+    """Steady wind, as the velocity of the air."""
+
+    speed: float = knob(0, -20, 20, "m/s", "head wind: blows towards z-")
+    down: float = knob(0, -20, 20, "m/s", "blows towards the ground")
+    cross: float = knob(0, -20, 20, "m/s", "blows towards x+")
+
+    @property
+    def velocity(self) -> Vec3:
+        """Velocity of the air, m/s, game frame."""
+        return (self.cross, 0.0 - self.down, 0.0 - self.speed)
+
+    def sentences(self) -> tuple[str, ...]:
+        """What designers are told; () in still air."""
+        named = (
+            (self.speed, "z-", "z+"),
+            (self.down, "y- (downward)", "y+ (upward)"),
+            (self.cross, "x+", "x-"),
+        )
+        parts = [
+            f"{abs(v):g} m/s towards {plus if v > 0 else minus}" for v, plus, minus in named if v
+        ]
+        return (f"A steady wind blows: {' and '.join(parts)}.",) if parts else ()
+
+
+class StartTimes(Parameters):
+    """When actuators start."""
+
+    motors: float = knob(0, 0, 60, "s", "start of wheels, rotating and steering blocks")
+    springs: float = knob(0, 0, 60, "s", "start of springs")
+    steering_hinges: float = knob(0, 0, 60, "s", "start of the steering hinges' swing")
+
+
+class CommonKnobs(Parameters):
+    """What every family can change."""
+
+    window: float = knob(5, 1, 60, "s", "length of the scored window")
+    schedule: StartTimes = StartTimes()
+    wind: Wind = Wind()
+
+
+def schedule_of(knobs: CommonKnobs) -> Schedule:
+    """The start times as the rollout takes them."""
+    times = knobs.schedule
+    return Schedule(times.motors, times.springs, times.steering_hinges)
+
+
+def schedule_sentences(schedule: Schedule, window: float) -> tuple[str, ...]:
+    """The control schedule (spec 3) in words."""
+    return (
+        "Before t = 0 the machine settles with power off until it rests: motors hold still, "
+        "springs exert nothing.",
+        f"At t = {schedule.motors:g} s wheels, rotating blocks and steering blocks start to turn "
+        "and never stop.",
+        f"At t = {schedule.springs:g} s springs start to contract.",
+        f"At t = {schedule.steering_hinges:g} s steering hinges swing to their Left, once.",
+        f"The window ends at t = {window:g} s; nothing can be switched or steered in between.",
+    )
+
+
+GROUND = (
+    "The ground is flat, at y = 0; z+ is the target direction.",
+    "The machine stands with the centre of its bounding box over x = z = 0 and its lowest point "
+    "on the ground.",
+)
+"""Sentences that open every scene."""
+
+
+def wall(
+    name: str, x: float, z: float, size: Vec3, friction: float = 0.8, base: float = 0.0
+) -> Thing:
+    """A box that stands on height `base` with its centre over (x, z); size is full extents, m."""
+    position = (x, base + size[1] / 2, z)
+    return Thing(name, "box", size, position, friction=friction, color=WOOD)
+
+
+@dataclass(frozen=True)
+class Family(Task):
+    """A task whose parameters hold at least the common knobs; the registry builds these."""
+
+    knobs: ClassVar[type[CommonKnobs]]
+    parameters: CommonKnobs

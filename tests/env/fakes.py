@@ -1,0 +1,88 @@
+"""Hand-made worlds and traces, for tests of what only looks at them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from agentflow.env.scene import IDENTITY, Quat, Vec3
+from agentflow.env.tasks.base import Body
+from agentflow.env.trace import Broken, Feedback, Rollout, Trace
+from agentflow.machine.tree import ROOT, Machine, Step
+
+BOULDER = 2
+THROWER = Machine((ROOT, Step(1, 30, 0, 4), Step(BOULDER, 36, 1, 0)))
+"""A container on top of the root, with the boulder in it."""
+LONE_ROOT = Machine((ROOT,))
+
+
+@dataclass
+class FakeWorld:
+    """A world that stands where the test puts it."""
+
+    time: float = 0.0
+    centres: dict[Body, Vec3] = field(default_factory=dict)
+    contacts: dict[Body, frozenset[Body]] = field(default_factory=dict)
+
+    def centre(self, body: Body) -> Vec3:
+        return self.centres.get(body, (0.0, 0.5, 0.0))
+
+    def origin(self, block: int) -> Vec3:
+        return self.centre(block)
+
+    def rotation(self, body: Body) -> Quat:  # noqa: ARG002
+        return IDENTITY
+
+    def touching(self, body: Body) -> frozenset[Body]:
+        return self.contacts.get(body, frozenset())
+
+
+def make_trace(
+    blocks: int,
+    samples: int = 26,
+    interval: float = 0.2,
+    paths: Mapping[int, Sequence[Vec3]] | None = None,
+    **changes: object,
+) -> Trace:
+    """A trace in which everything rests, but for the blocks whose paths are given."""
+    position = np.zeros((samples, blocks, 3))
+    for block, path in (paths or {}).items():
+        position[:, block] = path
+    arrays: dict[str, object] = {
+        "times": np.arange(samples) * interval,
+        "position": position,
+        "centre": position.copy(),
+        "rotation": np.tile(IDENTITY, (samples, blocks, 1)),
+        "velocity": np.zeros((samples, blocks, 3)),
+        "angular_velocity": np.zeros((samples, blocks, 3)),
+        "alive": np.ones((samples, blocks), dtype=bool),
+        "length": np.zeros((samples, 0)),
+        "linear": (),
+        "utilisation": np.zeros((samples, 0)),
+        "connections": (),
+        "thing_position": np.zeros((samples, 0, 3)),
+        "thing_rotation": np.zeros((samples, 0, 4)),
+        "thing_velocity": np.zeros((samples, 0, 3)),
+        "things": (),
+    }
+    return Trace(**{**arrays, **changes})  # type: ignore[arg-type]
+
+
+def make_rollout(trace: Trace | None, broken: tuple[Broken, ...] = ()) -> Rollout:
+    """An `ok` rollout around a trace; `invalid` without one."""
+    return Rollout(
+        status="ok" if trace else "invalid",
+        score=0.0,
+        terms={},
+        problems=(),
+        broken=broken,
+        events=(),
+        feedback=Feedback("", {}),
+        trace=trace,
+        digest=None,
+        sim_seconds=None,
+        wall_seconds=None,
+        constants=None,
+    )

@@ -1,0 +1,144 @@
+"""Contracts over every level, and how names and knobs are refused."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from pathlib import Path
+
+import pytest
+
+from agentflow.env.tasks.knobs import knobs_of
+from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, knob_table, task_names
+from agentflow.errors import ConfigError, UnknownNameError
+
+NAMES = task_names()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_level_tells_everything(name: str) -> None:
+    task = get_task(name)
+    brief = task.brief
+    assert brief.name == task.name == name
+    sentences = (brief.objective, *brief.scene, *brief.schedule, *brief.score)
+    assert all(sentence and sentence[0].isupper() for sentence in sentences)
+    assert all(sentence.endswith(".") for sentence in sentences)
+    assert brief.blocks == tuple(sorted(set(brief.blocks)))
+    assert set(brief.required) <= set(brief.blocks)
+    assert f"{task.window:g} s" in " ".join((*brief.schedule, *brief.score))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_scene_is_finite_named_and_repeatable(name: str) -> None:
+    scene = get_task(name).scene()
+    numbers = [n for t in scene.things for n in (*t.size, *t.position, *t.rotation, t.mass)]
+    assert all(math.isfinite(n) for n in (*numbers, *scene.wind))
+    assert all(extent > 0 for thing in scene.things for extent in thing.size)
+    names = [thing.name for thing in scene.things]
+    assert len(set(names)) == len(names)
+    assert "ground" not in names
+    assert get_task(name).scene() == scene
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_level_says_what_a_good_score_is(name: str) -> None:
+    level = get_level(name)
+    assert level.file.good > 0
+    assert level.file.title
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_task_travels_to_other_processes(name: str) -> None:
+    task = get_task(name)
+    assert pickle.loads(pickle.dumps(task)) == task
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_brief_follows_the_knobs(name: str) -> None:
+    task = get_task(name, {"window": "7.5", "wind.speed": "4"})
+    text = " ".join((*task.brief.scene, *task.brief.schedule, *task.brief.score))
+    assert task.window == 7.5
+    assert "within 7.5 s" in text
+    assert "4 m/s towards z-" in text
+    assert task.scene().wind[2] == -4.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_ranged_knob_refuses_what_lies_outside(name: str) -> None:
+    for item, value in knob_table(name):
+        if item.low is None or item.high is None:
+            continue
+        assert item.low <= value <= item.high
+        with pytest.raises(ConfigError) as caught:
+            get_task(name, {item.name: item.high + 1})
+        assert str(caught.value) == (
+            f"{item.name} of {name} must be {item.range}, not {item.high + 1!r}"
+        )
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_knob_has_a_line_of_help(family: str) -> None:
+    assert all(item.help for item in knobs_of(FAMILIES[family].knobs))
+
+
+def test_a_first_level_has_two_names() -> None:
+    assert get_task("throwing/1") == get_task("throwing")
+
+
+def test_the_start_times_reach_the_schedule() -> None:
+    task = get_task("movement", {"schedule.motors": 1.5})
+    assert (task.schedule.motors, task.schedule.springs) == (1.5, 0.0)
+    assert (
+        "At t = 1.5 s wheels, rotating blocks and steering blocks start to turn and never stop."
+        in task.brief.schedule
+    )
+
+
+def test_an_unknown_task_names_the_nearest() -> None:
+    with pytest.raises(UnknownNameError, match="unknown task 'thowing'; known: throwing"):
+        get_task("thowing")
+
+
+def test_an_unknown_knob_names_all_with_their_ranges() -> None:
+    with pytest.raises(ConfigError) as caught:
+        get_task("movement", {"road.widht": 3})
+    assert str(caught.value).startswith(
+        "unknown knob 'road.widht' of movement; known: window (1 to 60 s), "
+        "schedule.motors (0 to 60 s)"
+    )
+
+
+@pytest.mark.parametrize("knob", ["wind", "wind.speed.more", "score"])
+def test_a_knob_of_the_wrong_shape_is_refused(knob: str) -> None:
+    with pytest.raises(ConfigError, match=r"of throwing"):
+        get_task("throwing", {knob: "brisk"})
+
+
+def test_an_own_level_is_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "storm.yaml"
+    path.write_text("family: throwing\ntitle: storm\ngood: 5\nparameters: {wind: {speed: 12}}\n")
+    task = get_task(str(path), {"wall.height": 2})
+    assert task.name == str(path)
+    assert task.scene().wind == (0.0, 0.0, -12.0)
+    assert task.scene().things[0].size[1] == 2.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("family: [", "is not YAML: "),
+        ("title: x\ngood: 1\n", ": family: Field required"),
+        ("family: swimming\ntitle: x\ngood: 1\n", "unknown family 'swimming'; known: "),
+    ],
+)
+def test_a_damaged_level_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "level.yaml"
+    path.write_text(text)
+    with pytest.raises((ConfigError, UnknownNameError)) as caught:
+        get_task(str(path))
+    assert message in str(caught.value)
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"cannot read the level .*: No such file"):
+        get_task(str(tmp_path / "none.yaml"))

@@ -1,0 +1,199 @@
+"""The throwing referee on hand-made flights: what counts, what does not, and the terms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+
+from agentflow.env.tasks.base import Body, Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Verdict
+from tests.env.fakes import BOULDER, THROWER, FakeWorld, make_trace
+
+STEP = 1 / 120
+Moment = tuple[float, float, float, frozenset[Body]]
+"""Time, height, distance along z+, contacts of the boulder."""
+HELD: frozenset[Body] = frozenset({1})
+FREE: frozenset[Body] = frozenset()
+DOWN: frozenset[Body] = frozenset({"ground"})
+
+
+def moments(
+    start: float, end: float, z: float, to: float, contacts: frozenset[Body]
+) -> list[Moment]:
+    """Evenly moving from z to `to`, at height 2, one moment per step in [start, end)."""
+    count = round((end - start) / STEP)
+    return [(start + i * STEP, 2.0, z + (to - z) * i / count, contacts) for i in range(count)]
+
+
+def judge(script: Iterable[Moment], task: Task | None = None, root_z: float = 0.0) -> Verdict:
+    """Let the referee watch the boulder live through the script; the root stands at root_z."""
+    referee = (task or get_task("throwing")).referee(THROWER)
+    world = FakeWorld(centres={BOULDER: (0.0, 2.0, 0.0)}, contacts={BOULDER: HELD})
+    referee.start(world)
+    for time, height, z, contacts in script:
+        world.time = time
+        world.centres[BOULDER] = (0.0, height, z)
+        world.centres[0] = (0.0, 0.5, root_z)
+        world.contacts[BOULDER] = contacts
+        referee.watch(world)
+    return referee.verdict(make_trace(len(THROWER)))
+
+
+def test_a_throw_scores_its_distance_along_z() -> None:
+    script = [
+        *moments(STEP, 0.5, 0.0, 1.0, HELD),
+        *moments(0.5, 0.9, 1.0, 12.0, FREE),
+        (0.9, 1.0, 12.0, DOWN),
+        *moments(0.9 + STEP, 2.0, 12.0, 18.0, DOWN),
+    ]
+    verdict = judge(script)
+    assert verdict.score == 12.0
+    assert verdict.terms == {
+        "distance": 12.0,
+        "distance_any": 12.0,
+        "height": 2.0,
+        "height_time": 0.0,
+        "reach": pytest.approx(18.0, abs=0.1),
+        "rl": 0.0,
+        "thrown": True,
+        "left_holder": pytest.approx(0.5 - STEP),
+        "landing": 0.9,
+        "landing_index": 5,
+        "landed_on": "ground",
+        "root_distance": 12.0,
+        "result": "thrown: the boulder left block 1 (Container) at 0.49 s and landed on the ground "
+        "at 0.90 s, 12.00 m along z+",
+    }
+    assert [(event.kind, event.blocks) for event in verdict.events] == [
+        ("left_holder", (BOULDER, 1)),
+        ("landing", (BOULDER,)),
+    ]
+
+
+def test_a_landing_on_a_sample_counts_for_that_sample() -> None:
+    script = [*moments(STEP, 0.6, 0.0, 9.0, FREE), (0.6, 1.0, 9.0, DOWN)]
+    assert judge(script).terms["landing_index"] == 3
+
+
+def test_a_wall_ends_the_flight() -> None:
+    script = [
+        *moments(STEP, 0.6, 0.0, 9.0, FREE),
+        (0.6, 1.0, 9.5, frozenset({"front wall"})),
+        *moments(0.6 + STEP, 1.0, 9.5, 14.0, FREE),
+        (1.0, 1.0, 14.0, DOWN),
+    ]
+    verdict = judge(script)
+    assert (verdict.score, verdict.terms["landed_on"]) == (9.5, "front wall")
+
+
+def test_a_throw_backwards_scores_nothing_and_says_so() -> None:
+    verdict = judge([*moments(STEP, 0.6, 0.0, -8.0, FREE), (0.6, 1.0, -8.0, DOWN)])
+    assert (verdict.score, verdict.terms["distance_any"]) == (0.0, 8.0)
+    assert str(verdict.terms["result"]).startswith("thrown the wrong way: ")
+    assert str(verdict.terms["result"]).endswith("8.00 m along z-")
+
+
+def test_a_flight_shorter_than_a_fifth_of_a_second_is_none() -> None:
+    landed = [*moments(STEP, 0.19, 0.0, 5.0, FREE), (0.19, 1.0, 5.0, DOWN)]
+    verdict = judge(landed)
+    assert verdict.score == 0.0
+    assert verdict.terms["landing"] is None
+    assert verdict.terms["result"] == (
+        "not thrown: the boulder reached the ground without 0.2 s of free flight (carried, "
+        "dropped, pushed or rolled)"
+    )
+
+
+def test_a_flight_of_exactly_a_fifth_of_a_second_counts() -> None:
+    assert judge([*moments(STEP, 0.2, 0.0, 5.0, FREE), (0.2, 1.0, 5.0, DOWN)]).score == 5.0
+
+
+def test_bouncing_on_after_a_drop_is_no_flight() -> None:
+    script = [
+        *moments(STEP, 0.1, 0.0, 1.0, FREE),
+        (0.1, 1.0, 1.0, DOWN),
+        *moments(0.1 + STEP, 0.6, 1.0, 9.0, FREE),
+        (0.6, 1.0, 9.0, DOWN),
+    ]
+    assert judge(script).score == 0.0
+
+
+def test_a_boulder_pushed_along_scores_nothing() -> None:
+    script = moments(STEP, 4.0, 0.0, 30.0, frozenset({1, "ground"}))
+    assert judge([*script, *moments(4.0, 4.5, 30.0, 33.0, DOWN)], root_z=28.0).score == 0.0
+
+
+def test_a_boulder_carried_to_the_end_scores_nothing() -> None:
+    verdict = judge(moments(STEP, 5.0, 0.0, 40.0, HELD), root_z=40.0)
+    assert verdict.score == 0.0
+    assert verdict.terms["left_holder"] is None
+    assert verdict.terms["result"] == (
+        "not thrown: the boulder never came down free of the machine"
+    )
+
+
+def test_a_boulder_dropped_from_a_car_scores_nothing() -> None:
+    script = [
+        *moments(STEP, 4.0, 0.0, 30.0, HELD),
+        *moments(4.0, 4.3, 30.0, 33.0, FREE),
+        (4.3, 1.0, 33.0, DOWN),
+    ]
+    verdict = judge(script, root_z=32.0)
+    assert (verdict.score, verdict.terms["distance_any"]) == (0.0, 0.0)
+    assert str(verdict.terms["result"]).endswith(
+        "33.00 m along z+ with the Starting Block only 1.00 m away"
+    )
+    assert judge(script, root_z=24.0).score == 33.0
+
+
+def test_a_boulder_that_the_machine_catches_again_has_not_landed() -> None:
+    script = [
+        *moments(STEP, 0.5, 0.0, 3.0, FREE),
+        *moments(0.5, 0.6, 3.0, 3.5, HELD),
+        *moments(0.6, 0.7, 3.5, 4.0, FREE),
+        (0.7, 1.0, 4.0, DOWN),
+    ]
+    assert judge(script).score == 0.0
+
+
+def test_the_reinforcement_learning_score_multiplies_by_the_height() -> None:
+    task = get_task("throwing", {"score": "rl"})
+    low = [*moments(STEP, 0.6, 0.0, 9.0, FREE), (0.6, 1.0, 9.0, DOWN)]
+    high = [(STEP, 6.0, 0.1, FREE), *low[1:]]
+    assert judge(low, task).score == 0.0
+    assert judge(high, task).score == 54.0
+    assert judge(high).score == 9.0
+
+
+def test_the_yard_has_four_walls_around_the_machine() -> None:
+    scene = get_task("throwing").scene()
+    assert [(t.name, t.position, t.size) for t in scene.things] == [
+        ("left wall", (-11, 0.75, 0.0), (0.8, 1.5, 22.8)),
+        ("right wall", (11, 0.75, 0.0), (0.8, 1.5, 22.8)),
+        ("back wall", (0.0, 0.75, -11), (21.2, 1.5, 0.8)),
+        ("front wall", (0.0, 0.75, 11), (21.2, 1.5, 0.8)),
+    ]
+    assert get_task("throwing", {"wall.height": 0}).scene().things == ()
+
+
+def test_the_feedback_is_short_and_regular() -> None:
+    script = [*moments(STEP, 0.6, 0.0, 9.0, FREE), (0.6, 1.0, 9.0, DOWN)]
+    verdict = judge(script)
+    trace = make_trace(len(THROWER), paths={BOULDER: [(0.0, 2.0, 0.1 * i) for i in range(26)]})
+    feedback = get_task("throwing").feedback(THROWER, trace, (), verdict)
+    assert feedback.text.splitlines()[:6] == [
+        "Score: 9.00 m",
+        "Result: thrown: the boulder left block 1 (Container) at 0.00 s and landed on the ground "
+        "at 0.60 s, 9.00 m along z+",
+        "Boulder: greatest horizontal distance 9.00 m, greatest height 2.00 m, landing index 3",
+        "Broken: none",
+        "Orientation of block 0: faces z+ 0.0-5.0 s",
+        "Most loaded connections (load 1 breaks): none",
+    ]
+    assert feedback.text.splitlines()[6].startswith(
+        "Boulder position every 0.2 s from t = 0 s (x, y, z): (0.00, 2.00, 0.00) (0.00, 2.00, 0.10)"
+    )
+    assert feedback.data["boulder"] == BOULDER
+    assert len(feedback.data["series"][0]["values"]) == 26

@@ -1,0 +1,124 @@
+"""The shared parts of feedback: thinning, orientation, loads, stalls, length."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agentflow.env.feedback import (
+    MAX_SAMPLES,
+    compose,
+    most_loaded,
+    number,
+    orientation,
+    sample_indices,
+    series,
+    stalled_motors,
+)
+from agentflow.env.trace import Broken, Verdict
+from agentflow.machine.tree import ROOT, Machine, Step
+from tests.env.fakes import make_trace
+
+HALF = 0.5**0.5
+WHEELED = Machine((ROOT, Step(1, 2, 0, 2), Step(2, 22, 0, 0), Step(3, 15, 2, 0)))
+
+
+@given(st.integers(1, 3000))
+def test_a_series_has_at_most_26_samples_and_starts_at_the_first(count: int) -> None:
+    picks = list(sample_indices(count))
+    assert 1 <= len(picks) <= MAX_SAMPLES
+    assert picks[0] == 0
+    assert count - 1 - picks[-1] < max(1, picks[1] if len(picks) > 1 else 1)
+
+
+def test_a_fine_record_is_thinned_to_a_fifth_of_a_second() -> None:
+    times = np.arange(601) / 120
+    assert series("x", times, np.zeros((601, 3))).times == pytest.approx(np.arange(26) * 0.2)
+
+
+def test_numbers_lose_the_sign_of_zero() -> None:
+    assert (number(-0.001), number(-0.006), number(1234.5)) == ("0.00", "-0.01", "1234.50")
+
+
+def test_orientation_names_the_front_and_a_top_that_is_not_up() -> None:
+    rotation = np.tile((0.0, 0.0, 0.0, 1.0), (4, 1, 1))
+    rotation[2] = (0.0, HALF, 0.0, HALF)  # spec 1.2: facing x+
+    rotation[3] = (-HALF, 0.0, 0.0, HALF)  # spec 1.2: facing y+, its Up is z-
+    assert orientation(make_trace(1, 4, rotation=rotation)) == [
+        ("z+", 0.0, pytest.approx(0.2)),
+        ("x+", pytest.approx(0.4), pytest.approx(0.4)),
+        ("y+ with its top to z-", pytest.approx(0.6), pytest.approx(0.6)),
+    ]
+
+
+def test_a_tumbling_root_gets_its_commonest_orientations() -> None:
+    rotation = np.tile((0.0, 0.0, 0.0, 1.0), (20, 1, 1))
+    rotation[1::2] = (0.0, HALF, 0.0, HALF)
+    trace = make_trace(1, 20, rotation=rotation)
+    text = compose(Machine((ROOT,)), trace, (), Verdict(0.0, {}), "m", (), {}, ()).text
+    assert (
+        "Orientation of block 0: faces changes 19 times; z+ 50 % of the time; x+ 50 % of the time"
+    ) in text
+
+
+def test_the_most_loaded_connection_of_every_sample() -> None:
+    utilisation = np.array([[0.1, 0.5], [0.9, 0.2], [np.nan, 0.3], [np.nan, np.nan]])
+    trace = make_trace(3, 4, utilisation=utilisation, connections=((1, 0), (2, 1)))
+    assert [(item["block"], item["load"]) for item in most_loaded(trace)] == [
+        (2, 0.5),
+        (1, 0.9),
+        (2, 0.3),
+    ]
+
+
+def test_a_motor_that_stands_for_over_a_second_is_told() -> None:
+    spin = np.zeros((26, 4, 3))
+    spin[:, 1] = (10.0, 0.0, 0.0)
+    spin[:6, 2] = (0.0, 0.0, 8.0)
+    events = stalled_motors(WHEELED, make_trace(4, angular_velocity=spin))
+    assert [(event.kind, event.blocks, event.text) for event in events] == [
+        ("motor_stalled", (2,), "block 2 (Rotating Block) 1.2-5.0 s")
+    ]
+
+
+def test_a_motor_that_broke_off_does_not_stall() -> None:
+    alive = np.ones((26, 4), dtype=bool)
+    alive[3:, 1:3] = False
+    assert stalled_motors(WHEELED, make_trace(4, alive=alive)) == ()
+
+
+def test_a_motor_that_turns_with_its_carrier_stalls() -> None:
+    spin = np.ones((26, 4, 3)) * 7.0
+    assert {e.blocks for e in stalled_motors(WHEELED, make_trace(4, angular_velocity=spin))} == {
+        (1,),
+        (2,),
+    }
+
+
+@pytest.mark.parametrize("name", ["movement", "throwing"])
+def test_the_text_for_twenty_broken_blocks_stays_short(name: str) -> None:
+    from agentflow.env.tasks.registry import get_task
+    from tests.env.fakes import FakeWorld
+
+    steps = [ROOT, Step(1, 30, 0, 4), Step(2, 36, 1, 0)]
+    steps += [Step(i, 22, i - 3 if i == 3 else i - 1, 0) for i in range(3, 20)]
+    machine = Machine(tuple(steps))
+    rng = np.random.default_rng(1)
+    walk = np.cumsum(rng.normal(size=(26, 20, 3)), axis=0) * 3 - 20
+    trace = make_trace(
+        20,
+        centre=walk,
+        utilisation=rng.random((26, 19)),
+        connections=tuple((i, i - 1) for i in range(1, 20)),
+    )
+    broken = tuple(Broken(i, 22, i - 1, 0.1 * i, 1.234) for i in range(1, 20))
+    task = get_task(name)
+    referee = task.referee(machine)
+    referee.start(FakeWorld())
+    text = task.feedback(machine, trace, broken, referee.verdict(trace)).text
+    tokens = re.findall(r"[A-Za-z]+|\d{1,3}|[^\sA-Za-z\d]", text)
+    assert len(tokens) < 1200

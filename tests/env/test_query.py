@@ -1,0 +1,130 @@
+"""Active queries: tables, cuts and reasons."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agentflow.env.query import answer
+from agentflow.env.trace import Broken
+from agentflow.machine.tree import ROOT, Machine, Step
+from tests.env.fakes import make_rollout, make_trace
+
+MACHINE = Machine((ROOT, Step(1, 1, 0, 0), Step(2, 15, 1, 0), Step(3, 9, 0, 4, 2, 0)))
+TRACE = make_trace(
+    4,
+    paths={1: [(0.1 * i, 0.0, -0.001) for i in range(26)]},
+    length=np.linspace(2.0, 1.0, 26)[:, None],
+    linear=(3,),
+)
+ROLLOUT = make_rollout(TRACE, (Broken(1, 1, 0, 0.42, 1.03),))
+
+
+def ask(**query: object) -> str:
+    return answer(MACHINE, ROLLOUT, [query]).text
+
+
+def test_a_table_has_one_row_per_sample() -> None:
+    given = answer(
+        MACHINE,
+        ROLLOUT,
+        [{"id": 2, "duration": [0.1, 0.6], "properties": ["position", "rotation"]}],
+    )
+    assert given.text == (
+        "Block 2 (Small Wooden Block), 0.1 to 0.6 s:\n"
+        "t s | position (x, y, z) m | rotation (x, y, z, w)\n"
+        "0.2 | 0.00, 0.00, 0.00 | 0.00, 0.00, 0.00, 1.00\n"
+        "0.4 | 0.00, 0.00, 0.00 | 0.00, 0.00, 0.00, 1.00\n"
+        "0.6 | 0.00, 0.00, 0.00 | 0.00, 0.00, 0.00, 1.00"
+    )
+    assert given.data[0]["times"] == pytest.approx([0.2, 0.4, 0.6])
+    assert given.data[0]["position"] == [[0.0, 0.0, 0.0]] * 3
+    assert given.data[0]["broke"] is None
+
+
+def test_a_table_ends_where_the_block_broke_off() -> None:
+    given = answer(MACHINE, ROLLOUT, [{"id": "1", "duration": [0, "5"], "properties": "position"}])
+    assert given.text.splitlines()[-2:] == [
+        "0.4 | 0.20, 0.00, 0.00",
+        "Block 1 (Wooden Block) broke off at 0.42 s; its table ends there.",
+    ]
+    assert given.data[0]["broke"] == 0.42
+
+
+def test_a_break_after_the_interval_is_not_told() -> None:
+    assert ask(id=1, duration=[0, 0.2], properties=["position"]).count("\n") == 3
+
+
+def test_a_broken_second_connection_does_not_cut() -> None:
+    rollout = make_rollout(TRACE, (Broken(1, 1, 2, 0.42, 1.03),))
+    given = answer(MACHINE, rollout, [{"id": 1, "duration": [0, 5], "properties": ["velocity"]}])
+    assert len(given.data[0]["times"]) == 26
+
+
+def test_two_ended_blocks_have_a_length() -> None:
+    text = ask(id=3, duration=[0, 0.2], properties=["length"])
+    assert text.splitlines()[1:] == ["t s | length m", "0.0 | 2.00", "0.2 | 1.96"]
+
+
+@pytest.mark.parametrize("interval", [1 / 120, 0.05, 0.2])
+def test_tables_stay_on_the_grid_of_a_fifth_of_a_second(interval: float) -> None:
+    trace = make_trace(4, round(1 / interval) + 1, interval)
+    given = answer(
+        MACHINE, make_rollout(trace), [{"id": 0, "duration": [0, 1], "properties": ["position"]}]
+    )
+    assert given.data[0]["times"] == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("query", "reason"),
+    [
+        ("position", 'a query is an object with "id", "duration" and "properties"'),
+        ({"id": 1, "duration": [0, 1]}, '"properties" is missing'),
+        ({"id": 9, "duration": [0, 1], "properties": ["position"]}, "there is no block 9; ids go "
+         "from 0 to 3"),
+        ({"id": "a", "duration": [0, 1], "properties": ["position"]}, "\"id\" must be a block id, "
+         "not 'a'"),
+        ({"id": True, "duration": [0, 1], "properties": ["position"]}, '"id" must be a block id, '
+         "not True"),
+        ({"id": 1, "duration": 2, "properties": ["position"]}, '"duration" must be [from, to] in '
+         "seconds, not 2"),
+        ({"id": 1, "duration": [2, 1], "properties": ["position"]}, "the interval 2 to 1 s is "
+         "empty"),
+        ({"id": 1, "duration": [6, 9], "properties": ["position"]}, "no sample lies between 6 and "
+         "9 s; samples go from 0 to 5 s, one every 0.2 s"),
+        ({"id": 1, "duration": [0, 1], "properties": []}, '"properties" must list some of '
+         "position, rotation, velocity, length"),
+        ({"id": 1, "duration": [0, 1], "properties": ["mass"]}, "unknown property 'mass'; known: "
+         "position, rotation, velocity, length"),
+        ({"id": 1, "duration": [0, 1], "properties": [["mass"]]}, "unknown property ['mass']; "
+         "known: position, rotation, velocity, length"),
+        ({"id": 1, "duration": [0, 1], "properties": ["length"]}, "block 1 (Wooden Block) has no "
+         "length; only two-ended blocks have one"),
+    ],
+)  # fmt: skip
+def test_an_invalid_query_gets_a_reason_and_the_others_their_answer(
+    query: object, reason: str
+) -> None:
+    good = {"id": 0, "duration": [0, 0], "properties": ["position"]}
+    given = answer(MACHINE, ROLLOUT, [query, good])
+    assert given.data[0] == {"query": query, "problem": reason}
+    assert given.text.startswith(
+        f"Query 1: no answer: {reason}\n\nBlock 0 (Starting Block), 0 to 0 s"
+    )
+
+
+def test_only_twelve_queries_are_answered() -> None:
+    queries = [{"id": 0, "duration": [0, 0], "properties": ["position"]}] * 14
+    problems = [item.get("problem") for item in answer(MACHINE, ROLLOUT, queries).data]
+    assert problems[:12] == [None] * 12
+    assert problems[12:] == ["only the first 12 queries of a call are answered"] * 2
+
+
+def test_without_a_record_there_is_nothing_to_tell() -> None:
+    query = {"id": 0, "duration": [0, 0], "properties": ["position"]}
+    given = answer(MACHINE, make_rollout(None), [query])
+    assert given.text == "Query 1: no answer: nothing was recorded, the rollout ended as invalid"
+
+
+def test_no_queries_no_text() -> None:
+    assert answer(MACHINE, ROLLOUT, []).text == ""
