@@ -3,3 +3,36 @@
 Pure Python and NumPy. Never imports an engine or a model, so a machine can be read, checked and
 edited in well under a millisecond.
 """
+
+from agentflow.machine.blocks import BlockType, Face, Library, library
+from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.geometry import AutoConnection, Geometry, Placed, PlacedFace, place
+from agentflow.machine.parse import Extracted, Reading, extract_json, read_machine
+from agentflow.machine.problems import Problem
+from agentflow.machine.tree import ROOT, Machine, Step
+from agentflow.machine.validity import Report, check, spatial_problems
+
+__all__ = [
+    "ROOT",
+    "SIZE_LIMIT",
+    "AutoConnection",
+    "BlockType",
+    "Brief",
+    "Extracted",
+    "Face",
+    "Geometry",
+    "Library",
+    "Machine",
+    "Placed",
+    "PlacedFace",
+    "Problem",
+    "Reading",
+    "Report",
+    "Step",
+    "check",
+    "extract_json",
+    "library",
+    "place",
+    "read_machine",
+    "spatial_problems",
+]

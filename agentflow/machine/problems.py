@@ -1,0 +1,90 @@
+"""Owns the problem: one thing that is wrong with a machine, and the words it is told in.
+
+Finding problems is parse.py's (the file) and validity.py's (space and task).
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+from agentflow.machine.blocks import STARTING_BLOCK, library
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that is wrong with a machine."""
+
+    code: str
+    """Machine-readable kind, for counting: overlap, face_not_found, ..."""
+    blocks: tuple[int, ...]
+    """Ids of the blocks concerned (places in the list where ids are wrong), ascending."""
+    message: str
+    """One plain sentence with the offending values that a model can act on."""
+
+    def to_json(self) -> dict[str, object]:
+        """The problem as JSON data."""
+        return {"code": self.code, "blocks": list(self.blocks), "message": self.message}
+
+
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = 40
+_short.maxlevel = 2
+
+
+def shown(value: object) -> str:
+    """Any value in a few characters, for messages."""
+    if isinstance(value, int) and abs(value) >= 10**12:
+        return "a very large number"
+    return _short.repr(value)
+
+
+def listed(items: Iterable[object]) -> str:
+    """Items with commas between them; "none" if there are none."""
+    return ", ".join(str(item) for item in items) or "none"
+
+
+def named(block_id: int, block_type: int) -> str:
+    """A block as messages show it: "block 7 (Log)"."""
+    return f"block {block_id} ({library()[block_type].name})"
+
+
+def type_fault(kind: int, allowed: Collection[int], *, two_ended: bool) -> tuple[str, str] | None:
+    """Code and sentence if a block other than the root may not be of this type; None if it may.
+
+    Args:
+        kind: the type id as written.
+        allowed: type ids that the task allows.
+        two_ended: whether the block is written with two parents.
+    """
+    if kind == STARTING_BLOCK:
+        return "starting_block", "type 0 is the Starting Block; a machine has one, its first block"
+    if kind not in library():
+        near = listed(library().nearest(kind)[:3])
+        return "unknown_type", f"type {shown(kind)} is unknown; the nearest types are {near}"
+    block = library()[kind]
+    if kind not in allowed:
+        types = listed(sorted(allowed))
+        return "type_not_allowed", f"type {block.label} is not allowed here; allowed types: {types}"
+    if block.linear and not two_ended:
+        return (
+            "two_ended",
+            f"type {block.label} is two-ended: it needs two parents, each with a face",
+        )
+    if two_ended and not block.linear:
+        return "two_ended", f"type {block.label} is not two-ended: it has one parent and one face"
+    return None
+
+
+def face_fault(block_id: int, block_type: int, face_id: int) -> str | None:
+    """A sentence if the block has no such face; None if it has, or if its type is unknown."""
+    if block_type not in library():
+        return None
+    count = len(library()[block_type].faces)
+    if 0 <= face_id < count:
+        return None
+    if count == 0:
+        return f"{named(block_id, block_type)} has no faces, nothing can be attached to it"
+    faces = "its only face is 0" if count == 1 else f"its faces are 0 to {count - 1}"
+    return f"{named(block_id, block_type)} has no face {shown(face_id)}; {faces}"

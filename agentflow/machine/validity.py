@@ -1,0 +1,182 @@
+"""Owns the verdict on a machine: file, space and task validity, with every problem named.
+
+Reading is parse.py's, placing geometry.py's; this module judges and words.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from agentflow.machine.blocks import Vec3, library
+from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.geometry import Geometry, overlap_of, place
+from agentflow.machine.parse import Reading, file_problems, read_machine
+from agentflow.machine.problems import Problem, listed, named
+from agentflow.machine.tree import Machine
+
+__all__ = [
+    "Problem",
+    "Report",
+    "check",
+    "overlap_message",
+    "size_problems",
+    "spatial_problems",
+    "task_problems",
+]
+
+MAX_OVERLAP_SENTENCES = 200
+"""Most overlaps that get a problem of their own; all of them are in `Report.overlaps`."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """The verdict on one machine."""
+
+    file_valid: bool
+    spatial_valid: bool | None
+    """None when not file-valid."""
+    machine_valid: bool
+    """File-valid and spatially valid."""
+    repaired: bool
+    """Whether the JSON had to be repaired."""
+    problems: tuple[Problem, ...]
+    """Every problem: of the file, of space, and of the task (`required_count`)."""
+    overlaps: tuple[tuple[int, int], ...] = ()
+    """Sorted id pairs whose boxes intersect."""
+    size: Vec3 | None = None
+    """Extent along x, y, z in metres; None when not file-valid."""
+    task_valid: bool = False
+    """Machine-valid and as the task demands; the same as `machine_valid` without a task."""
+    machine: Machine | None = None
+    """The machine that was judged; None when not file-valid."""
+    notes: tuple[str, ...] = ()
+    """What the reader passed over without harm."""
+
+    def to_json(self) -> dict[str, object]:
+        """The report as JSON data with exactly the keys of spec 1.12."""
+        return {
+            "file_valid": self.file_valid,
+            "spatial_valid": self.spatial_valid,
+            "machine_valid": self.machine_valid,
+            "repaired": self.repaired,
+            "problems": [problem.to_json() for problem in self.problems],
+            "overlaps": [list(pair) for pair in self.overlaps],
+            "size": None if self.size is None else list(self.size),
+        }
+
+
+def check(source: Machine | Reading | str | Sequence[object], brief: Brief | None = None) -> Report:
+    """Judge a machine, a reading, any text, or JSON data. Never raises (spec 1.5).
+
+    Args:
+        source: what to judge. A `Reading` was read under the task's block list already.
+        brief: the task, for its block list, size limit and required blocks; without one the core
+            types and the standard building volume.
+    """
+    blocks = None if brief is None else brief.blocks
+    if isinstance(source, Machine):
+        faults = tuple(file_problems(source.steps, blocks))
+        reading = Reading(None if faults else source, problems=faults)
+    else:
+        reading = source if isinstance(source, Reading) else read_machine(source, blocks)
+    machine = reading.machine
+    if machine is None:
+        problems = reading.problems
+        return Report(False, None, False, reading.repaired, problems, notes=reading.notes)
+    geometry = place(machine)
+    spatial = spatial_problems(geometry, SIZE_LIMIT if brief is None else brief.size_limit)
+    demanded = [] if brief is None else task_problems(machine, brief)
+    return Report(
+        file_valid=True,
+        spatial_valid=not spatial,
+        machine_valid=not spatial,
+        repaired=reading.repaired,
+        problems=(*spatial, *demanded),
+        overlaps=geometry.overlaps,
+        size=geometry.size,
+        task_valid=not spatial and not demanded,
+        machine=machine,
+        notes=reading.notes,
+    )
+
+
+def task_problems(machine: Machine, brief: Brief) -> list[Problem]:
+    """What a complete machine lacks or has too much of for the task (`required_count`)."""
+    problems = []
+    for kind, count in brief.required.items():
+        found = tuple(step.id for step in machine if step.type == kind)
+        if len(found) != count:
+            need = f"exactly {count} block{'' if count == 1 else 's'} of type"
+            message = f"the task demands {need} {library()[kind].label}; this has {len(found)}"
+            problems.append(Problem("required_count", found, message))
+    return problems
+
+
+def spatial_problems(
+    geometry: Geometry, size_limit: tuple[float, float, float] = SIZE_LIMIT
+) -> list[Problem]:
+    """Everything that keeps a file-valid machine from being spatially valid (spec 1.5)."""
+    problems = _shared_faces(geometry)
+    for a, b in geometry.overlaps[:MAX_OVERLAP_SENTENCES]:
+        problems.append(Problem("overlap", (a, b), overlap_message(geometry, a, b)))
+    left = len(geometry.overlaps) - MAX_OVERLAP_SENTENCES
+    if left > 0:
+        problems.append(Problem("overlap", (), f"{left} more pairs of blocks overlap"))
+    return problems + size_problems(geometry, size_limit)
+
+
+def _shared_faces(geometry: Geometry) -> list[Problem]:
+    on_face = Counter(
+        (placed.step.parent, placed.step.face_id)
+        for placed in geometry.blocks
+        if not placed.two_ended
+    )
+    problems = []
+    for (parent, face), count in on_face.items():
+        if count > 1:
+            sharing = tuple(child for at, child in geometry.children_by_face(parent) if at == face)
+            message = (
+                f"blocks {listed(sharing)} hang on the same face {face} of "
+                f"{named(parent, geometry[parent].type)}; a face carries one; "
+                f"{_free(geometry, parent)}"
+            )
+            problems.append(Problem("face_occupied", sharing, message))
+    return problems
+
+
+def overlap_message(geometry: Geometry, a: int, b: int) -> str:
+    """By how much two blocks overlap, and which faces the later one's parent still has free."""
+    first, second = geometry[a], geometry[b]
+    depth = " x ".join(str(extent) for extent in overlap_of(first, second))
+    later, other = (second, first) if b > a else (first, second)
+    return (
+        f"{named(later.id, later.type)} and {named(other.id, other.type)} overlap by {depth} m; "
+        f"{_free(geometry, later.step.parent)}"
+    )
+
+
+def _free(geometry: Geometry, block_id: int) -> str:
+    return f"faces still free on block {block_id}: {listed(geometry.free_faces(block_id))}"
+
+
+def size_problems(
+    geometry: Geometry, size_limit: tuple[float, float, float] = SIZE_LIMIT
+) -> list[Problem]:
+    """One problem per axis along which the machine is larger than the building volume."""
+    problems = []
+    for axis, (extent, limit) in enumerate(zip(geometry.size, size_limit, strict=True)):
+        if extent <= limit:
+            continue
+        boxed = [placed for placed in geometry.blocks if not placed.two_ended]
+        last = min(boxed, key=lambda placed: placed.lo[axis])
+        first = max(boxed, key=lambda placed: placed.hi[axis])
+        name = "xyz"[axis]
+        message = (
+            f"the machine is {extent} m along {name}, {round(extent - limit, 3)} m over the limit "
+            f"of {limit} m; {named(last.id, last.type)} reaches furthest to {name}- and "
+            f"{named(first.id, first.type)} to {name}+"
+        )
+        problems.append(Problem("size_limit", tuple(sorted({last.id, first.id})), message))
+    return problems
