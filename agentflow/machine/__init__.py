@@ -6,6 +6,7 @@ edited in well under a millisecond.
 
 from agentflow.machine.blocks import BlockType, Face, Library, library
 from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.edits import EditOutcome, StepVerdict, apply_script
 from agentflow.machine.geometry import AutoConnection, Geometry, Placed, PlacedFace, place
 from agentflow.machine.parse import Extracted, Reading, extract_json, read_machine
 from agentflow.machine.problems import Problem
@@ -18,6 +19,7 @@ __all__ = [
     "AutoConnection",
     "BlockType",
     "Brief",
+    "EditOutcome",
     "Extracted",
     "Face",
     "Geometry",
@@ -29,6 +31,8 @@ __all__ = [
     "Reading",
     "Report",
     "Step",
+    "StepVerdict",
+    "apply_script",
     "check",
     "extract_json",
     "library",

@@ -54,10 +54,10 @@ class Geometry:
     """Where everything is. Machine frame: left-handed, x right, y up, z forward, metres."""
 
     blocks: tuple[Placed, ...]
-    """By block id."""
+    """By block id; ids have gaps only while an edit script is at work."""
 
     def __getitem__(self, block_id: int) -> Placed:
-        return self.blocks[block_id]
+        return self._by_id[block_id]
 
     def children(self, block_id: int) -> tuple[int, ...]:
         """Ids of the standard blocks on the block's faces, ascending."""
@@ -78,7 +78,7 @@ class Geometry:
     def free_faces(self, block_id: int) -> tuple[int, ...]:
         """Ids of the faces that carry no standard block, ascending."""
         taken = {face for _, face in self._children[block_id]}
-        count = len(library()[self.blocks[block_id].type].faces)
+        count = len(library()[self[block_id].type].faces)
         return tuple(face for face in range(count) if face not in taken)
 
     @property
@@ -127,7 +127,7 @@ class Geometry:
             front = placed.shape.faces[0]
             x, y, z = front.facing.front
             for partner, face_id in meeting.get((add(placed.at, front.offset), (-x, -y, -z)), ()):
-                other = self.blocks[partner].step
+                other = self[partner].step
                 if other.parent == placed.id or placed.step.parent == partner:
                     continue
                 if AutoConnection(partner, face_id, placed.id, 0) not in found:
@@ -137,6 +137,10 @@ class Geometry:
     def to_json(self) -> list[dict[str, object]]:
         """All blocks as JSON data (spec 1.12, `blocks`)."""
         return [placed.to_json() for placed in self.blocks]
+
+    @cached_property
+    def _by_id(self) -> dict[int, Placed]:
+        return {placed.id: placed for placed in self.blocks}
 
     @cached_property
     def _children(self) -> dict[int, list[tuple[int, int]]]:

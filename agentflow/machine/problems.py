@@ -65,7 +65,7 @@ def type_fault(kind: int, allowed: Collection[int], *, two_ended: bool) -> tuple
         return "unknown_type", f"type {shown(kind)} is unknown; the nearest types are {near}"
     block = library()[kind]
     if kind not in allowed:
-        types = listed(sorted(allowed))
+        types = listed(kind for kind in sorted(allowed) if kind != STARTING_BLOCK)
         return "type_not_allowed", f"type {block.label} is not allowed here; allowed types: {types}"
     if block.linear and not two_ended:
         return (
