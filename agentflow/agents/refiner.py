@@ -5,7 +5,7 @@ Applying the edit commands is agentflow.machine's; trying the result is the sear
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -15,6 +15,7 @@ from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.sections import sections
 from agentflow.agents.verdicts import shortcoming, told
 from agentflow.machine.brief import Brief
+from agentflow.machine.commands import script_lines
 from agentflow.machine.edits import StepVerdict, apply_script
 from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine
@@ -24,6 +25,10 @@ THOUGHT = "Thought Process"
 DESCRIPTION = "Modification Description"
 PREDICTION = "Simulation Prediction After Modification"
 STEPS = "Modification Steps"
+MAX_LINES = 30
+"""Most verdicts told of a failing script."""
+MAX_WIDTH = 200
+"""Most characters told of a line of a script."""
 GEOMETRIC = frozenset({"face_occupied", "overlap", "size_limit"})
 """Codes of failing edits that are about space, not about form or bookkeeping."""
 
@@ -96,12 +101,11 @@ class Refiner(Role[RefinerInput, Refinement]):
 
 
 def _edited(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
-    script = _without_fence(found[STEPS])
+    script = "\n".join(script_lines(found[STEPS]))
     outcome = apply_script(given.machine, script, given.brief)
     if not outcome.success:
         code = next((step.code for step in outcome.steps if step.code), "bad_format")
-        listed = "\n".join(verdict_line(step) for step in outcome.steps)
-        problem = f"The script fails; the machine is unchanged:\n{listed}"
+        problem = "The script fails; the machine is unchanged:\n" + verdict_text(outcome.steps)
         return Parsed(None, problem, code, spatial=False if code in GEOMETRIC else None)
     return _checked(found, given, outcome.machine, script, outcome.steps, repaired=False)
 
@@ -142,13 +146,13 @@ def _checked(
     return Parsed(refinement, repaired=repaired, spatial=report.spatial_valid)
 
 
-def verdict_line(step: StepVerdict) -> str:
-    """One step as it is told: `Add 15 to 3 in 0: Error (overlap: block 9 ... )`."""
-    reason = f" ({step.code}: {step.reason})" if step.reason else ""
-    return f"{step.text}: {step.verdict}{reason}"
-
-
-def _without_fence(text: str) -> str:
-    """A script without the lines of a fence around it."""
-    lines = [line for line in text.splitlines() if not line.lstrip().startswith("```")]
-    return "\n".join(lines).strip()
+def verdict_text(steps: Sequence[StepVerdict]) -> str:
+    """The verdicts as they are told, one line each and bounded: `Remove 7: Error (code: why)`."""
+    lines = [
+        f"{step.text[:MAX_WIDTH] or '(no command)'}: {step.verdict}"
+        + (f" ({step.code}: {step.reason})" if step.code else "")
+        for step in steps
+    ]
+    if len(lines) <= MAX_LINES:
+        return "\n".join(lines)
+    return "\n".join([*lines[:MAX_LINES], f"... and {len(lines) - MAX_LINES} more"])

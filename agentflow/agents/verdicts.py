@@ -11,6 +11,8 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import Problem, Report
 
+COUNT = "required_count"
+"""Code of having more or fewer blocks of a type than the task demands."""
 MAX_TOLD = 8
 """Most problems told at once; the first are usually the cause of the others."""
 
@@ -36,12 +38,12 @@ def shortcoming(
             type than the task wants, because nothing can take them away again.
     """
     if not report.machine_valid or (complete and not report.task_valid):
-        code = report.problems[0].code if report.problems else "invalid"
-        return code, "The machine is not valid:\n" + told(report.problems)
+        problems = [item for item in report.problems if complete or item.code != COUNT]
+        return problems[0].code, "The machine is not valid:\n" + told(problems)
     for kind, most in sorted(brief.required.items()):
         if machine.count(kind) > most:
             return (
-                "required_count",
+                COUNT,
                 f"The machine has {machine.count(kind)} blocks of type {kind}; "
                 f"the task wants exactly {most}.",
             )

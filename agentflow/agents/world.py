@@ -51,9 +51,9 @@ def world_answers(text: str) -> dict[str, Any]:
     """
     keys = list(_KEY.finditer(text))
     answers: dict[str, Any] = {}
-    for match, following in zip(keys, [*keys[1:], None], strict=True):
-        end = following.start() if following else len(text)
-        value = text[match.end() : min(end, match.end() + 200)].partition("\n")[0]
+    for match, end in zip(keys, [*(key.start() for key in keys[1:]), len(text)], strict=False):
+        value = text[match.end() : min(end, match.end() + 200)].lstrip("[ \r\n\t")
+        value = value.partition("\n")[0]
         key = match[1].lower()
         answer = _direction(value) if key in AXES else ids_in(value)
         if answer:
@@ -90,7 +90,7 @@ def world_score(answers: Mapping[str, Any], geometry: Geometry) -> float:
 
     An extreme is right when blocks are named and all of them reach farthest.
     """
-    right = sum(answers.get(axis) == word for axis, word in AXES.items())
+    right: int = sum(answers.get(axis) == word for axis, word in AXES.items())
     for question, blocks in extreme_blocks(geometry).items():
         named = answers.get(question) or []
         right += bool(named) and set(named) <= set(blocks)

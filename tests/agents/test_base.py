@@ -1,0 +1,112 @@
+"""The retry conversation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import pytest
+
+from agentflow.agents.base import Attempt, Desk, Parsed, Role, ask
+from agentflow.llm.messages import Reply, Sampling
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.prompts.render import PromptSet
+
+
+class Number(Role[str, int]):
+    """Wants a number; borrows the querier's templates."""
+
+    name: ClassVar[str] = "querier"
+
+    def variables(self, given: str) -> Mapping[str, object]:
+        task = {
+            "name": given,
+            "objective": "Say a number.",
+            "required": [],
+            "scene": [],
+            "schedule": [],
+            "score": [],
+        }
+        return {
+            "task": task,
+            "types": [],
+            "two_ended": [],
+            "machine": "",
+            "geometry": "",
+            "report": "",
+        }
+
+    def parse(self, text: str, given: str) -> Parsed[int]:
+        if text.strip().isdecimal():
+            return Parsed(int(text))
+        return Parsed(None, f"{text!r} is no number for {given}.", "no_number", parsed=False)
+
+
+def _desk(
+    replies: list[str | Reply], max_retry: int = 5
+) -> tuple[Desk, ScriptedClient, list[Attempt[object]]]:
+    client, seen = ScriptedClient(replies), list[Attempt[object]]()
+    desk = Desk(client, PromptSet(), Sampling(seed=3), max_retry, seen.append)
+    return desk, client, seen
+
+
+async def test_first_reply_is_enough() -> None:
+    desk, client, seen = _desk(["42"])
+    outcome = await ask(Number(), "t", desk, "querier/traj-0")
+    assert (outcome.output, outcome.valid_at_first) == (42, True)
+    assert [attempt.label for attempt in seen] == ["querier/traj-0/attempt-1"]
+    request = client.requests[0]
+    assert (request.role, request.sampling.seed) == ("querier", 3)
+    assert [message.role for message in request.messages] == ["system", "user"]
+    assert "Task: t\n" in request.messages[1].text
+
+
+async def test_reason_is_appended() -> None:
+    desk, client, seen = _desk(["many", "7"])
+    outcome = await ask(Number(), "t", desk, "q")
+    assert (outcome.output, outcome.valid_at_first) == (7, False)
+    assert seen == list(outcome.attempts)
+    assert [request.label for request in client.requests] == ["q/attempt-1", "q/attempt-2"]
+    added = client.requests[1].messages[2:]
+    assert [(message.role, message.text) for message in added] == [
+        ("assistant", "many"),
+        (
+            "user",
+            "Your reply was not accepted:\n'many' is no number for t.\n"
+            "Mend this and send the whole reply again in the demanded format.\n",
+        ),
+    ]
+
+
+async def test_all_attempts_fail() -> None:
+    desk, client, seen = _desk(["a", "b", "c"], max_retry=3)
+    outcome = await ask(Number(), "t", desk, "q")
+    assert outcome.output is None
+    assert [attempt.parsed.code for attempt in seen] == ["no_number"] * 3
+    assert [len(request.messages) for request in client.requests] == [2, 4, 6]
+
+
+@pytest.mark.parametrize(
+    ("reply", "code", "problem"),
+    [
+        (
+            Reply(text="4", finish="length"),
+            "truncated",
+            "It was cut off at the length limit. Send a shorter one: less thought, the whole "
+            "format.",
+        ),
+        (Reply(text="", finish="empty"), "empty", "It was empty. Send the whole format."),
+        (Reply(text=" \n", finish="stop"), "empty", "It was empty. Send the whole format."),
+        (
+            Reply(text="4", finish="content_filter"),
+            "content_filter",
+            "A content filter stopped it. Put it in other words and send the whole format.",
+        ),
+    ],
+)
+async def test_unfinished_replies_are_not_parsed(reply: Reply, code: str, problem: str) -> None:
+    desk, client, seen = _desk([reply, "5"])
+    outcome = await ask(Number(), "t", desk, "q")
+    assert outcome.output == 5
+    assert seen[0].parsed == Parsed(None, problem, code, parsed=False)
+    assert client.requests[1].messages[2].text == (reply.text.strip() or "(no text)")

@@ -1,0 +1,61 @@
+"""The bounded edit history."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.agents.history import Entry, History
+
+
+def _history(scores: list[float | None], limit: int = 20) -> History:
+    history = History(limit=limit)
+    for i, score in enumerate(scores):
+        history = history.add(Entry(f"Remove {i}", "Success", before=1.0, after=score))
+    return history
+
+
+def test_text() -> None:
+    history = (
+        History()
+        .add(Entry("Add 15 to 3 in 0\nRemove 7", "Success", before=None, after=4.256))
+        .add(Entry("Move 2 to 1 in 0", "Error", "Move 2 to 1 in 0: Error (face_occupied)", 4.256))
+        .add(Entry("Remove 4", "Success", "", 4.256, 1.0))
+    )
+    assert history.to_text() == (
+        "1. Success, score none -> 4.26, best so far\n"
+        "   Add 15 to 3 in 0\n"
+        "   Remove 7\n"
+        "2. Error, score 4.26 -> none\n"
+        "   Move 2 to 1 in 0\n"
+        "   Move 2 to 1 in 0: Error (face_occupied)\n"
+        "3. Success, score 4.26 -> 1.00, worst so far\n"
+        "   Remove 4"
+    )
+
+
+def test_empty_text() -> None:
+    assert History().to_text() == ""
+
+
+def test_newest_best_and_worst_stay() -> None:
+    scores: list[float | None] = [5.0, 9.0, 3.0, 0.0, *[5.0] * 30, None]
+    history = _history(scores)
+    assert [item.number for item in history.entries] == [2, 4, *range(18, 36)]
+
+
+def test_earlier_of_equals_is_the_best() -> None:
+    history = _history([1.0, 2.0, 2.0, 1.0, 1.5, 1.5], limit=4)
+    assert [item.number for item in history.entries] == [1, 2, 5, 6]
+
+
+def test_long_scripts_are_cut() -> None:
+    text = History().add(Entry("x" * 1000 + "\n" + "Remove 1\n" * 50, "Error")).to_text()
+    lines = text.splitlines()
+    assert len(lines) == 22
+    assert lines[1] == "   " + "x" * 300
+    assert lines[-1] == "   ..."
+
+
+def test_limit() -> None:
+    with pytest.raises(ValueError, match="a history needs a limit of at least 3, not 2"):
+        History(limit=2)

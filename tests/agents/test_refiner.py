@@ -1,0 +1,124 @@
+"""Refinements in replies: by script and as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agentflow.agents.refiner import Refiner, RefinerInput
+from agentflow.machine.tree import Machine
+from tests.agents.fakes import FRAME, MOVEMENT, THROWER, THROWING, fenced, machine
+
+GIVEN = RefinerInput(MOVEMENT, FRAME)
+WHOLE = replace(GIVEN, format="whole_machine")
+
+
+def _reply(steps: str) -> str:
+    return f"""<Thought Process>think</Thought Process>
+<Modification Description>add wheels</Modification Description>
+<Simulation Prediction After Modification>drives</Simulation Prediction After Modification>
+<Modification Steps>
+{steps}
+</Modification Steps>"""
+
+
+def test_script() -> None:
+    parsed = Refiner().parse(_reply("Add 2 to 1 in 2\nadd [2] to [1] in [4]"), GIVEN)
+    refinement = parsed.output
+    assert refinement is not None
+    assert refinement.machine == machine((1, 0, 0), (1, 0, 1), (2, 1, 2), (2, 1, 4))
+    assert refinement.script == "Add 2 to 1 in 2\nadd [2] to [1] in [4]"
+    assert [step.verdict for step in refinement.steps] == ["Success", "Success"]
+    assert (refinement.thought, refinement.description) == ("think", "add wheels")
+    assert refinement.prediction == "drives"
+    assert parsed.spatial is True
+
+
+def test_script_in_a_fence() -> None:
+    parsed = Refiner().parse(_reply("```\nRemove 2\n```"), GIVEN)
+    assert parsed.output is not None
+    assert parsed.output.machine == machine((1, 0, 0))
+    assert parsed.output.script == "Remove 2"
+
+
+def test_failing_script_is_told_step_by_step() -> None:
+    parsed = Refiner().parse(_reply("Remove 2\nAdd 2 to 9 in 0\nRemove 1"), GIVEN)
+    assert (parsed.output, parsed.code) == (None, "parent_not_found")
+    lines = parsed.problem.splitlines()
+    assert lines[0] == "The script fails; the machine is unchanged:"
+    assert lines[1] == "Remove 2: Success"
+    assert lines[2].startswith("Add 2 to 9 in 0: Error (parent_not_found: ")
+    assert lines[3] == "Remove 1: Unverified"
+    assert parsed.parsed
+    assert parsed.spatial is None
+
+
+def test_overlap_in_a_script() -> None:
+    parsed = Refiner().parse(_reply("Add 2 to 1 in 1\nAdd 63 to 2 in 1\nAdd 2 to 1 in 2"), GIVEN)
+    assert (parsed.code, parsed.spatial) == ("overlap", False)
+
+
+def test_required_blocks_stay() -> None:
+    given_ = RefinerInput(THROWING, THROWER)
+    parsed = Refiner().parse(_reply("Remove 6"), given_)
+    assert (parsed.output, parsed.code) == (None, "required_count")
+    assert parsed.problem == (
+        "The machine is not valid:\n- the task demands exactly 1 block of type 36 (Boulder); "
+        "this has 0"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("Remove 2", "The section <Modification Steps> is missing."),
+        ("<Modification Steps></Modification Steps>", "The section <Modification Steps> is empty."),
+    ],
+)
+def test_missing_section(text: str, problem: str) -> None:
+    parsed = Refiner().parse(text, GIVEN)
+    assert (parsed.output, parsed.code, parsed.problem) == (None, "missing_section", problem)
+    assert not parsed.parsed
+
+
+def test_whole_machine() -> None:
+    new = machine((1, 0, 0))
+    refinement = Refiner().parse(_reply(fenced(FRAME, new)), WHOLE).output
+    assert refinement is not None
+    assert (refinement.machine, refinement.script, refinement.steps) == (new, "", ())
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "problem", "parsed_", "spatial"),
+    [
+        (fenced(FRAME), "no_change", "The new machine is the same as the current one.", True, True),
+        (
+            fenced(machine((1, 0, 0), (15, 1, 1), (15, 0, 2), (1, 3, 2))),
+            "overlap",
+            "The machine is not valid:\n- block 4 (Wooden Block) and block 2 (Small Wooden Block) "
+            "overlap by ",
+            True,
+            False,
+        ),
+        ("no", "not_json", "<Modification Steps> holds no valid machine:\n- ", False, None),
+    ],
+)
+def test_whole_machine_problems(
+    text: str, code: str, problem: str, parsed_: bool, spatial: bool | None
+) -> None:
+    parsed = Refiner().parse(_reply(text), WHOLE)
+    assert (parsed.output, parsed.code) == (None, code)
+    assert parsed.problem.startswith(problem)
+    assert (parsed.parsed, parsed.spatial) == (parsed_, spatial)
+
+
+@given(st.text())
+@pytest.mark.parametrize("asked", [GIVEN, WHOLE])
+def test_never_raises(asked: RefinerInput, text: str) -> None:
+    parsed = Refiner().parse(_reply(text), asked)
+    output = parsed.output
+    assert (output is None) == bool(parsed.problem)
+    assert output is None or isinstance(output.machine, Machine)

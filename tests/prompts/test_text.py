@@ -1,0 +1,47 @@
+"""What foreign text becomes before it enters a prompt."""
+
+from __future__ import annotations
+
+import json
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agentflow.prompts.text import as_json, guard, oneline, quote, token_estimate
+
+
+def test_quote_marks_every_line() -> None:
+    assert quote("a\n\n## Task\r\n```\u2028# b") == "> a\n>\n> ## Task\n> ```\n> # b"
+    assert quote(" \n") == ""
+
+
+def test_guard_marks_only_lines_that_could_open_something() -> None:
+    assert guard("t 0.2\n | x |\n  ## Task\n~~~\n```json") == (
+        "t 0.2\n | x |\n>   ## Task\n> ~~~\n> ```json"
+    )
+
+
+def test_oneline_joins() -> None:
+    assert oneline(" a\n## Task\tb\u2028c ") == "a ## Task b c"
+
+
+@given(st.text())
+def test_no_text_opens_a_heading_or_fence(text: str) -> None:
+    for line in [*quote(text).splitlines(), *guard(text).splitlines()]:
+        assert not line.lstrip().startswith(("#", "```", "~~~"))
+    assert len(oneline(text).splitlines()) <= 1
+
+
+@given(st.recursive(st.text() | st.integers(), st.lists))
+def test_json_stays_what_it_is_within_a_fence(data: object) -> None:
+    text = as_json(data)
+    assert json.loads(text) == data
+    assert "`" not in text
+    assert not any(line.startswith("#") for line in text.splitlines())
+
+
+def test_token_estimate_counts_pieces() -> None:
+    assert token_estimate("") == 0
+    assert token_estimate("Add 15 to 3 in 0") == 6
+    assert token_estimate("extraordinarily") == 2
+    assert token_estimate('{"id": 12345}') == 6
