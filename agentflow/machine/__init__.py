@@ -6,6 +6,7 @@ edited in well under a millisecond.
 
 from agentflow.machine.blocks import BlockType, Face, Library, library
 from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.describe import describe, describe_text, tree_text
 from agentflow.machine.edits import EditOutcome, StepVerdict, apply_script
 from agentflow.machine.geometry import AutoConnection, Geometry, Placed, PlacedFace, place
 from agentflow.machine.parse import Extracted, Reading, extract_json, read_machine
@@ -34,9 +35,12 @@ __all__ = [
     "StepVerdict",
     "apply_script",
     "check",
+    "describe",
+    "describe_text",
     "extract_json",
     "library",
     "place",
     "read_machine",
     "spatial_problems",
+    "tree_text",
 ]
