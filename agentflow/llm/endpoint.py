@@ -15,7 +15,7 @@ from agentflow.errors import ConfigError
 DEFAULT_BASE_URL = "https://api.openai.com/v1"
 _SHORTEST_SECRET = 6
 """Shorter keys are placeholders for local servers ("EMPTY"), and words of ordinary text."""
-_LOOKS_LIKE_A_KEY = re.compile(r"(?i)(?<=bearer )[^\s'\"]{6,}|\bsk-[A-Za-z0-9_*.-]{6,}")
+_LOOKS_LIKE_A_KEY = re.compile(r"(?i)(?<=bearer )[\w.~+/*=-]{6,}|\bsk-[A-Za-z0-9_*.-]{6,}")
 
 
 class _Bearer(httpx.Auth):

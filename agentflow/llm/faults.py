@@ -61,7 +61,7 @@ class Refusal:
 
     status: int
     message: str
-    """The server's own words, as they came (not yet scrubbed or shortened)."""
+    """The server's own words, at full length."""
     param: str = ""
     """The parameter it names, where it names one."""
     code: str = ""

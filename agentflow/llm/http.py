@@ -9,6 +9,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import aclosing
+from dataclasses import replace
 
 import httpx
 from pydantic import BaseModel, ConfigDict, Field
@@ -118,7 +119,7 @@ class OpenAIClient:
         except wire.NoReplyError as problem:
             raise faults.no_reply(self._endpoint, str(problem)) from None
         if isinstance(answer, faults.Refusal):
-            return answer
+            return replace(answer, message=self._endpoint.scrub(answer.message))
         scrub = self._endpoint.scrub_known
         return answer.model_copy(
             update={

@@ -106,7 +106,7 @@ class Tape:
             while written < len(line):
                 written += self._file.write(line[written:])
         except OSError as problem:
-            self._file.truncate(self._end)
+            self._take_back()
             raise RunError(f"cannot write {self.path}: {problem.strerror}") from None
         self._offsets.setdefault(entry.key, self._end)
         self._end += len(line)
@@ -114,6 +114,12 @@ class Tape:
     def close(self) -> None:
         """Close the file; closing twice does no harm."""
         self._file.close()
+
+    def _take_back(self) -> None:
+        try:
+            self._file.truncate(self._end)
+        except OSError:
+            self._file.close()  # nothing may follow half a line
 
     def _entry_at(self, offset: int) -> Entry:
         with open(self.path, "rb") as file:

@@ -1,0 +1,214 @@
+"""The whole client, against a server that nobody here wrote."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import time
+import traceback
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from agentflow.errors import (
+    BudgetSpentError,
+    ConfigError,
+    ModelNotFoundError,
+    RefusedError,
+    UnauthorisedError,
+    UnreachableError,
+)
+from agentflow.llm.budget import Budget, BudgetSettings
+from agentflow.llm.build import EndpointSettings, open_client, wrap
+from agentflow.llm.client import Client
+from agentflow.llm.messages import Reply
+from agentflow.llm.record import ReplayClient
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.tape import Tape
+from tests.llm.conftest import free_port
+from tests.llm.helpers import KEY, ask
+
+QUICK = EndpointSettings.model_validate({"retry": {"attempts": 3, "base_s": 0.001}})
+
+
+@asynccontextmanager
+async def opened(
+    base_url: str,
+    *,
+    model: str = "gpt-4o",
+    settings: EndpointSettings = QUICK,
+    tape: Tape | None = None,
+    budget: Budget | None = None,
+    on_wait: Callable[[str], None] = lambda _line: None,
+) -> AsyncIterator[Client]:
+    client = open_client(
+        model=model,
+        base_url=base_url,
+        api_key=KEY,
+        settings=settings,
+        tape=tape,
+        budget=budget,
+        warn=pytest.fail,
+        on_wait=on_wait,
+    )
+    try:
+        yield client
+    finally:
+        await client.aclose()
+
+
+async def test_a_streamed_reply(stub_url: str) -> None:
+    async with opened(stub_url) as client:
+        reply = await client.complete(ask("say hello"))
+    assert (reply.text, reply.finish) == ("hello, machine builder", "stop")
+    assert (reply.model, reply.retries, client.name) == ("gpt-4o", 0, "gpt-4o")
+
+
+async def test_a_trailing_slash_does_not_matter(stub_url: str) -> None:
+    async with opened(stub_url + "/") as client:
+        assert (await client.complete(ask("say hello"))).text == "hello, machine builder"
+
+
+async def test_thoughts_are_split_off(stub_url: str) -> None:
+    async with opened(stub_url) as client:
+        reply = await client.complete(ask("think first"))
+    assert (reply.text, reply.reasoning) == ("forty-two", "seven\nsteps")
+
+
+async def test_any_character_arrives(stub_url: str) -> None:
+    async with opened(stub_url) as client:
+        assert (await client.complete(ask("unicode"))).text == "a\u2028b \U0001f600 ü"
+
+
+async def test_a_busy_server_is_asked_again(stub_url: str) -> None:
+    waits: list[str] = []
+    async with opened(stub_url, on_wait=waits.append) as client:
+        reply = await client.complete(ask("are you busy"))
+    assert (reply.text, reply.retries) == ("now I have time", 2)
+    assert waits == [
+        f"{stub_url} cannot answer now (429: slow down); again in 0.0 s",
+        f"{stub_url} cannot answer now (503: restarting); again in 0.0 s",
+    ]
+
+
+async def test_errors_say_what_to_change(stub_url: str) -> None:
+    async with opened(stub_url) as client:
+        with pytest.raises(UnauthorisedError) as caught:
+            await client.complete(ask("forbidden"))
+        assert str(caught.value) == (
+            f"{stub_url} refuses the key or its rights on model 'gpt-4o' "
+            "(401: Incorrect API key provided: ***); check OPENAI_API_KEY"
+        )
+        with pytest.raises(RefusedError) as refused:
+            await client.complete(ask("too long"))
+        assert str(refused.value) == (
+            f"{stub_url} refuses the request (400: maximum context length is 8192 tokens)"
+        )
+        with pytest.raises(RefusedError) as busy:
+            await client.complete(ask("never free"))
+        assert str(busy.value) == (
+            f"{stub_url} cannot answer now (503: no capacity) (after 3 attempts)"
+        )
+    async with opened(stub_url, model="nonesuch") as client:
+        with pytest.raises(ModelNotFoundError) as missing:
+            await client.complete(ask("hi"))
+    assert str(missing.value) == (
+        f"no model 'nonesuch' at {stub_url} (404: The model does not exist); "
+        "check --model and --base-url"
+    )
+
+
+async def test_a_wrong_path_names_the_base_url(stub_url: str) -> None:
+    async with opened(stub_url + "/wrong") as client:
+        with pytest.raises(ModelNotFoundError) as caught:
+            await client.complete(ask("hi"))
+    assert str(caught.value) == (
+        f"no model 'gpt-4o' at {stub_url}/wrong (404: Not Found); check --model and --base-url"
+    )
+
+
+async def test_nobody_there() -> None:
+    base_url = f"http://127.0.0.1:{free_port()}/v1"
+    async with opened(base_url) as client:
+        with pytest.raises(UnreachableError) as caught:
+            await client.complete(ask("hi"))
+    assert str(caught.value) == (
+        f"no answer from {base_url} (All connection attempts failed); "
+        "check OPENAI_BASE_URL or --base-url (after 3 attempts)"
+    )
+
+
+async def test_slow_is_not_stalled(stub_url: str) -> None:
+    impatient = EndpointSettings.model_validate({"http": {"idle_s": 0.5}, "retry": {"attempts": 1}})
+    async with opened(stub_url, settings=impatient) as client:
+        reply = await client.complete(ask("take your time"))
+        assert (reply.text, reply.latency_s > 0.2) == ("a slow but steady reply", True)
+        started = time.perf_counter()
+        with pytest.raises(UnreachableError, match=r"silent for 0\.5 s"):
+            await client.complete(ask("stall"))
+        assert time.perf_counter() - started < 1.5
+
+
+async def test_recorded_then_replayed_without_the_server(stub_url: str, tmp_path: Path) -> None:
+    path = tmp_path / "calls.jsonl"
+    labels = [f"designer/traj-{i}/1" for i in range(16)]
+    with Tape(path, pytest.fail) as tape:
+        async with opened(stub_url, tape=tape, budget=Budget()) as client:
+            calls = [client.complete(ask("say hello", label)) for label in labels]
+            recorded = await asyncio.gather(*calls)
+    assert KEY not in path.read_text()
+    assert stub_url not in path.read_text()
+    assert {json.loads(line)["request"]["label"] for line in path.read_text().splitlines()} == set(
+        labels
+    )
+    with Tape(path, pytest.fail, writable=False) as tape:
+        budget = Budget(BudgetSettings(calls=16))
+        client = wrap(ReplayClient(tape, "gpt-4o"), budget=budget)
+        calls = [client.complete(ask("say hello", label)) for label in labels]
+        assert await asyncio.gather(*calls) == recorded
+        with pytest.raises(BudgetSpentError):
+            await client.complete(ask("say hello"))
+
+
+async def test_the_key_is_in_no_log_and_no_traceback(
+    stub_url: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    shown = []
+    with caplog.at_level(logging.DEBUG):
+        async with opened(stub_url) as client:
+            await client.complete(ask("say hello"))
+            for text in ("forbidden", "never free"):
+                try:
+                    await client.complete(ask(text))
+                except (UnauthorisedError, RefusedError) as error:
+                    frames = traceback.TracebackException.from_exception(error, capture_locals=True)
+                    shown += list(frames.format())
+            shown.append(repr(client))
+    assert len(shown) > 2
+    assert KEY not in "".join(shown)
+    assert KEY not in caplog.text
+
+
+async def test_parts_are_put_around_any_client(tmp_path: Path) -> None:
+    inner = ScriptedClient(["one"])
+    assert wrap(inner) is inner
+    with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:
+        client = wrap(inner, tape=tape, budget=Budget(BudgetSettings(calls=2)))
+        for _ in range(2):
+            assert await client.complete(ask()) == Reply(text="one", model="scripted")
+        with pytest.raises(BudgetSpentError):
+            await client.complete(ask())
+
+
+async def test_without_a_base_url_it_is_openai() -> None:
+    client = open_client(model="m", base_url="", warn=pytest.fail)
+    assert client.name == "m"
+    await client.aclose()
+
+
+def test_a_wrong_base_url_is_refused_at_once() -> None:
+    with pytest.raises(ConfigError):
+        open_client(model="m", base_url="localhost:8000", warn=pytest.fail)

@@ -1,0 +1,45 @@
+"""What one question shows."""
+
+from __future__ import annotations
+
+from agentflow.llm.doctor import Diagnosis, diagnose
+from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.http import HttpSettings
+from tests.llm.helpers import KEY
+from tests.llm.hostile import body, reply, serving
+
+
+async def examined(base_url: str, key: str | None = KEY) -> Diagnosis:
+    return await diagnose(Endpoint("m", base_url, key), HttpSettings(connect_s=1, idle_s=2))
+
+
+async def test_a_third_party_server(stub_url: str) -> None:
+    found = await examined(stub_url)
+    assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
+    assert (found.streaming, found.usage, found.reasoning) == (True, False, False)
+    assert (dict(found.refused), found.problem, found.answered_as) == ({}, "", "m")
+    assert 0 < (found.latency_s or 0) < 2
+
+
+async def test_a_server_with_habits() -> None:
+    refusal = body({"error": {"message": "unsupported parameter", "param": "seed"}}, 400)
+    async with serving(refusal, reply("{}", reasoning="hm")) as server:
+        found = await examined(server.base_url)
+    assert dict(found.refused) == {"seed": "left out"}
+    assert (found.streaming, found.usage, found.reasoning) == (False, True, True)
+    assert found.answered_as == "model-as-answered"
+
+
+async def test_what_is_wrong_is_said() -> None:
+    async with serving(body("", 401), body("", 404), body("", 503)) as server:
+        url = server.base_url
+        refused, missing, busy = [await examined(url) for _ in range(3)]
+        keyless = await examined(url, key=None)
+    absent = await examined(url)
+    assert (refused.reachable, refused.authorised, refused.model_exists) == (True, False, None)
+    assert (missing.reachable, missing.authorised, missing.model_exists) == (True, True, False)
+    assert (busy.reachable, busy.authorised) == (True, None)
+    assert busy.problem == f"{url} cannot answer now (503: no message)"
+    assert keyless.problem == busy.problem
+    assert (absent.reachable, absent.authorised) == (False, None)
+    assert absent.problem.startswith(f"no answer from {url} (")

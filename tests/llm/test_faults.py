@@ -1,0 +1,147 @@
+"""What refusals mean and how they read."""
+
+from __future__ import annotations
+
+from datetime import datetime, timezone
+
+import pytest
+
+from agentflow.errors import (
+    EndpointError,
+    ModelNotFoundError,
+    RefusedError,
+    UnauthorisedError,
+)
+from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.faults import (
+    Refusal,
+    TransientFault,
+    error_for,
+    read_refusal,
+    refusal_of,
+    retry_after_s,
+)
+
+ENDPOINT = Endpoint("m", "http://h/v1", "my-own-key")
+NOW = datetime(2025, 1, 1, 12, 0, 0, tzinfo=timezone.utc)
+
+
+@pytest.mark.parametrize(
+    ("value", "seconds"),
+    [
+        ("7", 7.0),
+        (" 0.5 ", 0.5),
+        ("Wed, 01 Jan 2025 12:00:30 GMT", 30.0),
+        ("Wed, 01 Jan 2025 12:00:30 -0000", 30.0),
+        ("Wed, 01 Jan 2025 11:00:00 GMT", 0.0),
+        ("soon", None),
+        ("-3", None),
+        ("nan", None),
+        ("inf", None),
+        ("99999999999999999999", None),
+        ("", None),
+        (None, None),
+    ],
+)
+def test_retry_after(value: str | None, seconds: float | None) -> None:
+    assert retry_after_s(value, NOW) == seconds
+
+
+@pytest.mark.parametrize(
+    ("status", "kind", "text"),
+    [
+        (
+            400,
+            RefusedError,
+            "http://h/v1 refuses the request (400: said)",
+        ),
+        (
+            401,
+            UnauthorisedError,
+            "http://h/v1 refuses the key or its rights on model 'm' (401: said); "
+            "check OPENAI_API_KEY",
+        ),
+        (
+            403,
+            UnauthorisedError,
+            "http://h/v1 refuses the key or its rights on model 'm' (403: said); "
+            "check OPENAI_API_KEY",
+        ),
+        (
+            404,
+            ModelNotFoundError,
+            "no model 'm' at http://h/v1 (404: said); check --model and --base-url",
+        ),
+        (429, TransientFault, "http://h/v1 cannot answer now (429: said)"),
+    ],
+)
+def test_errors_by_status(status: int, kind: type[EndpointError], text: str) -> None:
+    error = error_for(ENDPOINT, Refusal(status, "said"))
+    assert (type(error), str(error)) == (kind, text)
+
+
+@pytest.mark.parametrize("status", [400, *range(401, 430), 500, 501, 502, 503, 504, 505, 529])
+def test_only_the_listed_statuses_are_repeated(status: int) -> None:
+    listed = {408, 409, 425, 429, 500, 502, 503, 504, 529}
+    error = error_for(ENDPOINT, Refusal(status, "x"))
+    assert isinstance(error, TransientFault) == (status in listed)
+
+
+def test_a_missing_key_names_its_variable() -> None:
+    error = error_for(Endpoint("m", "http://h", key_variable="HOUSE_KEY"), Refusal(401, "no"))
+    assert str(error) == "http://h asks for a key (401); set HOUSE_KEY"
+
+
+def test_giving_up_keeps_the_kind() -> None:
+    fault = error_for(ENDPOINT, Refusal(503, "busy"))
+    assert isinstance(fault, TransientFault)
+    assert str(fault.given_up(1)) == "http://h/v1 cannot answer now (503: busy)"
+    last = fault.given_up(6)
+    assert type(last) is RefusedError
+    assert str(last) == "http://h/v1 cannot answer now (503: busy) (after 6 attempts)"
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (b'{"error": {"message": "too long"}}', "too long"),
+        (b'{"error": "too long"}', "too long"),
+        (b'{"message": "too long", "object": "error"}', "too long"),
+        (b'{"detail": "too long"}', "too long"),
+        (b'{"detail": [{"msg": "too long"}]}', '[{"msg": "too long"}]'),
+        (b"too long", "too long"),
+        (b"<html>...", "an HTML page"),
+        (b"", ""),
+    ],
+)
+def test_messages_in_all_shapes(body: bytes, message: str) -> None:
+    assert read_refusal(400, {}, body).message == message
+
+
+def test_the_servers_words_are_scrubbed_printable_and_short() -> None:
+    words = "key my-own-key\n\x1b[31m" + "y" * 1000
+    text = str(error_for(ENDPOINT, Refusal(400, words)))
+    assert text.startswith("http://h/v1 refuses the request (400: key *** [31myyy")
+    assert text.endswith("yyy...)")
+    assert len(text) < 350
+
+
+def test_a_redirection_names_its_target() -> None:
+    refusal = read_refusal(308, {"location": "https://h/v1"}, b"")
+    assert refusal.message == "a redirection to https://h/v1"
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        ({"code": 502, "message": "x"}, 502),
+        ({"code": "429"}, 429),
+        ({"type": "overloaded_error"}, 529),
+        ({"code": None, "type": "server_error"}, 500),
+        ({"code": "model_not_found"}, 404),
+        ({"code": 50001}, 400),
+        ("words", 400),
+    ],
+)
+def test_error_objects_with_status_200(error: object, status: int) -> None:
+    assert refusal_of(200, {"error": error}).status == status

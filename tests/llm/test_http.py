@@ -1,0 +1,242 @@
+"""One attempt against endpoints that misbehave: the outcome is typed, the time is bounded."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+
+from agentflow.errors import EndpointError, RefusedError, UnauthorisedError, UnreachableError
+from agentflow.llm.faults import TransientFault
+from agentflow.llm.messages import Usage
+from tests.llm.helpers import KEY, ask, client_for, once
+from tests.llm.hostile import (
+    Answer,
+    body,
+    chunk,
+    completion,
+    hang_up,
+    raw,
+    reply,
+    serving,
+    silence,
+    stream,
+)
+
+WHOLE = Usage(prompt=11, completion=7, reasoning=3, cached=5)
+
+
+async def test_a_stream_and_a_whole_answer_give_the_same_reply() -> None:
+    usage = {"choices": [], "usage": completion("")["usage"]}
+    streamed = stream(chunk(content="hel"), chunk(content="lo"), chunk("stop"), usage)
+    async with serving(streamed, reply("hello")) as server:
+        client = client_for(server.base_url)
+        assert client.streams is None
+        first = await client.complete(ask("hi"))
+        assert client.streams is True
+        second = await client.complete(ask("hi"))
+        assert client.streams is False
+        await client.aclose()
+    assert first.model_copy(update={"latency_s": 0}) == second.model_copy(update={"latency_s": 0})
+    assert (first.text, first.usage, first.model) == ("hello", WHOLE, "model-as-answered")
+    assert 0 < first.latency_s < 1
+    assert server.asked[0].target == "/v1/chat/completions"
+    assert server.asked[0].headers["authorization"] == f"Bearer {KEY}"
+    assert server.asked[0].body["model"] == "m"
+
+
+async def test_a_connection_is_used_again_after_a_stream() -> None:
+    async with serving(stream(chunk("stop", content="x"))) as server:
+        client = client_for(server.base_url)
+        for _ in range(5):
+            await client.complete(ask())
+        await client.aclose()
+        assert (len(server.asked), server.connections) == (5, 1)
+
+
+async def test_a_stream_that_stays_open_after_its_end_mark_is_left() -> None:
+    async def answer(writer: asyncio.StreamWriter) -> None:
+        head = b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n\r\n"
+        writer.write(head + b'data: {"choices":[{"delta":{"content":"x"}}]}\n\ndata: [DONE]\n\n')
+        await silence(writer)
+
+    async with serving(answer) as server:
+        started = time.perf_counter()
+        assert (await once(server.base_url)).text == "x"
+        assert time.perf_counter() - started < 1.5
+
+
+async def test_a_stream_without_an_end_mark_but_with_a_finish_reason_is_whole() -> None:
+    async with serving(stream(chunk(content="x"), chunk("length"), done=False)) as server:
+        answer = await once(server.base_url)
+    assert (answer.text, answer.finish) == ("x", "length")
+
+
+async def test_a_stream_labelled_as_something_else_is_a_stream() -> None:
+    text = 'data: {"choices": [{"delta": {"content": "x"}, "finish_reason": "stop"}]}\n\n'
+    async with serving(body(text + "data: [DONE]\n\n", kind="text/plain")) as server:
+        assert (await once(server.base_url)).text == "x"
+
+
+async def test_no_key_sends_no_header() -> None:
+    async with serving(body({"error": {"message": "who?"}}, 401)) as server:
+        client = client_for(server.base_url, key=None)
+        with pytest.raises(UnauthorisedError) as caught:
+            await client.complete(ask())
+        await client.aclose()
+        assert "authorization" not in server.asked[0].headers
+        assert str(caught.value) == f"{server.base_url} asks for a key (401); set OPENAI_API_KEY"
+
+
+HALF = b'HTTP/1.1 200 OK\r\nContent-Length: 900\r\n\r\n{"choices": [{"mes'
+ENDLESS = b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n\r\n"
+LOST: dict[str, tuple[Answer, str]] = {
+    "before the headers": (hang_up, "disconnected"),
+    "in the body": (raw(HALF, close=True), "peer closed connection"),
+    "in the stream": (stream(chunk(content="x"), done=False, close=True), "peer closed"),
+    "in a stream without length": (
+        raw(ENDLESS + b'data: {"choices":[{"delta":{"content":"x"}}]}\n\n', close=True),
+        "the stream breaks off",
+    ),
+    "before the first event": (raw(ENDLESS + b": wait\n\n", close=True), "the stream breaks off"),
+    "nothing comes": (silence, "silent for 0.2 s"),
+    "stalled in the stream": (
+        raw(ENDLESS, b"data: {", b"", pause_s=30.0),
+        "silent for 0.2 s",
+    ),
+    "trickling": (
+        raw(ENDLESS, *[b":"] * 100, pause_s=0.05),
+        "no whole reply within 0.5 s",
+    ),
+    "half a JSON": (body('{"choices": [{"mess'), "the answer's JSON breaks off"),
+    "an empty body": (body(""), "the answer's JSON breaks off"),
+    "no HTTP": (raw(b"SSH-2.0-x\r\n\r\n", close=True), "illegal status line"),
+    "not gzip": (body("hello", Content_Encoding="gzip"), "incorrect header check"),
+}
+
+
+@pytest.mark.parametrize("fault", LOST)
+async def test_lost_answers_may_be_repeated(fault: str) -> None:
+    answer, reason = LOST[fault]
+    async with serving(answer) as server:
+        started = time.perf_counter()
+        with pytest.raises(TransientFault) as caught:
+            await once(server.base_url, idle_s=0.2, total_s=0.5)
+        assert time.perf_counter() - started < 1.0
+        assert type(caught.value.error) is UnreachableError
+        assert str(caught.value).startswith(f"no answer from {server.base_url} (")
+        assert reason in str(caught.value)
+        assert str(caught.value).endswith("; check OPENAI_BASE_URL or --base-url")
+
+
+async def test_nobody_there() -> None:
+    async with serving(silence) as server:
+        base_url = server.base_url
+    with pytest.raises(TransientFault) as caught:
+        await once(base_url)
+    assert str(caught.value) == (
+        f"no answer from {base_url} (All connection attempts failed); "
+        "check OPENAI_BASE_URL or --base-url"
+    )
+
+
+FINAL: dict[str, tuple[Answer, str]] = {
+    "HTML": (body("<!doctype html>", kind="text/html"), "is no chat completion (an HTML page);"),
+    "words": (body("hello"), "is no chat completion (it begins 'hello');"),
+    "no choices": (body({"choices": []}), "is no chat completion (it holds no choices);"),
+    "an error object": (
+        body({"error": {"message": f"bad {KEY}", "code": 400}}),
+        "refuses the request (400: bad ***)",
+    ),
+    "an error in the stream": (
+        stream(chunk(content="x"), {"error": {"message": "too long"}}),
+        "refuses the request (400: too long)",
+    ),
+    "400": (body({"error": {"message": "prompt too long"}}, 400), "(400: prompt too long)"),
+    "a redirection": (body("", 307, Location="http://x/y"), "(307: a redirection to http://x/y)"),
+}
+
+
+@pytest.mark.parametrize("fault", FINAL)
+async def test_other_answers_are_final(fault: str) -> None:
+    answer, text = FINAL[fault]
+    async with serving(answer) as server:
+        with pytest.raises(RefusedError) as caught:
+            await once(server.base_url)
+        assert text in str(caught.value)
+        assert server.base_url in str(caught.value)
+
+
+async def test_an_overload_inside_the_stream_may_be_repeated() -> None:
+    error = {"error": {"message": "busy", "type": "overloaded_error"}}
+    async with serving(stream(chunk(content="x"), error)) as server:
+        with pytest.raises(TransientFault) as caught:
+            await once(server.base_url)
+    assert type(caught.value.error) is RefusedError
+    assert "cannot answer now (529: busy)" in str(caught.value)
+
+
+async def test_twenty_megabytes() -> None:
+    text = "abcdefgh" * (20 * 2**20 // 8)
+    async with serving(reply(text)) as server:
+        assert (await once(server.base_url)).text == text
+
+
+async def test_more_than_the_largest_answer_is_refused() -> None:
+    megabyte = b"x" * 2**20
+    async with serving(raw(b"HTTP/1.1 200 OK\r\n\r\n", *[megabyte] * 70, close=True)) as server:
+        with pytest.raises(RefusedError, match="more than 64 MB"):
+            await once(server.base_url)
+
+
+async def test_null_content_is_an_empty_reply() -> None:
+    async with serving(reply(None)) as server:
+        assert (await once(server.base_url)).finish == "empty"
+
+
+async def test_a_refused_parameter_is_dropped_and_stays_dropped() -> None:
+    def refuses(name: str) -> Answer:
+        text = f"Unsupported parameter: '{name}' is not supported with this model."
+        return body({"error": {"message": text, "param": name}}, 400)
+
+    warnings: list[str] = []
+    names = ["max_tokens", "temperature", "seed"]
+    async with serving(*[refuses(name) for name in names], reply("ok")) as server:
+        client = client_for(server.base_url, warn=warnings.append)
+        request = ask(max_tokens=5, seed=1)
+        assert (await client.complete(request)).text == "ok"
+        assert (await client.complete(request)).text == "ok"
+        await client.aclose()
+    assert [len(asked.body) for asked in server.asked] == [8, 8, 7, 6, 6]
+    assert server.asked[-1].body["max_completion_tokens"] == 5
+    assert list(client.quirks.refused) == names
+    assert len(warnings) == 3
+    assert warnings[1] == (
+        "the endpoint refuses temperature: left out from now on "
+        "(Unsupported parameter: 'temperature' is not supported with this model.)"
+    )
+
+
+async def test_the_key_is_in_nothing_that_comes_back() -> None:
+    echo = completion(f"your key is {KEY}", reasoning=KEY)
+    async with serving(body({**echo, "model": KEY}), body(f"Bearer {KEY}", 500)) as server:
+        client = client_for(server.base_url)
+        first = await client.complete(ask())
+        with pytest.raises(EndpointError) as caught:
+            await client.complete(ask())
+        await client.aclose()
+    assert first.text == "your key is ***"
+    assert KEY not in f"{first!r} {caught.value!r} {client!r} {vars(client)!r}"
+    assert caught.value.__suppress_context__ or caught.value.__context__ is None
+
+
+async def test_calls_may_be_cancelled() -> None:
+    async with serving(silence) as server:
+        client = client_for(server.base_url)
+        task = asyncio.create_task(client.complete(ask()))
+        await asyncio.sleep(0.05)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        await client.aclose()

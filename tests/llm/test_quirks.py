@@ -1,0 +1,118 @@
+"""Refused parameters in the wordings of several vendors."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.llm.faults import Refusal, read_refusal
+from agentflow.llm.quirks import Quirks
+from agentflow.llm.wire import request_body
+from tests.llm.helpers import ask
+
+FULL = request_body(
+    ask(max_tokens=5, seed=1, stop=("END",), response_format="json_object"),
+    "m",
+)
+EXTRA = (
+    "[{'type': 'extra_forbidden', 'loc': ('body', '%s'), "
+    "'msg': 'Extra inputs are not permitted', 'input': 1}]"
+)
+
+WORDINGS = [
+    (
+        "max_tokens",
+        "Unsupported parameter: 'max_tokens' is not supported with this model. "
+        "Use 'max_completion_tokens' instead.",
+        "max_tokens",
+    ),
+    ("max_tokens", EXTRA % "max_tokens", ""),
+    (
+        "temperature",
+        "Unsupported value: 'temperature' does not support 0.7 with this model. "
+        "Only the default (1) value is supported.",
+        "temperature",
+    ),
+    ("temperature", "`temperature` is deprecated for this model.", ""),
+    ("top_p", "Unsupported parameter: 'top_p' is not supported with this model.", "top_p"),
+    (
+        "top_p",
+        "`temperature` and `top_p` cannot both be specified for this model. Please use only one.",
+        "",
+    ),
+    ("seed", EXTRA % "seed", ""),
+    ("seed", "Unrecognized request argument supplied: seed", ""),
+    ("stop", "Argument not supported on this model: stop", ""),
+    ("stop", "Unsupported parameter: 'stop' is not supported with this model.", "stop"),
+    (
+        "response_format",
+        "'response_format.type' must be 'json_schema' or 'text'",
+        "",
+    ),
+    (
+        "response_format",
+        "Invalid parameter: 'response_format' of type 'json_object' is not supported "
+        "with this model.",
+        "response_format",
+    ),
+    ("stream_options", EXTRA % "stream_options", ""),
+    ("stream", "Your organization must be verified to stream this model.", "stream"),
+]
+
+
+@pytest.mark.parametrize(("name", "message", "param"), WORDINGS)
+def test_wordings(name: str, message: str, param: str) -> None:
+    warnings: list[str] = []
+    quirks = Quirks(warnings.append)
+    assert quirks.learn(Refusal(400, message, param), FULL, "said")
+    assert set(quirks.refused) == {name}
+    assert len(warnings) == 1
+    assert name not in quirks.adapt(FULL)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        "max_tokens is too large: 100000. This model supports at most 4096 completion tokens.",
+        "Invalid 'temperature': decimal above maximum value. Expected a value <= 2.",
+        "This model's maximum context length is 8192 tokens.",
+        "The model `m` is not supported",
+        "nonstop temperatures",
+    ],
+)
+def test_mistakes_of_the_user_are_not_hidden(message: str) -> None:
+    quirks = Quirks(lambda _line: pytest.fail("warned"))
+    assert not quirks.learn(Refusal(400, message), FULL, "")
+
+
+def test_max_tokens_becomes_max_completion_tokens_then_nothing() -> None:
+    warnings: list[str] = []
+    quirks = Quirks(warnings.append)
+    quirks.learn(Refusal(400, "unsupported", "max_tokens"), FULL, "no")
+    adapted = quirks.adapt(FULL)
+    assert adapted["max_completion_tokens"] == 5
+    quirks.learn(Refusal(422, EXTRA % "max_completion_tokens"), adapted, "no")
+    assert not {"max_tokens", "max_completion_tokens"} & set(quirks.adapt(FULL))
+    assert warnings == [
+        "the endpoint refuses max_tokens: max_completion_tokens is sent instead from now on (no)",
+        "the endpoint refuses max_completion_tokens: left out from now on (no)",
+    ]
+
+
+def test_without_a_stream_there_are_no_stream_options() -> None:
+    quirks = Quirks(lambda _line: None)
+    quirks.learn(Refusal(400, "unsupported", "stream"), FULL, "")
+    assert not {"stream", "stream_options"} & set(quirks.adapt(FULL))
+
+
+def test_a_known_refusal_is_dropped_again_without_a_warning() -> None:
+    warnings: list[str] = []
+    quirks = Quirks(warnings.append)
+    refusal = read_refusal(422, {}, b'{"detail": "seed: Extra inputs are not permitted"}')
+    assert quirks.learn(refusal, FULL, "")
+    assert quirks.learn(refusal, FULL, "")
+    assert len(warnings) == 1
+    assert not quirks.learn(refusal, quirks.adapt(FULL), "")
+
+
+def test_other_statuses_teach_nothing() -> None:
+    assert not Quirks(lambda _line: None).learn(Refusal(500, "unsupported", "seed"), FULL, "")

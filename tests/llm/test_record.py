@@ -1,0 +1,221 @@
+"""Recording, resuming, replaying."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import random
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from agentflow.errors import BudgetSpentError, ReplayMissError
+from agentflow.llm.messages import Message, Reply, Request
+from agentflow.llm.record import RecordingClient, ReplayClient
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.tape import Tape
+from tests.llm.helpers import ask
+
+
+def tape_at(folder: Path, *, writable: bool = True) -> Tape:
+    return Tape(folder / "calls.jsonl", pytest.fail, writable=writable)
+
+
+def echo() -> ScriptedClient:
+    return ScriptedClient(lambda request: f"to {request.label}: {request.messages[0].text}")
+
+
+async def test_a_recorded_question_is_not_asked_again(tmp_path: Path) -> None:
+    inner = ScriptedClient(["first", "second"])
+    with tape_at(tmp_path) as tape:
+        first = await RecordingClient(inner, tape).complete(ask(label="a/1"))
+    with tape_at(tmp_path) as tape:
+        client = RecordingClient(inner, tape)
+        assert await client.complete(ask(label="a/1")) == first
+        assert (await client.complete(ask(label="a/2"))).text == "second"
+        await client.aclose()
+    assert len(inner.requests) == 2
+
+
+async def test_the_line_is_on_disk_before_the_reply_is_used(tmp_path: Path) -> None:
+    with tape_at(tmp_path) as tape:
+        await RecordingClient(echo(), tape).complete(ask("hi", "a/1"))
+        assert '"text":"to a/1: hi"' in (tmp_path / "calls.jsonl").read_text()
+
+
+async def test_the_same_call_twice_at_once_is_one_call(tmp_path: Path) -> None:
+    class Slow(ScriptedClient):
+        async def complete(self, request: Request) -> Reply:
+            await asyncio.sleep(0.01)
+            return await super().complete(request)
+
+    inner = Slow(["only"])
+    with tape_at(tmp_path) as tape:
+        client = RecordingClient(inner, tape)
+        replies = await asyncio.gather(*[client.complete(ask()) for _ in range(5)])
+    assert {reply.text for reply in replies} == {"only"}
+    assert len((tmp_path / "calls.jsonl").read_text().splitlines()) == 1
+
+
+async def test_a_failed_call_is_not_recorded_and_may_be_asked_again(tmp_path: Path) -> None:
+    def answer(_request: Request) -> str:
+        if len(inner.requests) == 1:
+            raise BudgetSpentError("x")
+        return "ok"
+
+    inner = ScriptedClient(answer)
+    with tape_at(tmp_path) as tape:
+        client = RecordingClient(inner, tape)
+        with pytest.raises(BudgetSpentError):
+            await client.complete(ask())
+        assert len(tape) == 0
+        assert (await client.complete(ask())).text == "ok"
+
+
+async def test_order_of_completion_does_not_change_the_record(tmp_path: Path) -> None:
+    class Shuffled(ScriptedClient):
+        def __init__(self, rng: random.Random) -> None:
+            super().__init__(lambda request: f"reply to {request.label}")
+            self.rng = rng
+
+        async def complete(self, request: Request) -> Reply:
+            for _ in range(self.rng.randrange(20)):
+                await asyncio.sleep(0)
+            return await super().complete(request)
+
+    records, orders = set(), set()
+    for seed in range(50):
+        folder = tmp_path / str(seed)
+        folder.mkdir()
+        with tape_at(folder) as tape:
+            client = RecordingClient(Shuffled(random.Random(seed)), tape)
+            await asyncio.gather(*[client.complete(ask(label=f"t-{i}/1")) for i in range(10)])
+        lines = (folder / "calls.jsonl").read_bytes().splitlines()
+        orders.add(tuple(lines))
+        records.add(tuple(sorted(lines)))
+    assert len(records) == 1
+    assert len(orders) > 10
+
+
+async def test_replay_answers_from_the_tape_alone(tmp_path: Path) -> None:
+    with tape_at(tmp_path) as tape:
+        await RecordingClient(echo(), tape).complete(ask("hi", "a/1"))
+    with tape_at(tmp_path, writable=False) as tape:
+        client = ReplayClient(tape, "scripted")
+        assert client.name == "scripted"
+        assert (await client.complete(ask("hi", "a/1"))).text == "to a/1: hi"
+        await client.aclose()
+
+
+MISSES = [
+    (
+        ask("build a catapult with two arms", "designer/2"),
+        "nearest is 'designer/2', first difference: messages[0].text at character 22: "
+        "recorded ' catapult with one arm', asked ' catapult with two arms'",
+    ),
+    (
+        ask("build a catapult with one arm", "designer/3"),
+        "nearest is 'designer/2', first difference: label at character 9: "
+        "recorded 'designer/2', asked 'designer/3'",
+    ),
+    (
+        ask("build a catapult with one arm", "designer/2", temperature=0.1),
+        "nearest is 'designer/2', first difference: sampling.temperature at character 2: "
+        "recorded '0.7', asked '0.1'",
+    ),
+    (
+        ask("build a catapult with one arm", "designer/2").model_copy(
+            update={
+                "messages": (
+                    *ask("build a catapult with one arm").messages,
+                    Message(role="assistant", text="no"),
+                )
+            }
+        ),
+        "nearest is 'designer/2', first difference: messages[1].role is missing in the record",
+    ),
+]
+
+
+@pytest.mark.parametrize(("request_", "text"), MISSES)
+async def test_a_miss_names_the_nearest_and_what_differs(
+    tmp_path: Path, request_: Request, text: str
+) -> None:
+    with tape_at(tmp_path) as tape:
+        client = RecordingClient(echo(), tape)
+        await client.complete(ask("criticise", "inspector/2"))
+        await client.complete(ask("build a catapult with one arm", "designer/2"))
+        await client.complete(ask("build", "querier/1"))
+        with pytest.raises(ReplayMissError) as caught:
+            await ReplayClient(tape, "scripted").complete(request_)
+    assert str(caught.value) == (
+        f"{tmp_path / 'calls.jsonl'} does not hold the call {request_.label!r}; {text}"
+    )
+
+
+async def test_a_miss_on_another_model_and_on_an_empty_tape(tmp_path: Path) -> None:
+    with tape_at(tmp_path) as tape:
+        with pytest.raises(ReplayMissError, match=r"call 'a/1'; it holds no calls$"):
+            await ReplayClient(tape, "m").complete(ask())
+        await RecordingClient(echo(), tape).complete(ask())
+        with pytest.raises(ReplayMissError) as caught:
+            await ReplayClient(tape, "other").complete(ask())
+    assert str(caught.value).endswith(
+        "first difference: model at character 0: recorded 'scripted', asked 'other'"
+    )
+
+
+async def test_a_closed_tape_is_a_bug_not_a_silence(tmp_path: Path) -> None:
+    tape = tape_at(tmp_path)
+    tape.close()
+    with pytest.raises(ValueError, match="closed file"):
+        await RecordingClient(echo(), tape).complete(ask())
+
+
+KILLED = """
+import asyncio, sys
+from pathlib import Path
+from agentflow.llm.record import RecordingClient
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.tape import Tape
+from tests.llm.helpers import ask
+
+async def main(folder):
+    def answer(request):
+        with open(folder / "asked", "a") as file:
+            file.write(request.label + "\\n")
+        return "x" * 3000
+    with Tape(folder / "calls.jsonl", print) as tape:
+        client = RecordingClient(ScriptedClient(answer), tape)
+        for i in range(400):
+            await client.complete(ask(label=f"a/{i}"))
+            print(i, flush=True)
+
+asyncio.run(main(Path(sys.argv[1])))
+"""
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_nothing_recorded_is_asked_twice(tmp_path: Path) -> None:
+    rng = random.Random(5)
+    for _ in range(30):
+        with subprocess.Popen(
+            [sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None
+            seen = 0
+            for line in process.stdout:
+                seen += line.strip().isdigit()
+                if rng.random() < 0.02:
+                    process.send_signal(signal.SIGKILL)
+                    break
+    subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], check=True, capture_output=True)
+    with tape_at(tmp_path, writable=False) as tape:
+        labels = [item.request.label for item in tape.entries()]
+    assert labels == [f"a/{i}" for i in range(400)]
+    asked = (tmp_path / "asked").read_text().split()
+    assert len(asked) - len(set(asked)) <= 30, "at most the call in flight is asked again"
+    assert os.path.getsize(tmp_path / "calls.jsonl") > 400 * 3000

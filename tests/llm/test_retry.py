@@ -1,0 +1,95 @@
+"""How often and how long."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+
+import pytest
+
+from agentflow.errors import EndpointError, RefusedError, UnreachableError
+from agentflow.llm.faults import TransientFault
+from agentflow.llm.messages import Reply, Request
+from agentflow.llm.retry import RetryClient, RetrySettings
+from agentflow.llm.scripted import ScriptedClient
+from tests.llm.helpers import ask, client_for
+from tests.llm.hostile import body, hang_up, reply, serving
+
+BUSY = RefusedError("busy")
+
+
+def failing(times: int, error: EndpointError) -> ScriptedClient:
+    def answer(_request: Request) -> str:
+        if len(client.requests) <= times:
+            raise error
+        return "ok"
+
+    client = ScriptedClient(answer)
+    return client
+
+
+def retrying(
+    inner: ScriptedClient, on_wait: Callable[[str], None] = lambda _line: None, **settings: float
+) -> RetryClient:
+    values = {"attempts": 4, "base_s": 0.001, **settings}
+    return RetryClient(inner, RetrySettings.model_validate(values), random.Random(1), on_wait)
+
+
+async def test_retries_are_counted() -> None:
+    client = retrying(failing(3, TransientFault(BUSY)))
+    assert await client.complete(ask()) == Reply(text="ok", model="scripted", retries=3)
+    assert await client.complete(ask()) == Reply(text="ok", model="scripted", retries=0)
+
+
+async def test_the_last_failure_is_final() -> None:
+    inner = failing(9, TransientFault(UnreachableError("gone")))
+    with pytest.raises(UnreachableError) as caught:
+        await retrying(inner).complete(ask())
+    assert str(caught.value) == "gone (after 4 attempts)"
+    assert len(inner.requests) == 4
+
+
+async def test_other_errors_pass_at_once() -> None:
+    inner = failing(9, BUSY)
+    with pytest.raises(RefusedError, match=r"^busy$"):
+        await retrying(inner).complete(ask())
+    assert len(inner.requests) == 1
+
+
+async def test_bugs_pass_at_once() -> None:
+    def broken(_request: Request) -> str:
+        raise KeyError("bug")
+
+    with pytest.raises(KeyError):
+        await retrying(ScriptedClient(broken)).complete(ask())
+
+
+async def test_waits_are_jittered_within_doubling_bounds() -> None:
+    lines: list[str] = []
+    client = retrying(failing(5, TransientFault(BUSY)), lines.append, attempts=6, cap_s=0.004)
+    await client.complete(ask())
+    rng = random.Random(1)
+    bounds = [0.001, 0.002, 0.004, 0.004, 0.004]
+    assert lines == [f"busy; again in {rng.uniform(0, bound):.1f} s" for bound in bounds]
+
+
+async def test_retry_after_is_obeyed_up_to_a_cap() -> None:
+    lines: list[str] = []
+    fault = TransientFault(BUSY, retry_after_s=3600.0)
+    client = retrying(failing(1, fault), lines.append, retry_after_cap_s=0.2)
+    started = time.perf_counter()
+    await client.complete(ask())
+    assert 0.19 < time.perf_counter() - started < 0.5
+    assert lines == ["busy; again in 0.2 s"]
+
+
+@pytest.mark.parametrize("value", ["0", "Wed, 01 Jan 2020 00:00:00 GMT", "nonsense"])
+async def test_over_the_network(value: str) -> None:
+    busy = body({"error": {"message": "slow down"}}, 429, Retry_After=value)
+    async with serving(busy, hang_up, body("", 503), reply("ok")) as server:
+        inner = client_for(server.base_url)
+        client = RetryClient(inner, RetrySettings(base_s=0.001), random.Random(1))
+        answer = await client.complete(ask())
+        await client.aclose()
+    assert (answer.text, answer.retries, len(server.asked)) == ("ok", 3, 4)

@@ -1,0 +1,163 @@
+"""The record on disk."""
+
+from __future__ import annotations
+
+import json
+import resource
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agentflow.errors import RunError
+from agentflow.llm.messages import Message, Reply, Request, Sampling
+from agentflow.llm.tape import Entry, Tape, key_of
+from tests.llm.helpers import ask
+
+
+def no_notice(line: str) -> None:
+    pytest.fail(line)
+
+
+def entry(label: str, text: str = "answer") -> Entry:
+    request = ask(label=label)
+    return Entry(
+        key=key_of("m", request), model="m", request=request, reply=Reply(text=text, retries=2)
+    )
+
+
+def filled(path: Path, count: int = 3) -> list[Entry]:
+    entries = [entry(f"a/{i}", "x" * i) for i in range(count)]
+    with Tape(path, no_notice) as tape:
+        for item in entries:
+            tape.append(item)
+    return entries
+
+
+def test_a_line_holds_prompt_and_reply_and_nothing_else(tmp_path: Path) -> None:
+    filled(tmp_path / "calls.jsonl", 1)
+    (line,) = (tmp_path / "calls.jsonl").read_text().splitlines()
+    assert json.loads(line) == {
+        "schema_version": 1,
+        "key": key_of("m", ask(label="a/0")),
+        "model": "m",
+        "request": ask(label="a/0").model_dump(mode="json"),
+        "reply": Reply(text="", retries=2).model_dump(mode="json"),
+    }
+
+
+def test_entries_are_found_again_by_another_process(tmp_path: Path) -> None:
+    entries = filled(tmp_path / "calls.jsonl")
+    with Tape(tmp_path / "calls.jsonl", no_notice, writable=False) as tape:
+        assert len(tape) == 3
+        assert [tape.find(item.key) for item in entries] == [item.reply for item in entries]
+        assert list(tape.entries()) == entries
+        assert tape.find("other") is None
+        assert "other" not in tape
+
+
+@given(st.text(), st.text())
+def test_any_text_survives(tmp_path_factory: pytest.TempPathFactory, text: str, label: str) -> None:
+    path = tmp_path_factory.mktemp("tape") / "calls.jsonl"
+    item = entry(label, text)
+    with Tape(path, no_notice) as tape:
+        tape.append(item)
+    with Tape(path, no_notice) as tape:
+        assert list(tape.entries()) == [item]
+
+
+def test_a_half_written_last_line_is_dropped_wherever_it_breaks(tmp_path: Path) -> None:
+    path = tmp_path / "calls.jsonl"
+    entries = filled(path, 2)
+    whole = path.read_bytes()
+    first = whole.index(b"\n") + 1
+    for size in range(first + 1, len(whole), 37):
+        path.write_bytes(whole[:size])
+        notices: list[str] = []
+        with Tape(path, notices.append, writable=False) as tape:
+            assert len(tape) == 1
+        assert path.stat().st_size == size
+        with Tape(path, notices.append) as tape:
+            assert tape.find(entries[0].key) == entries[0].reply
+            tape.append(entries[1])
+        dropped = f"{path}: dropped a half-written last line ({size - first} bytes)"
+        assert notices == [dropped, dropped]
+        assert path.read_bytes() == whole
+
+
+def test_a_damaged_line_elsewhere_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "calls.jsonl"
+    filled(path)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text(lines[0] + "{oops\n" + lines[2])
+    with pytest.raises(RunError) as caught:
+        Tape(path, no_notice)
+    assert str(caught.value) == f"{path}, line 2 is damaged (no JSON)"
+
+
+def test_a_foreign_schema_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "calls.jsonl"
+    filled(path, 1)
+    path.write_text(path.read_text().replace('"schema_version":1', '"schema_version":2'))
+    with pytest.raises(RunError, match=r"line 1 is damaged \(schema_version\)"):
+        Tape(path, no_notice)
+
+
+def test_a_tape_that_cannot_be_opened(tmp_path: Path) -> None:
+    missing = tmp_path / "no" / "calls.jsonl"
+    with pytest.raises(RunError) as caught:
+        Tape(missing, no_notice)
+    assert str(caught.value) == f"cannot open {missing}: No such file or directory"
+
+
+def test_a_full_disk_takes_back_what_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "calls.jsonl"
+    filled(path, 1)
+    whole = path.read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with Tape(path, no_notice) as tape:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(whole) + 100, hard))
+        try:
+            with pytest.raises(RunError) as caught:
+                tape.append(entry("a/1"))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert str(caught.value) == f"cannot write {path}: File too large"
+        assert path.read_bytes() == whole
+        assert tape.find(entry("a/1").key) is None
+        tape.append(entry("a/1"))
+        assert tape.find(entry("a/1").key) == entry("a/1").reply
+
+
+def test_the_key_is_of_what_changes_the_answer() -> None:
+    base = ask("hi", "a/1")
+    changed = [
+        base.model_copy(update={"label": "a/2"}),
+        base.model_copy(update={"role": "refiner"}),
+        base.model_copy(update={"messages": (Message(role="system", text="hi"),)}),
+        base.model_copy(update={"messages": (*base.messages, *base.messages)}),
+        *[
+            base.model_copy(update={"sampling": sampling})
+            for sampling in (
+                Sampling(temperature=0.8),
+                Sampling(top_p=1.0),
+                Sampling(max_tokens=1),
+                Sampling(seed=0),
+                Sampling(stop=("x",)),
+                Sampling(response_format="json_object"),
+            )
+        ],
+    ]
+    keys = {key_of("m", request) for request in [base, *changed]} | {key_of("n", base)}
+    assert len(keys) == len(changed) + 2
+    assert set(Sampling.model_fields) == {
+        "temperature", "top_p", "max_tokens", "seed", "stop", "response_format",
+    }  # fmt: skip
+
+
+def test_the_key_stays_the_same_over_versions() -> None:
+    request = Request(role="r", label="l", messages=(Message(role="user", text="ü"),))
+    assert key_of("m", request) == (
+        "25d942e9f3d00f384d83eb2e3f2043e1666477bb9023030c80660ea39d5ae05a"
+    )

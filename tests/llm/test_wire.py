@@ -1,0 +1,219 @@
+"""Bodies out, replies in."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agentflow.llm.messages import Message, Reply, Request, Sampling, Usage
+from agentflow.llm.wire import (
+    BrokenAnswerError,
+    ErrorObjectError,
+    Gathered,
+    NoReplyError,
+    decode,
+    read_usage,
+    request_body,
+    split_reasoning,
+)
+from tests.llm.helpers import ask
+from tests.llm.hostile import chunk, completion
+
+
+def gathered(*contents: dict[str, object]) -> Reply:
+    reply = Gathered()
+    for content in contents:
+        reply.add(content)
+    return reply.reply()
+
+
+def test_only_what_is_set_is_sent() -> None:
+    assert request_body(ask("hi"), "m") == {
+        "model": "m",
+        "messages": [{"role": "user", "content": "hi"}],
+        "stream": True,
+        "stream_options": {"include_usage": True},
+        "temperature": 0.7,
+        "top_p": 0.95,
+    }
+
+
+def test_everything_that_can_be_sent() -> None:
+    image = "data:image/png;base64,AAAA"
+    request = Request(
+        role="refiner",
+        label="x",
+        messages=(
+            Message(role="system", text="be brief"),
+            Message(role="user", text="look", images=(image,)),
+        ),
+        sampling=Sampling(max_tokens=9, seed=3, stop=("END",), response_format="json_object"),
+    )
+    body = request_body(request, "m")
+    assert body["messages"] == [
+        {"role": "system", "content": "be brief"},
+        {
+            "role": "user",
+            "content": [
+                {"type": "text", "text": "look"},
+                {"type": "image_url", "image_url": {"url": image}},
+            ],
+        },
+    ]
+    assert (body["max_tokens"], body["seed"], body["stop"]) == (9, 3, ["END"])
+    assert body["response_format"] == {"type": "json_object"}
+
+
+def test_a_whole_answer() -> None:
+    assert gathered(completion("hi", reasoning_content="hm")) == Reply(
+        text="hi",
+        reasoning="hm",
+        usage=Usage(prompt=11, completion=7, reasoning=3, cached=5),
+        model="model-as-answered",
+    )
+
+
+@pytest.mark.parametrize("name", ["reasoning_content", "reasoning"])
+def test_reasoning_beside_the_text_in_a_stream(name: str) -> None:
+    thoughts = [chunk(**{name: part}) for part in ("let ", "me see")]
+    reply = gathered(*thoughts, chunk(content="a"), chunk(content="b"), chunk("stop"))
+    assert (reply.text, reply.reasoning, reply.finish) == ("ab", "let me see", "stop")
+
+
+@pytest.mark.parametrize(
+    ("text", "rest", "thought"),
+    [
+        ("plain", "plain", ""),
+        ("  plain ", "  plain ", ""),
+        ("<think>\nwhy\n</think>\n\nbecause", "because", "why"),
+        ("why</think>because", "because", "why"),
+        ("<think>never ends", "", "never ends"),
+        ("<think></think>x", "x", ""),
+        ("<think>a</think>b <think>c</think>d", "b d", "a\nc"),
+    ],
+)
+def test_thoughts_inside_the_text(text: str, rest: str, thought: str) -> None:
+    assert split_reasoning(text) == (rest, thought)
+
+
+@pytest.mark.parametrize(
+    ("text", "word", "finish"),
+    [
+        ("x", "stop", "stop"),
+        ("x", "eos", "stop"),
+        ("x", "length", "length"),
+        (None, "length", "length"),
+        ("x", "content_filter", "content_filter"),
+        (None, "SAFETY", "content_filter"),
+        (None, "stop", "empty"),
+        (" \n", "stop", "empty"),
+        ("<think>only thoughts</think>", "stop", "empty"),
+    ],
+)
+def test_finish(text: str | None, word: str, finish: str) -> None:
+    assert gathered(completion(text, word)).finish == finish
+
+
+def test_a_refusal_is_filtered_content() -> None:
+    reply = gathered(completion(None, refusal="I will not."))
+    assert (reply.text, reply.finish) == ("I will not.", "content_filter")
+
+
+def test_content_as_parts() -> None:
+    parts = [
+        {"type": "thinking", "thinking": [{"type": "text", "text": "hm"}]},
+        {"type": "text", "text": "hi"},
+    ]
+    reply = gathered(chunk("stop", content=parts))
+    assert (reply.text, reply.reasoning) == ("hi", "hm")
+
+
+def test_an_emoji_cut_in_two_is_mended_and_half_of_one_replaced() -> None:
+    reply = gathered(chunk(content="\ud83d"), chunk(content="\ude00 \ud83d"), chunk("stop"))
+    assert reply.text == "\U0001f600 \ufffd"
+    assert Reply.model_validate_json(reply.model_dump_json()) == reply
+
+
+def test_the_usage_chunk_has_no_choices() -> None:
+    last = {"choices": None, "usage": {"prompt_tokens": 4, "completion_tokens": 2}}
+    assert gathered(chunk("stop", content="x"), last).usage == Usage(prompt=4, completion=2)
+
+
+@pytest.mark.parametrize(
+    ("usage", "expected"),
+    [
+        ({}, Usage()),
+        ({"prompt_tokens": None, "completion_tokens": "7"}, Usage()),
+        ({"prompt_tokens": 2.0, "prompt_cache_hit_tokens": 1}, Usage(prompt=2, cached=1)),
+        ({"prompt_tokens": -1, "completion_tokens": True}, Usage()),
+    ],
+)
+def test_usage(usage: dict[str, object], expected: Usage) -> None:
+    assert read_usage(usage) == expected
+
+
+def test_no_choices_is_no_reply() -> None:
+    with pytest.raises(NoReplyError, match=r"^it holds no choices$"):
+        gathered({"choices": []})
+
+
+def test_an_endpoint_that_reports_its_own_failure() -> None:
+    with pytest.raises(BrokenAnswerError):
+        gathered(completion("half", "error"))
+
+
+@pytest.mark.parametrize(
+    ("data", "kind"),
+    [
+        (b'{"choices": [{"mess', BrokenAnswerError),
+        (b"", BrokenAnswerError),
+        (b"<html>", NoReplyError),
+        (b"hello", NoReplyError),
+        (b"[1]", NoReplyError),
+        (b'{"error": {"message": "x"}}', ErrorObjectError),
+        (b'{"object": "error", "message": "x"}', ErrorObjectError),
+        (b"[" * 100_000, BrokenAnswerError),
+    ],
+)
+def test_what_is_no_completion(data: bytes, kind: type[Exception]) -> None:
+    with pytest.raises(kind):
+        decode(data)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.text(max_size=5),
+    lambda inner: (
+        st.lists(inner, max_size=3)
+        | st.dictionaries(
+            st.sampled_from(
+                [
+                    "choices",
+                    "message",
+                    "delta",
+                    "content",
+                    "text",
+                    "usage",
+                    "finish_reason",
+                    "model",
+                ]
+            ),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=15,
+)
+
+
+@given(st.lists(JSON, max_size=3))
+def test_any_json_is_a_reply_or_a_typed_failure(values: list[object]) -> None:
+    reply = Gathered()
+    try:
+        for value in values:
+            reply.add(decode(json.dumps(value).encode()))
+        assert isinstance(reply.reply(), Reply)
+    except (NoReplyError, BrokenAnswerError, ErrorObjectError):
+        pass
