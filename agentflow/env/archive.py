@@ -1,0 +1,80 @@
+"""Owns rollouts outside memory: the JSON result of spec 2.6, and .npz files."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agentflow.env.trace import Broken, Event, Feedback, Rollout, Trace
+from agentflow.errors import UsageError
+
+
+def rollout_json(rollout: Rollout) -> dict[str, Any]:
+    """A rollout as JSON data with exactly the keys of spec 2.6."""
+    return {
+        "status": rollout.status,
+        "score": rollout.score,
+        "terms": dict(rollout.terms),
+        "problems": [dict(problem) for problem in rollout.problems],
+        "broken": [asdict(item) for item in rollout.broken],
+        "events": [asdict(item) | {"blocks": list(item.blocks)} for item in rollout.events],
+        "feedback": rollout.feedback.text,
+        "digest": rollout.digest,
+        "sim_seconds": rollout.sim_seconds,
+        "wall_seconds": rollout.wall_seconds,
+        "constants": rollout.constants,
+    }
+
+
+def save_npz(rollout: Rollout, path: Path) -> None:
+    """Write a rollout: the trace's arrays by name, the rest as JSON text under `result`.
+
+    Raises:
+        UsageError: The file cannot be written.
+    """
+    arrays: dict[str, Any] = {}
+    result = rollout_json(rollout) | {"feedback_data": rollout.feedback.data}
+    if rollout.trace is not None:
+        trace = vars(rollout.trace)
+        arrays = {name: value for name, value in trace.items() if isinstance(value, np.ndarray)}
+        result["trace"] = {name: value for name, value in trace.items() if name not in arrays}
+    try:
+        with path.open("wb") as file:
+            np.savez_compressed(file, result=np.array(json.dumps(result)), **arrays)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror}") from None
+
+
+def load_npz(path: Path) -> Rollout:
+    """Read what `save_npz` wrote.
+
+    Raises:
+        UsageError: The file is not there or is none of ours.
+    """
+    try:
+        with np.load(path) as file:
+            result = json.loads(str(file["result"]))
+            arrays = {name: file[name] for name in file.files if name != "result"}
+    except (OSError, ValueError, KeyError) as error:
+        raise UsageError(f"{path} is no saved rollout: {error}") from None
+    named = result.pop("trace", None)
+    trace = None
+    if named is not None:
+        trace = Trace(
+            **arrays,
+            linear=tuple(named["linear"]),
+            connections=tuple((block, partner) for block, partner in named["connections"]),
+            things=tuple(named["things"]),
+        )
+    feedback = Feedback(result.pop("feedback"), result.pop("feedback_data"))
+    result["problems"] = tuple(result["problems"])
+    result["broken"] = tuple(Broken(**item) for item in result["broken"])
+    result["events"] = tuple(
+        Event(**(item | {"blocks": tuple(item["blocks"])})) for item in result["events"]
+    )
+    assert set(result) | {"trace", "feedback"} == {field.name for field in fields(Rollout)}
+    return Rollout(**result, trace=trace, feedback=feedback)

@@ -1,0 +1,280 @@
+"""Owns how trees of parts become PyBullet multibodies; stepping and reading is pybullet.py's.
+
+Every link frame sits at its joint and is aligned with the machine frame at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin, sqrt
+
+import pybullet
+
+from agentflow.env.engines.base import Joint, Part, Shape
+from agentflow.env.engines.frames import swap, swap_quaternion, swap_turn
+from agentflow.env.engines.tree import Body, Link
+from agentflow.env.engines.vectors import add, scale, subtract
+from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
+from agentflow.errors import UsageError
+
+MOST_LINKS = 127
+"""PyBullet truncates longer bodies without a word."""
+GROUND_FRICTION = 0.8
+GROUND_SIZE = 400.0
+GROUND_COLOR = (0.42, 0.5, 0.38, 1.0)
+CONE_SIDES = 24
+LONE_RADIUS = 0.1
+"""Of the ball that stands for a body without any solid shape, m."""
+
+_KINDS = {
+    "fixed": pybullet.JOINT_FIXED,
+    "revolute": pybullet.JOINT_REVOLUTE,
+    "prismatic": pybullet.JOINT_PRISMATIC,
+    "spherical": pybullet.JOINT_SPHERICAL,
+}
+
+
+@dataclass(frozen=True)
+class Built:
+    """A multibody in the world."""
+
+    uid: int
+    body: Body
+    index: dict[int, int]
+    """Part -> PyBullet link index; -1 is the base."""
+
+
+class Workshop:
+    """Makes shapes and bodies in one client; equal shapes are made once per world."""
+
+    def __init__(self, client: int, visible: bool) -> None:
+        self.client, self.visible = client, visible
+        self._made: dict[object, int] = {}
+
+    def ground(self) -> int:
+        """The plane y = 0."""
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
+        seen = -1
+        if self.visible:
+            seen = pybullet.createVisualShape(
+                pybullet.GEOM_BOX,
+                halfExtents=(GROUND_SIZE / 2, GROUND_SIZE / 2, 0.5),
+                visualFramePosition=(0.0, 0.0, -0.5),
+                rgbaColor=GROUND_COLOR,
+                physicsClientId=self.client,
+            )
+        uid = self._single(0.0, plane, seen, (0.0, 0.0, 0.0), IDENTITY)
+        self._surface(uid, -1, GROUND_FRICTION, 0.18, 0.0)
+        return uid
+
+    def thing(self, thing: Thing) -> int:
+        """An object of the scene, standing or moving."""
+        if thing.shape == "cone":
+            solid, seen = self._cone(thing)
+        else:
+            shape = Shape(thing.shape, thing.size)
+            solid, seen = self._shapes((shape,), (0.0, 0.0, 0.0), thing.color)
+        uid = self._single(
+            thing.mass, solid, seen, swap(thing.position), swap_quaternion(thing.rotation)
+        )
+        self._surface(uid, -1, thing.friction, thing.restitution, 0.0)
+        return uid
+
+    def machine(self, body: Body, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:
+        """One connected component, at rest in its place.
+
+        Raises:
+            UsageError: It has more links than PyBullet can hold.
+        """
+        if len(body.links) > MOST_LINKS:
+            raise UsageError(
+                f"the machine has {len(body.links) + 1} parts in one piece; "
+                f"the engine holds at most {MOST_LINKS + 1}"
+            )
+        frames = {body.root: parts[body.root].centre}
+        frames |= {link.part: joints[link.joint].pivot for link in body.links}
+        order = {body.root: 0} | {link.part: i for i, link in enumerate(body.links, 1)}
+        lone = not any(shape.solid for part in order for shape in parts[part].shapes)
+        looks = {part: self._part(parts[part], frames[part], lone) for part in order}
+        root = parts[body.root]
+        uid = pybullet.createMultiBody(
+            root.mass,
+            *looks[body.root],
+            swap(root.centre),
+            linkMasses=[parts[link.part].mass for link in body.links],
+            linkCollisionShapeIndices=[looks[link.part][0] for link in body.links],
+            linkVisualShapeIndices=[looks[link.part][1] for link in body.links],
+            linkPositions=[
+                swap(subtract(frames[link.part], frames[link.parent])) for link in body.links
+            ],
+            linkOrientations=[IDENTITY] * len(body.links),
+            linkInertialFramePositions=[
+                swap(subtract(parts[link.part].centre, frames[link.part])) for link in body.links
+            ],
+            linkInertialFrameOrientations=[IDENTITY] * len(body.links),
+            linkParentIndices=[order[link.parent] for link in body.links],
+            linkJointTypes=[_KINDS[joints[link.joint].kind] for link in body.links],
+            linkJointAxis=[_axis(joints[link.joint], link) for link in body.links],
+            flags=pybullet.URDF_USE_SELF_COLLISION
+            | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT,
+            physicsClientId=self.client,
+        )
+        built = Built(uid, body, {body.root: -1} | self._indices(uid, body))
+        for part in order:
+            self._dynamics(built, part, parts[part])
+        for link in body.links:
+            self._joint(built, link, joints[link.joint])
+        return built
+
+    def _indices(self, uid: int, body: Body) -> dict[int, int]:
+        """PyBullet renumbers links depth first but keeps their names: joint1, joint2, ..."""
+        names = {
+            pybullet.getJointInfo(uid, i, physicsClientId=self.client)[1]: i
+            for i in range(len(body.links))
+        }
+        return {link.part: names[b"joint%d" % i] for i, link in enumerate(body.links, 1)}
+
+    def _dynamics(self, built: Built, part_index: int, part: Part) -> None:
+        index = built.index[part_index]
+        inertia = (part.inertia[0], part.inertia[2], part.inertia[1])
+        pybullet.changeDynamics(
+            built.uid, index, localInertiaDiagonal=inertia, physicsClientId=self.client
+        )
+        self._surface(built.uid, index, part.friction, part.restitution, part.rolling_friction)
+
+    def _surface(
+        self, uid: int, index: int, friction: float, restitution: float, rolling: float
+    ) -> None:
+        """Bullet multiplies the partners' coefficients; roots make that their geometric mean."""
+        pybullet.changeDynamics(
+            uid,
+            index,
+            lateralFriction=sqrt(friction),
+            restitution=sqrt(restitution),
+            rollingFriction=rolling,
+            spinningFriction=0.0,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            jointDamping=0.0,
+            physicsClientId=self.client,
+        )
+
+    def _joint(self, built: Built, link: Link, joint: Joint) -> None:
+        index = built.index[link.part]
+        pybullet.enableJointForceTorqueSensor(built.uid, index, True, physicsClientId=self.client)
+        if joint.kind == "spherical":
+            pybullet.setJointMotorControlMultiDof(
+                built.uid,
+                index,
+                pybullet.POSITION_CONTROL,
+                targetPosition=IDENTITY,
+                targetVelocity=(0.0, 0.0, 0.0),
+                positionGain=0.0,
+                velocityGain=0.0,
+                force=(0.0, 0.0, 0.0),
+                physicsClientId=self.client,
+            )
+        if joint.drive.stops is not None:
+            low, high = joint.drive.stops
+            pybullet.changeDynamics(
+                built.uid,
+                index,
+                jointLowerLimit=low,
+                jointUpperLimit=high,
+                physicsClientId=self.client,
+            )
+
+    def _single(self, mass: float, solid: int, seen: int, position: Vec3, rotation: Quat) -> int:
+        return int(
+            pybullet.createMultiBody(
+                mass, solid, seen, position, rotation, physicsClientId=self.client
+            )
+        )
+
+    def _part(self, part: Part, frame: Vec3, lone: bool) -> tuple[int, int]:
+        shapes = part.shapes
+        if lone:
+            shapes = (Shape("sphere", (2 * LONE_RADIUS,) * 3),)
+        return self._shapes(shapes, subtract(part.centre, frame), part.color)
+
+    def _shapes(
+        self, shapes: tuple[Shape, ...], offset: Vec3, color: Sequence[float]
+    ) -> tuple[int, int]:
+        """Collision and visual shape, -1 where there is none."""
+        solid = tuple(shape for shape in shapes if shape.solid)
+        solid_id = self._cached("solid", solid, offset, None) if solid else -1
+        if not self.visible:
+            return solid_id, -1
+        return solid_id, self._cached("seen", shapes, offset, tuple(color))
+
+    def _cached(
+        self, use: str, shapes: tuple[Shape, ...], offset: Vec3, color: tuple[float, ...] | None
+    ) -> int:
+        key = (use, shapes, offset, color)
+        if key not in self._made:
+            self._made[key] = self._make(shapes, offset, color)
+        return self._made[key]
+
+    def _make(
+        self, shapes: tuple[Shape, ...], offset: Vec3, color: tuple[float, ...] | None
+    ) -> int:
+        geometry = [_geometry(shape) for shape in shapes]
+        frame = "collisionFrame" if color is None else "visualFrame"
+        places = {
+            f"{frame}Positions": [swap(add(offset, shape.offset)) for shape in shapes],
+            f"{frame}Orientations": [_orientation(shape) for shape in shapes],
+            "shapeTypes": [kind for kind, _, _, _ in geometry],
+            "halfExtents": [half for _, half, _, _ in geometry],
+            "radii": [radius for _, _, radius, _ in geometry],
+            "lengths": [length for _, _, _, length in geometry],
+            "physicsClientId": self.client,
+        }
+        if color is None:
+            return int(pybullet.createCollisionShapeArray(**places))
+        return int(pybullet.createVisualShapeArray(rgbaColors=[color] * len(shapes), **places))
+
+    def _cone(self, thing: Thing) -> tuple[int, int]:
+        """A cone along y as the hull of its rim and its tip."""
+        x, y, z = scale(thing.size, 0.5)
+        turns = [2 * pi * i / CONE_SIDES for i in range(CONE_SIDES)]
+        rim = [swap((x * cos(turn), -y, z * sin(turn))) for turn in turns]
+        points = [*rim, swap((0.0, y, 0.0))]
+        solid = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH, vertices=points, physicsClientId=self.client
+        )
+        if not self.visible:
+            return int(solid), -1
+        following = [*range(1, CONE_SIDES), 0]
+        sides = [(i, following[i], CONE_SIDES) for i in range(CONE_SIDES)]
+        base = [(0, i, i + 1) for i in range(1, CONE_SIDES - 1)]
+        faces = [corner for side in (*sides, *base) for corner in (*side, *reversed(side))]
+        seen = pybullet.createVisualShape(
+            pybullet.GEOM_MESH,
+            vertices=points,
+            indices=faces,
+            rgbaColor=thing.color,
+            physicsClientId=self.client,
+        )
+        return int(solid), int(seen)
+
+
+def _axis(joint: Joint, link: Link) -> Vec3:
+    """Joint axis in the engine frame; a reversed link turns the other way for the same position."""
+    image = swap(joint.axis) if joint.kind == "prismatic" else swap_turn(joint.axis)
+    return scale(image, -1.0) if link.reversed else image
+
+
+def _geometry(shape: Shape) -> tuple[int, Vec3, float, float]:
+    """PyBullet's type, half extents, radius and length."""
+    half = scale(swap(shape.size), 0.5)
+    if shape.kind == "sphere":
+        return pybullet.GEOM_SPHERE, half, half[0], 0.0
+    if shape.kind == "cylinder":
+        return pybullet.GEOM_CYLINDER, half, half[0], shape.size[1]
+    return pybullet.GEOM_BOX, half, 0.0, 0.0
+
+
+def _orientation(shape: Shape) -> Quat:
+    """A game cylinder lies along y, which is the engine's z, as PyBullet's cylinders do."""
+    return swap_quaternion(shape.rotation)

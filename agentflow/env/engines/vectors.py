@@ -1,0 +1,40 @@
+"""Owns small vector arithmetic on tuples, for what is computed once per build.
+
+Plain additions and multiplications in a fixed order: the same bits on every machine.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from agentflow.env.scene import Quat, Vec3
+
+
+def add(a: Vec3, b: Vec3) -> Vec3:
+    """a + b."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def subtract(a: Vec3, b: Vec3) -> Vec3:
+    """a - b."""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def scale(a: Vec3, factor: float) -> Vec3:
+    """a * factor."""
+    return (a[0] * factor, a[1] * factor, a[2] * factor)
+
+
+def length(a: Vec3) -> float:
+    """Euclidean length."""
+    return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+def upright_to(direction: Vec3) -> Quat:
+    """The shortest rotation that turns y+ into a direction (any length but 0)."""
+    size = length(direction)
+    x, y, z = direction[0] / size, direction[1] / size, direction[2] / size
+    if y < -0.999999:
+        return (1.0, 0.0, 0.0, 0.0)
+    w = sqrt((1.0 + y) / 2.0)
+    return (z / (2.0 * w), 0.0, -x / (2.0 * w), w)

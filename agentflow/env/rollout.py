@@ -1,0 +1,271 @@
+"""Owns the rollout: judge, settle, start, then step, read, break, watch and record until the end.
+
+Physics is the engine's, scores are the tasks', loads are loads.py's, files are archive.py's.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from math import isfinite
+from time import perf_counter
+
+from agentflow.env.archive import load_npz, rollout_json, save_npz
+from agentflow.env.constants import constants
+from agentflow.env.engines.assembly import assemble
+from agentflow.env.engines.base import Engine
+from agentflow.env.engines.pybullet import PyBulletEngine
+from agentflow.env.loads import Loads
+from agentflow.env.recorder import Recorder, digest
+from agentflow.env.tasks.base import Task
+from agentflow.env.trace import Broken, Event, Feedback, Rollout, Status, Trace, Verdict
+from agentflow.env.world import EngineWorld
+from agentflow.machine.geometry import place
+from agentflow.machine.problems import Problem
+from agentflow.machine.tree import Machine
+from agentflow.machine.validity import check
+
+__all__ = ["load_npz", "rollout_json", "save_npz", "simulate"]
+
+_local = threading.local()
+
+
+def simulate(
+    machine: Machine,
+    task: Task,
+    *,
+    seed: int = 0,  # noqa: ARG001 - for tasks with random trials
+    rate: float | None = None,
+    power: bool = True,
+    interval: float | None = None,
+    wall_limit: float = 60.0,
+    engine: Engine | None = None,
+) -> Rollout:
+    """Try a machine at a task (spec 2.5). Never raises for what a machine does.
+
+    Args:
+        machine: File-valid; everything else is judged here first, and an invalid machine is not
+            simulated.
+        task: The level to play.
+        seed: Of a task's random trials. Scenes have their own seeds, so a task without trials
+            gives the same rollout for every seed.
+        rate: Steps per second; the constants' rate by default.
+        power: Off is the control experiment: the schedule never starts.
+        interval: Seconds between samples; the constants' by default, at least one step.
+        wall_limit: Wall-clock seconds after which the rollout ends as `timeout`.
+        engine: Where to run it; by default one that this thread keeps.
+    """
+    report = check(machine, task.brief)
+    if not report.task_valid:
+        return _invalid(report.problems)
+    value = constants()
+    run = _Run(
+        machine,
+        task,
+        engine or _own_engine(),
+        rate or value["step_rate"],
+        power,
+        interval or value["sample_interval"],
+        wall_limit,
+    )
+    return run.play()
+
+
+class _Run:
+    """One rollout under way."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        task: Task,
+        engine: Engine,
+        rate: float,
+        power: bool,
+        interval: float,
+        wall_limit: float,
+    ) -> None:
+        self._began = perf_counter()
+        self._machine, self._task, self._engine = machine, task, engine
+        self._rate, self._power, self._wall_limit = rate, power, wall_limit
+        self._every = max(1.0, interval * rate)
+        self._value = constants()
+        self._assembly = assemble(machine, place(machine), self._value)
+        engine.build(self._assembly, task.scene(), rate)
+        self._loads = Loads(self._assembly.joints, self._value["load_window"], 1.0 / rate)
+        self._recorder = Recorder(self._assembly, self._loads.connections, engine.moving_things)
+        self._world = EngineWorld(engine)
+        self._steps = 0
+        self._zero = 0
+        """Steps that settling took."""
+        self._broken: list[tuple[int, int, float]] = []
+        """Step, joint and load of each breakage."""
+        self._events: list[Event] = []
+
+    def play(self) -> Rollout:
+        """Settle, run the window, ask the referee."""
+        status = self._settle()
+        if status == "ok":
+            self._start()
+            status = self._window()
+        return self._result(status)
+
+    def _settle(self) -> Status:
+        """Power off, until everything rests."""
+        value = self._value
+        least, most = value["settle_least"] * self._rate, value["settle_most"] * self._rate
+        while True:
+            status = self._step()
+            if status != "ok":
+                return status
+            if self._steps >= least and self._resting():
+                return "ok"
+            if self._steps >= most:
+                self._events.append(
+                    Event(0.0, "unsettled", (), f"still moving after {value['settle_most']:g} s")
+                )
+                return "ok"
+
+    def _start(self) -> None:
+        """t = 0: the referee takes its bearings, the first sample is taken."""
+        self._zero = self._steps
+        for i in self._engine.locked:
+            joint = self._assembly.joints[i]
+            text = f"the moving joint of block {joint.block} cannot move: rigid parts bridge it"
+            self._events.append(Event(0.0, "locked", (joint.block,), text))
+        self._referee = self._task.referee(self._machine)
+        self._referee.start(self._world)
+        self._sample()
+
+    def _window(self) -> Status:
+        """The scored part."""
+        rest = 0
+        due = self._schedule()
+        last = round(self._task.window * self._rate)
+        samples = 1
+        while self._elapsed < last:
+            while due and due[0][0] <= self._elapsed:
+                self._engine.switch(due.pop(0)[1], on=True)
+            status = self._step()
+            if status != "ok":
+                return status
+            self._world.time = self._elapsed / self._rate
+            self._referee.watch(self._world)
+            if self._elapsed >= samples * self._every - 1e-6:
+                samples += 1
+                self._sample()
+            rest = rest + 1 if self._resting() else 0
+            if not due and rest >= self._value["rest_time"] * self._rate:
+                break
+        return "ok"
+
+    def _schedule(self) -> list[tuple[int, str]]:
+        """Step since t = 0 and name of each entry, in order; nothing with power off."""
+        if not self._power:
+            return []
+        times = vars(self._task.schedule)
+        return sorted((round(time * self._rate), entry) for entry, time in times.items())
+
+    def _step(self) -> Status:
+        """One step, and what it breaks."""
+        self._engine.step()
+        self._steps += 1
+        linear, angular = self._engine.top_speeds
+        if not (linear <= self._value["speed_limit"] and isfinite(angular)):
+            return "diverged"
+        self._speeds = (linear, angular)
+        broken = self._loads.update(self._engine.reactions)
+        if broken:
+            for joint in broken:
+                self._broken.append((self._steps, joint, self._loads.share(joint)))
+                self._loads.forget(joint)
+                self._recorder.lose(self._assembly.joints[joint])
+            self._engine.split(broken)
+        if perf_counter() - self._began > self._wall_limit:
+            return "timeout"
+        return "ok"
+
+    @property
+    def _elapsed(self) -> int:
+        """Steps since t = 0."""
+        return self._steps - self._zero
+
+    def _resting(self) -> bool:
+        linear, angular = self._speeds
+        return linear < self._value["rest_speed"] and angular < self._value["rest_spin"]
+
+    def _sample(self) -> None:
+        self._recorder.sample(
+            self._elapsed / self._rate, self._engine.state(), self._loads.utilisation()
+        )
+
+    def _result(self, status: Status) -> Rollout:
+        trace = self._recorder.trace() if self._zero and status != "timeout" else None
+        broken = tuple(
+            Broken(
+                block=self._assembly.joints[joint].block,
+                type=self._machine[self._assembly.joints[joint].block].type,
+                partner=self._assembly.joints[joint].partner,
+                time=(step - self._zero) / self._rate,
+                load=load,
+            )
+            for step, joint, load in self._broken
+        )
+        verdict, feedback = self._judge(status, trace, broken)
+        events = sorted((*self._events, *verdict.events), key=lambda event: event.time)
+        return Rollout(
+            status=status,
+            score=None if status == "timeout" else verdict.score,
+            terms=verdict.terms,
+            problems=(),
+            broken=broken,
+            events=tuple(events),
+            feedback=feedback,
+            trace=trace,
+            digest=None if trace is None else digest(trace, broken),
+            sim_seconds=self._elapsed / self._rate,
+            wall_seconds=perf_counter() - self._began,
+            constants=self._value.digest,
+        )
+
+    def _judge(
+        self, status: Status, trace: Trace | None, broken: tuple[Broken, ...]
+    ) -> tuple[Verdict, Feedback]:
+        """Score and words: the task's after a whole window, else why there is none."""
+        if status == "ok" and trace is not None:
+            verdict = self._referee.verdict(trace)
+            return verdict, self._task.feedback(self._machine, trace, broken, verdict)
+        seconds = self._elapsed / self._rate
+        if status == "diverged":
+            text = f"The simulation diverged after {seconds:.2f} s; this counts as score 0."
+        else:
+            text = f"The simulation was cut off after {self._wall_limit:g} s of computing time."
+        return Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})
+
+
+def _invalid(problems: Sequence[Problem]) -> Rollout:
+    listed = tuple(problem.to_json() for problem in problems)
+    text = "The machine is invalid and was not simulated: " + "; ".join(
+        str(problem["message"]) for problem in listed
+    )
+    return Rollout(
+        status="invalid",
+        score=0.0,
+        terms={},
+        problems=listed,
+        broken=(),
+        events=(),
+        feedback=Feedback(text, {"status": "invalid", "problems": list(listed)}),
+        trace=None,
+        digest=None,
+        sim_seconds=None,
+        wall_seconds=None,
+        constants=constants().digest,
+    )
+
+
+def _own_engine() -> Engine:
+    """The engine that this thread keeps between rollouts."""
+    if not hasattr(_local, "engine"):
+        _local.engine = PyBulletEngine()
+    engine: Engine = _local.engine
+    return engine
