@@ -23,6 +23,8 @@ from agentflow.machine.tree import Machine
 WORLD = "Three-Dimensional Perception of the World"
 ANSWERS = "Question Answer"
 DEFECTS = "Summary of Design Defects"
+MAX_DEFECTS = 100
+"""Most lines of a summary that are read."""
 _BULLET = re.compile(r"^\s*(?:[-*+]|\d{1,3}[.)])\s+")
 _IDS = re.compile(rf"\bblocks?\W{{0,4}}({ID_LIST.pattern})", re.IGNORECASE)
 _NUMBER = re.compile(r"\d{1,6}")
@@ -103,7 +105,7 @@ def read_defects(text: str, count: int) -> tuple[Defect, ...]:
     does not have are left out; a line that names no block is still a defect.
     """
     defects = []
-    for line in text.splitlines():
+    for line in text.splitlines()[:MAX_DEFECTS]:
         words = _BULLET.sub("", line[:2000]).strip()
         if words.strip(" .*`").casefold() in _NOTHING or not words.strip("`-=*_ "):
             continue

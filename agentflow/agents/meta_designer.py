@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import task_context
 from agentflow.machine.brief import Brief
-from agentflow.machine.parse import extract_json
+from agentflow.machine.jsontext import found_json
 
 MAX_TYPES = 3
 """Most block types per structure, the root not counted (spec 4.2)."""
@@ -87,15 +87,13 @@ class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
 
     def parse(self, text: str, given: MetaDesignerInput) -> Parsed[Blueprint]:
         """Read the last JSON object of the reply that is a blueprint."""
-        found = extract_json(text, dict, accept=_is_blueprint)
-        if found.value is None:
-            found = extract_json(text, dict)
-        if found.value is None:
-            return Parsed(None, _NO_OBJECT, "unparsable", found.repaired, parsed=False)
+        data, repaired = _object_in(text)
+        if data is None:
+            return Parsed(None, _NO_OBJECT, "unparsable", parsed=False)
         try:
-            return Parsed(read_blueprint(found.value, given.brief), repaired=found.repaired)
+            return Parsed(read_blueprint(data, given.brief), repaired=repaired)
         except _Refused as refused:
-            return Parsed(None, refused.problem, refused.code, found.repaired)
+            return Parsed(None, refused.problem, refused.code, repaired)
 
 
 def read_blueprint(data: Mapping[str, Any], brief: Brief) -> Blueprint:
@@ -135,8 +133,15 @@ class _Refused(Exception):
         self.code, self.problem = code, problem
 
 
-def _is_blueprint(value: object) -> bool:
-    return isinstance(value, dict) and "machine_structure" in value
+def _object_in(text: str) -> tuple[dict[str, Any] | None, bool]:
+    """The object in a text that looks like a blueprint, else any; and whether it was repaired."""
+    other: tuple[dict[str, Any] | None, bool] = (None, False)
+    for value, repaired in found_json(text, dict):
+        if "machine_structure" in value:
+            return value, repaired
+        if other[0] is None:
+            other = value, repaired
+    return other
 
 
 def _structures(data: Mapping[str, Any]) -> dict[str, Any]:

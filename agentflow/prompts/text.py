@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Mapping
 
 _PIECES = re.compile(r"[^\W\d_]+|\d{1,3}|[^\w\s]{1,3}|_|\n+", re.UNICODE)
 _UNSAFE = {"`": "\\u0060", "\x85": "\\u0085", "\u2028": "\\u2028", "\u2029": "\\u2029"}
@@ -28,9 +29,10 @@ def oneline(text: str) -> str:
     return " ".join(text.split())
 
 
-def as_json(data: object) -> str:
-    """Write data as indented JSON that cannot end the fence or the line that it stands in."""
-    text = json.dumps(data, indent=1, ensure_ascii=False)
+def as_json(data: Mapping[str, object]) -> str:
+    """Write an object as JSON, one key per line, that cannot end its fence or a line."""
+    items = [f" {json.dumps(key)}: {json.dumps(data[key], ensure_ascii=False)}" for key in data]
+    text = "{\n" + ",\n".join(items) + "\n}"
     return "".join(_UNSAFE.get(char, char) for char in text)
 
 

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.resources import files
 
 import pytest
 
@@ -148,8 +149,8 @@ def test_block_rows() -> None:
     _, user = _render(Designer(), DesignerInput(THROWING))
     assert TABLE in user
     assert (
-        "| 2 | Powered Wheel | 2x2x0.5 | 1 | 0:Front@0,0,0.5 | motor wheel of radius 1, up to "
-        "10 rad/s; drives by its facing (see Motion) |"
+        "| 2 | Powered Wheel | 2x2x0.5 | 1 | 0:Front@0,0,0.5 | motor wheel of radius 1, 10 rad/s, "
+        "40 N m; drives by its facing (see Motion) |"
     ) in user
     assert "| 7 | Brace | two-ended | 0.5 | none |" in user
     assert "| 36 | Boulder | 1.9x1.9x1.9 | 5 | none |" in user
@@ -220,6 +221,29 @@ def test_size_limit_is_the_task_s() -> None:
     assert (
         "- The whole machine stays within 5 m along x, 4 m along y and 6.5 m along z.\n" in system
     )
+
+
+def test_numbers_are_those_of_the_simulation() -> None:
+    constants = json.loads(files("agentflow.env").joinpath("constants.json").read_text("utf-8"))
+    system, user = _render(Designer(), DesignerInput(replace(THROWING, blocks=tuple(library()))))
+    lines = dict(re.findall(r"^\| (\d+) \|.*\| ([^|]+) \|$", user, re.MULTILINE))
+
+    def facts(name: str, unit: str) -> Iterator[tuple[str, str]]:
+        for kind, value in constants[name].get("by_type", {}).items():
+            yield kind, f"{value:g} {unit}".strip()
+
+    of_types = (("motor_speed", "rad/s"), ("motor_torque", "N m"), ("restitution", ""))
+    for name, unit in of_types:
+        for kind, fact in facts(name, unit):
+            assert fact in lines[kind]
+    assert f"friction {constants['friction']['by_type']['49']:.1f}" in lines["49"]
+    assert f"{-constants['suspension_low']['value']:g} m inwards" in lines["16"]
+    assert f"{constants['suspension_high']['value']:g} m outwards" in lines["16"]
+    assert f"with {constants['spring_force']['value']:g} N," in lines["9"]
+    assert f"a length of {constants['spring_length']['value']:g} m" in lines["9"]
+    assert f"Gravity is {constants['gravity']['value']:g} m/s2 along y-." in system
+    strength = [constants[f"strength_{what}"]["value"] for what in ("force", "torque")]
+    assert "wooden ones at about {:.0f} N or {:.0f} N m:".format(*strength) in system
 
 
 def test_prompts_are_not_long() -> None:
