@@ -1,0 +1,191 @@
+"""Owns the feedback loop: each trajectory's own search, its nodes fed by simulation and querier.
+
+How the tree grows is agentflow.search's; a node is a machine with the feedback that one
+querier-refiner interaction gave it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from agentflow.agents.history import Entry, History
+from agentflow.agents.meta_designer import Blueprint
+from agentflow.agents.querier import Querier, QuerierInput
+from agentflow.agents.refiner import Refiner, RefinerInput
+from agentflow.errors import BudgetSpentError
+from agentflow.machine.tree import Machine
+from agentflow.search.concurrency import together
+from agentflow.search.node import Attempt, Evaluation, Found, Node
+from agentflow.search.registry import strategy
+from agentflow.workflows.base import Candidate, First, Trial
+from agentflow.workflows.bench import Bench
+from agentflow.workflows.searchrecord import SearchRecord
+from agentflow.workflows.stages import edit_of, failure_of, first_of
+
+STAGE = "env_feedback"
+
+
+@dataclass(frozen=True)
+class Version:
+    """A machine in a search, and how it came about; equal to any version of the same machine."""
+
+    machine: Machine
+    edit: Entry | None = field(default=None, compare=False)
+    """The refinement that made it, its score after still open."""
+    history: History = field(default=History(), compare=False)
+    """What led to the machine that was refined."""
+    label: str = field(default="", compare=False)
+    """Of the attempt that made it; tells versions of the same machine apart."""
+
+
+async def feedback_loop(
+    bench: Bench,
+    candidates: Sequence[Candidate],
+    blueprint: Blueprint | None,
+    *,
+    desk: str = "",
+) -> list[Candidate]:
+    """Let each trajectory search from its machine; yields each tree's best machine.
+
+    Args:
+        bench: The run.
+        candidates: Valid, simulated machines, one per trajectory.
+        blueprint: The plan they were built to.
+        desk: Whose model and sampling refines, if not the refiner's own.
+    """
+    numbers = bench.settings.search
+
+    async def explore(candidate: Candidate) -> Candidate:
+        assert candidate.machine is not None
+        assert candidate.evaluation is not None
+        name = f"traj-{candidate.trajectory}"
+        trajectory = Trajectory(bench, name, blueprint, desk)
+        notes = SearchRecord(bench.record, f"{STAGE}/{name}")
+        found = await strategy(numbers.strategy)(
+            Version(candidate.machine, candidate.edit),
+            candidate.evaluation,
+            trajectory.expand,
+            trajectory.evaluate,
+            numbers,
+            notes,
+        )
+        notes.found(found)
+        return _harvest(candidate, found, trajectory.first)
+
+    return await together(explore(candidate) for candidate in candidates)
+
+
+class Trajectory:
+    """What the search of one trajectory needs: how to expand a node and how to try a version."""
+
+    def __init__(self, bench: Bench, name: str, blueprint: Blueprint | None, desk: str) -> None:
+        """For the trajectory of that name ("traj-3"), refined at the desk."""
+        self.first = First()
+        """What the first attempt of the search came to."""
+        self._bench, self._name, self._blueprint, self._desk = bench, name, blueprint, desk
+        self._queried: dict[int, str] = {}
+        """Node id -> answers to its querier: one interaction per node."""
+        self._refused: dict[str, tuple[Entry, ...]] = {}
+        """Label of a version -> refused refinements of it, of all its expansions."""
+        self._history = History()
+        """Of the node under expansion."""
+
+    async def evaluate(self, version: Version, label: str) -> Evaluation:
+        """Simulate a version."""
+        return await self._bench.evaluate(version.machine, f"{STAGE}/{self._name}/{label}")
+
+    async def expand(
+        self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
+    ) -> list[Attempt[Version]]:
+        """One wave of refiners on a node, told what became of the earlier waves.
+
+        Raises:
+            BudgetSpentError: The budget ran out before any of them answered.
+        """
+        if not earlier:
+            self._history = self._history_of(node)
+            if self._bench.settings.asks_querier and node.id not in self._queried:
+                self._queried[node.id] = await self._inquire(node)
+        given = self._given(node, earlier)
+        answers = await together(self._refine(node, given, label) for label in labels)
+        attempts = [answer for answer in answers if answer is not None]
+        if not attempts:
+            raise self._bench.spent or BudgetSpentError("the budget has run out")
+        refused = [
+            Entry("", "Error", a.note, before=node.evaluation.score)
+            for a in attempts
+            if a.candidate is None
+        ]
+        known = self._refused.get(node.candidate.label, ())
+        self._refused[node.candidate.label] = (*known, *refused)
+        return attempts
+
+    async def _refine(
+        self, node: Node[Version], given: RefinerInput, label: str
+    ) -> Attempt[Version] | None:
+        full = f"refiner/feedback/{self._name}/{label}"
+        outcome = await self._bench.ask(Refiner(), given, full, desk=self._desk, once=True)
+        if outcome is None:
+            return None
+        if label == "round-1/node-0/try-1":
+            self.first = first_of(outcome)
+        if outcome.output is None:
+            return Attempt(label, None, failure_of(outcome))
+        edit = edit_of(outcome.output, node.evaluation.score)
+        version = Version(outcome.output.machine, edit, self._history, label)
+        return Attempt(label, version, edit.script)
+
+    def _given(self, node: Node[Version], earlier: Sequence[Attempt[Version]]) -> RefinerInput:
+        settings = self._bench.settings
+        return RefinerInput(
+            brief=self._bench.brief,
+            machine=node.candidate.machine,
+            blueprint=self._blueprint,
+            history=self._history.to_text() if settings.history else "",
+            score=node.evaluation.score,
+            feedback="" if settings.feedback == "score_only" else _feedback(node),
+            queried=self._queried.get(node.id, ""),
+            earlier=tuple(attempt.note for attempt in earlier if attempt.candidate is None),
+            spatial=settings.spatial,
+            format=settings.refinement,
+        )
+
+    def _history_of(self, node: Node[Version]) -> History:
+        """What was tried on the way to the node, and what was refused at it before."""
+        version = node.candidate
+        history = version.history
+        if version.edit is not None:
+            history = history.add(replace(version.edit, after=node.evaluation.score))
+        for entry in self._refused.get(version.label, ()):
+            history = history.add(entry)
+        return history
+
+    async def _inquire(self, node: Node[Version]) -> str:
+        """Ask the querier about a node; "" when it gives or asks nothing."""
+        bench, machine = self._bench, node.candidate.machine
+        given = QuerierInput(
+            bench.brief, machine, node.evaluation.score, _feedback(node), bench.settings.spatial
+        )
+        label = f"querier/{self._name}/node-{node.id}"
+        outcome = await bench.ask(Querier(), given, label)
+        if outcome is None or outcome.output is None or not outcome.output.queries:
+            return ""
+        return await bench.query(machine, outcome.output.queries, label)
+
+
+def _feedback(node: Node[Version]) -> str:
+    trial: Trial = node.evaluation.details
+    return trial.feedback
+
+
+def _harvest(start: Candidate, found: Found[Version], first: First) -> Candidate:
+    best = found.nodes[found.best]
+    return Candidate(
+        start.trajectory,
+        best.candidate.machine,
+        best.evaluation,
+        first=first,
+        edit=best.candidate.edit,
+        tally=found.tally,
+    )

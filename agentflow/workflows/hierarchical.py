@@ -1,0 +1,48 @@
+"""Owns the hierarchical workflow: plan, build by structure, criticise, refine, search."""
+
+from __future__ import annotations
+
+from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
+from agentflow.machine.brief import Brief
+from agentflow.workflows.base import Candidate, Desks, Laboratory, Record, WorkflowResult
+from agentflow.workflows.bench import Bench
+from agentflow.workflows.construction import build
+from agentflow.workflows.refinement import refined
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages import failure_of, whole_machines
+
+
+async def hierarchical(
+    brief: Brief,
+    desks: Desks,
+    laboratory: Laboratory,
+    settings: WorkflowSettings,
+    record: Record,
+    seed: int = 0,
+) -> WorkflowResult:
+    """Meta-designer, designers per structure, inspector, blind refinement, feedback loop.
+
+    With the meta-designer off, designers build whole machines. Arguments as for a `Workflow`.
+    """
+    bench = Bench("hierarchical", brief, desks, laboratory, settings, record, seed)
+    bench.begin("initial")
+    blueprint: Blueprint | None = None
+    if settings.meta_designer == "off":
+        candidates = await whole_machines(bench)
+    else:
+        blueprint, reason = await _plan(bench)
+        candidates = (
+            await build(bench, blueprint)
+            if blueprint
+            else [Candidate(t, reason=reason) for t in range(1, settings.trajectories + 1)]
+        )
+    return await refined(bench, bench.end(candidates), blueprint)
+
+
+async def _plan(bench: Bench) -> tuple[Blueprint | None, str]:
+    """The blueprint, or why there is none."""
+    outcome = await bench.ask(MetaDesigner(), MetaDesignerInput(bench.brief), "meta_designer")
+    if outcome is None or outcome.output is None:
+        return None, f"no valid blueprint: {failure_of(outcome)}"
+    bench.record.event("blueprint", "meta_designer", **outcome.output.to_json())
+    return outcome.output, ""

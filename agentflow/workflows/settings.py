@@ -1,0 +1,47 @@
+"""Owns the switches of the workflows (spec 5.2). Models and sampling come with the desks."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from agentflow.search.settings import SearchSettings
+
+
+class WorkflowSettings(BaseModel):
+    """What a workflow does; the same keys for all, so that a sweep can compare them."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    trajectories: int = Field(8, ge=1, description="machines designed side by side")
+    candidates: int = Field(
+        1, ge=1, description="designs per structure and trajectory (hierarchical)"
+    )
+    meta_designer: Literal["modules", "off"] = Field(
+        "modules", description="modules: structure by structure; off: whole machines (hierarchical)"
+    )
+    inspector: bool = Field(True, description="criticise machines before the blind refinement")
+    querier: bool = Field(True, description="ask for states of single blocks (feedback active)")
+    feedback: Literal["active", "basic", "score_only"] = Field(
+        "active", description="what refiners learn of a simulation"
+    )
+    history: bool = Field(True, description="tell refiners the earlier edits")
+    spatial: bool = Field(True, description="tell designers and refiners the 3D information")
+    refinement: Literal["steps", "whole_machine"] = Field(
+        "steps", description="refiners write edit commands or a whole machine"
+    )
+    search: SearchSettings = Field(
+        SearchSettings(), description="the feedback loop; rounds 0 leaves it out"
+    )
+
+    @field_validator("meta_designer", mode="before")
+    @classmethod
+    def _off(cls, value: object) -> object:
+        """YAML reads a bare `off` as false."""
+        return "off" if value is False else value
+
+    @property
+    def asks_querier(self) -> bool:
+        """Whether queried states reach the refiner, so that asking for them makes sense."""
+        return self.querier and self.feedback == "active"

@@ -1,0 +1,267 @@
+import random
+
+import pytest
+
+from agentflow.machine.tree import Machine
+from tests.workflows.world import (
+    BLUEPRINT,
+    CRITIQUE,
+    INQUIRY,
+    NOTHING,
+    Author,
+    Run,
+    Script,
+    Shelf,
+    edit,
+    fenced,
+    machine,
+    steps,
+)
+
+SMALL = {"trajectories": 3, "search": {"rounds": 1, "width": 1, "waves": 2}}
+GOLDEN = {
+    "meta_designer/attempt-1": NOTHING,
+    "meta_designer/attempt-2": fenced(BLUEPRINT),
+    "designer/structure-1/traj-1/candidate-1/attempt-1": fenced(steps((1, 0, 0))),
+    "designer/structure-1/traj-2/candidate-1/attempt-1": NOTHING,
+    "designer/structure-1/traj-2/candidate-1/attempt-2": fenced(steps((1, 0, 1))),
+    "designer/structure-1/traj-3/candidate-1/attempt-1": NOTHING,
+    "designer/structure-1/traj-3/candidate-1/attempt-2": fenced(steps((1, 0, 0), (1, 0, 0))),
+    "designer/structure-2/traj-1/candidate-1/attempt-1": fenced(steps((1, 0, 0), (2, 0, 2))),
+    "designer/structure-2/traj-2/candidate-1/attempt-1": fenced(steps((1, 0, 0), (2, 0, 2))),
+    "designer/structure-2/traj-2/candidate-1/attempt-2": NOTHING,
+    "designer/structure-2/traj-3/candidate-1/attempt-1": fenced(steps((1, 0, 1), (2, 0, 3))),
+    "inspector/traj-1/attempt-1": CRITIQUE,
+    "inspector/traj-3/attempt-1": NOTHING,
+    "inspector/traj-3/attempt-2": NOTHING,
+    "refiner/blind/traj-1/attempt-1": edit("Add 1 to 0 in 0"),
+    "refiner/blind/traj-1/attempt-2": edit("Add 1 to 0 in 1"),
+    "refiner/blind/traj-3/attempt-1": NOTHING,
+    "refiner/blind/traj-3/attempt-2": edit("Remove 2"),
+    "querier/traj-1/node-0/attempt-1": INQUIRY,
+    "refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1": edit("Add 1 to 0 in 0"),
+    "refiner/feedback/traj-1/round-1/node-0/try-2/attempt-1": edit("Add 1 to 0 in 4"),
+}
+"""Three trajectories, two attempts per question; what each reply leads to, the test tells."""
+
+
+def length(found: Machine) -> float:
+    """Ten per block, and the face of the wheel."""
+    return 10.0 * len(found) + next(step.face_id for step in found if step.type == 2)
+
+
+async def golden() -> Run:
+    run = Run(Script(GOLDEN), SMALL, shelf=Shelf(length), max_retry=2, seed=3)
+    run.result = await run()  # type: ignore[attr-defined]
+    return run
+
+
+async def test_golden_run() -> None:
+    """Plan at the second attempt: Body, Drive.
+
+    Body   1: block in front. 2: block behind, at the second attempt. 3: no machine, then two
+           blocks on one face: dropped.
+    Refill the seed's stream draws trajectory 2 for the third place: 1, 2, 2.
+    Drive  1: wheel left, at once. 2: alters the given block, then no machine: dropped.
+           3 (on the copy of 2): wheel right, at once, although its body was no first attempt.
+    Initial 1: 3 blocks, wheel at 2: 32. 3: 3 blocks, wheel at 3: 33. Mean 32.5, over all 65 / 3.
+    Blind  1: face occupied, then a block behind: 42. 3: no sections, then the only wheel removed.
+           It ends here, although its first machine is still the best but one.
+    Loop   1: the querier asks once; try 1 is refused, try 2 adds a block on top: 52, the result.
+    """
+    assert random.Random("3/beam").choice([0, 1]) == 1
+    run = await golden()
+    result = run.result  # type: ignore[attr-defined]
+    assert sorted(run.labels) == sorted(GOLDEN)
+    assert result.best is not None
+    assert result.best.machine == machine((1, 0, 0), (2, 0, 2), (1, 0, 1), (1, 0, 4))
+    assert (result.best.score, result.best.trajectory) == (52.0, 1)
+    assert (result.best_stage, result.stopped, result.reason) == ("env_feedback", None, "")
+    rows = run.notes.of("stage")
+    assert rows["initial"] == {
+        "name": "initial",
+        "trajectories": 3,
+        "parsed_first": 1,
+        "spatial_first": 1,
+        "valid_first": 1,
+        "valid": 2,
+        "mean": 32.5,
+        "mean_all": 65 / 3,
+        "max": 33.0,
+        "std": 0.5,
+        "calls": 11,
+        "tokens": 1210,
+        "rollouts": 2,
+        "expansions": 0,
+        "attempts": 0,
+        "children": 0,
+    }
+    told = ("valid_first", "valid", "mean", "mean_all", "max", "std", "calls", "rollouts")
+    assert [rows["blind_refinement"][key] for key in told] == [0, 1, 42.0, 14.0, 42.0, 0.0, 7, 1]
+    assert [rows["env_feedback"][key] for key in told] == [0, 1, 52.0, 52 / 3, 52.0, 0.0, 3, 1]
+    assert [rows["env_feedback"][key] for key in ("expansions", "attempts", "children")] == [
+        *(1, 2, 1)
+    ]
+
+
+async def test_golden_record() -> None:
+    run = await golden()
+    notes = run.notes
+    assert notes.of("refill") == {"structure-2": {"sources": [1, 2, 2]}}
+    candidates = notes.of("candidate")
+    assert [label for label, data in candidates.items() if data["valid"]] == [
+        "initial/traj-1",
+        "initial/traj-3",
+        "blind_refinement/traj-1",
+        "env_feedback/traj-1",
+    ]
+    assert candidates["blind_refinement/traj-2"]["reason"] == "ended in an earlier stage"
+    assert candidates["blind_refinement/traj-3"]["reason"] == (
+        "The machine is not valid:\n"
+        "- the task demands exactly 1 block of type 2 (Powered Wheel); this has 0"
+    )
+    assert set(notes.of("evaluation")) == {
+        "initial/traj-1",
+        "initial/traj-3",
+        "blind_refinement/traj-1",
+        "env_feedback/traj-1/round-1/node-1",
+    }
+    assert notes.of("search") == {
+        "env_feedback/traj-1": {
+            "result": 1,
+            "best": 1,
+            "stopped": False,
+            "expansions": 1,
+            "attempts": 2,
+            "valid": 1,
+            "rollouts": 1,
+        }
+    }
+    assert notes.of("node")["env_feedback/traj-1/node-1"]["made_by"] == "round-1/node-0/try-2"
+    assert set(notes.of("attempt")) == set(GOLDEN)
+    assert notes.of("inspection")["inspector/traj-1"]["defects"] == [
+        {"blocks": [1], "structure": "Body", "text": "too small"}
+    ]
+    assert set(notes.machines) >= set(run.shelf.tried)
+
+
+async def test_only_the_first_refiner_sees_the_critique() -> None:
+    run = await golden()
+    blind = run.prompt("refiner/blind/traj-1/attempt-1")
+    assert "It looks lame." in blind
+    assert "## Simulation feedback" not in blind
+    loop = run.prompt("refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1")
+    assert "It looks lame." not in loop
+    assert "Rolled 42.0 m." in loop
+    assert "1 tables." in loop
+    assert "32.00 -> 42.00" in loop
+    assert "Add 1 to 0 in 1" in loop
+    assert "## Earlier attempts" not in loop
+    second = run.prompt("refiner/feedback/traj-1/round-1/node-0/try-2/attempt-1")
+    assert "## Earlier attempts" in second
+    assert "Add 1 to 0 in 0" in second
+    assert "1 tables." in second
+
+
+@pytest.mark.parametrize(
+    ("switch", "value", "gone"),
+    [
+        ("inspector", False, "It looks lame."),
+        ("querier", False, "1 tables."),
+        ("feedback", "basic", "1 tables."),
+        ("feedback", "score_only", "Rolled"),
+        ("history", False, "## Edit history"),
+        ("spatial", False, "## 3D information"),
+        ("meta_designer", "off", "## Blueprint"),
+    ],
+)
+async def test_switches(switch: str, value: object, gone: str) -> None:
+    """What a switch turns off is in no refiner's prompt, and is there with the switch on."""
+    for setting, expected in (({}, True), ({switch: value}, False)):
+        run = Run(Author(refused=0.0), {**SMALL, **setting})
+        await run()
+        refiners = [r for r in run.client.requests if r.role == "refiner"]
+        assert any(gone in r.messages[1].text for r in refiners) == expected
+    roles = {request.role for request in run.client.requests}
+    assert ("inspector" in roles) == (switch != "inspector")
+    assert ("querier" in roles) == (switch not in ("querier", "feedback"))
+    assert ("meta_designer" in roles) == (switch != "meta_designer")
+
+
+async def test_whole_machine_refinements() -> None:
+    run = Run(Author(seed=1, refused=0.0), {**SMALL, "refinement": "whole_machine"})
+    result = await run()
+    assert [stage.name for stage in result.stages][-1] == "env_feedback"
+    assert result.best is not None
+    assert len(result.best.machine or ()) > 3
+
+
+async def test_candidates_fill_empty_places() -> None:
+    """Two designs per place: the first has none, the second two; both places are then taken."""
+    body = "designer/structure-1/traj-{}/candidate-{}/attempt-1"
+    replies = {
+        "meta_designer/attempt-1": fenced(BLUEPRINT),
+        body.format(1, 1): NOTHING,
+        body.format(1, 2): NOTHING,
+        body.format(2, 1): fenced(steps((1, 0, 0))),
+        body.format(2, 2): fenced(steps((1, 0, 1))),
+        **{
+            f"designer/structure-2/traj-{t}/candidate-{c}/attempt-1": fenced(
+                steps((1, 0, 2 - t), (2, 0, c + 1))
+            )
+            for t in (1, 2)
+            for c in (1, 2)
+        },
+    }
+    settings = {"trajectories": 2, "candidates": 2, "inspector": False, "search": {"rounds": 0}}
+    run = Run(
+        Script({**replies, **{f"refiner/blind/traj-{t}/attempt-1": NOTHING for t in (1, 2)}}),
+        settings,
+        max_retry=1,
+    )
+    result = await run()
+    assert run.notes.of("refill") == {"structure-2": {"sources": [1, 2]}}
+    assert [c.machine for c in result.stages[0].candidates] == [
+        machine((1, 0, 1), (2, 0, 2)),
+        machine((1, 0, 0), (2, 0, 2)),
+    ]
+    assert [stage.name for stage in result.stages] == ["initial", "blind_refinement"]
+    assert result.stages[1].survivors == ()
+
+
+async def test_no_blueprint_is_a_result() -> None:
+    run = Run(Author(refused=1.0), SMALL)
+    result = await run()
+    assert (result.best, result.stopped) == (None, None)
+    assert result.reason.startswith("no valid machine: no valid blueprint: ")
+    assert run.labels == [f"meta_designer/attempt-{i}" for i in (1, 2, 3)]
+    assert [len(stage.candidates) for stage in result.stages] == [3]
+
+
+async def test_a_structure_without_designs_ends_the_construction() -> None:
+    """The bodies stay, one per trajectory and no copies, recorded as invalid with the reason."""
+
+    def replies(request):  # type: ignore[no-untyped-def]
+        if "Name: Drive" in request.messages[1].text:
+            return NOTHING
+        return Author(refused=0.0)(request)
+
+    run = Run(replies, SMALL, max_retry=2)
+    result = await run()
+    assert result.best is None
+    (stage,) = result.stages
+    assert all(c.machine is not None and len(c.machine) == 2 for c in stage.candidates)
+    assert all(
+        c.reason.startswith("structure 'Drive' obtained no valid design: ")
+        for c in stage.candidates
+    )
+    assert set(run.notes.of("construction_end")) == {"structure-2"}
+    assert run.shelf.tried == []
+
+
+async def test_unscored_machines_are_never_best() -> None:
+    run = Run(Author(refused=0.0), SMALL, shelf=Shelf(lambda _: None))
+    result = await run()
+    assert result.best is None
+    assert result.reason == ("valid machines, but none could be scored: every simulation failed")
+    assert run.notes.of("stage")["initial"]["mean_all"] is None

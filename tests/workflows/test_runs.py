@@ -1,0 +1,141 @@
+"""What all workflows have in common: order does not matter, budgets stop, machines run once."""
+
+import random
+
+import pytest
+
+from agentflow.errors import UnknownNameError, UnreachableError
+from agentflow.workflows.registry import WORKFLOWS, workflow
+from tests.workflows.world import CRITIQUE, INQUIRY, Author, Run, Script, Shelf, edit, fenced, steps
+
+MEDIUM = {"trajectories": 4, "search": {"rounds": 3, "width": 2, "waves": 2}}
+
+
+def test_by_name() -> None:
+    with pytest.raises(UnknownNameError) as caught:
+        workflow("hierachical")
+    assert str(caught.value) == (
+        "unknown workflow 'hierachical'; known: hierarchical, iterative, single"
+    )
+
+
+@pytest.mark.parametrize("name", WORKFLOWS)
+@pytest.mark.parametrize("strategy", ["mcts", "best_of_n", "random"])
+async def test_every_workflow_with_every_strategy(name: str, strategy: str) -> None:
+    run = Run(Author(seed=5), {**MEDIUM, "search": {**MEDIUM["search"], "strategy": strategy}})  # type: ignore[dict-item]
+    result = await run(name)
+    assert result.workflow == name
+    assert [stage.name for stage in result.stages] == [
+        "initial",
+        *(["blind_refinement"] if name != "single" else []),
+        "env_feedback",
+    ]
+    assert result.best is not None
+    scores = [c.score for stage in result.stages for c in stage.survivors if c.score is not None]
+    assert result.best.score == max(scores)
+    assert len(run.labels) == len(set(run.labels)) == sum(s.calls for s in result.stages)
+    assert len(run.shelf.tried) == len(set(run.shelf.tried))
+    assert len(run.shelf.tried) == sum(stage.rollouts for stage in result.stages)
+
+
+@pytest.mark.parametrize("name", WORKFLOWS)
+async def test_completion_order_changes_nothing(name: str) -> None:
+    """Replies and rollouts delayed at random: the same events, whatever their order."""
+    seen = []
+    for seed in range(30 if name == "hierarchical" else 5):
+        delays = random.Random(seed)
+        run = Run(Author(seed=4), MEDIUM, shelf=Shelf(delays=delays), delays=delays)
+        result = await run(name)
+        seen.append((result, run.notes.events, run.notes.machines))
+    assert all(item == seen[0] for item in seen)
+    assert len(seen[0][1]) > 60
+
+
+@pytest.mark.parametrize("name", WORKFLOWS)
+async def test_a_spent_budget_ends_cleanly_wherever_it_runs_out(name: str) -> None:
+    """With more to spend a run only gets further: what was asked before is asked again."""
+    whole = Run(Author(seed=5), MEDIUM)
+    await whole(name)
+    for budget in [*range(1, len(whole.labels), 2), len(whole.labels) - 1]:
+        run = Run(Author(seed=5), MEDIUM, budget=budget)
+        result = await run(name)
+        assert result.stopped == "budget"
+        assert len(run.labels) == budget
+        assert set(run.labels) <= set(whole.labels)
+        scores = [c.score for s in result.stages for c in s.survivors if c.score is not None]
+        assert (result.best.score if result.best else None) == max(scores, default=None)
+        if result.best is None:
+            assert result.reason.startswith("no valid machine: ")
+    enough = Run(Author(seed=5), MEDIUM, budget=len(whole.labels))
+    assert (await enough(name)).stopped is None
+
+
+@pytest.mark.parametrize("name", WORKFLOWS)
+async def test_a_dead_endpoint_ends_the_run_with_its_error(name: str) -> None:
+    author, left = Author(seed=5), [15]
+
+    def replies(request):  # type: ignore[no-untyped-def]
+        left[0] -= 1
+        if left[0] < 0:
+            raise UnreachableError("nothing answers")
+        return author(request)
+
+    run = Run(replies, MEDIUM, delays=random.Random(1))
+    with pytest.raises(UnreachableError, match="nothing answers"):
+        await run(name)
+
+
+async def test_single_revises_at_the_designers_desk() -> None:
+    run = Run(Author(seed=5, refused=0.0), MEDIUM)
+    await run("single")
+    assert set(run.desks) == {"designer"}
+    assert {request.role for request in run.client.requests} == {"designer", "refiner"}
+    assert {len(node["path"]) for node in run.notes.of("select").values()} == {1, 2, 3}
+
+
+async def test_no_rounds_leave_the_loop_out() -> None:
+    for name, stages in (("single", 1), ("iterative", 2)):
+        run = Run(Author(refused=0.0), {"trajectories": 2, "search": {"rounds": 0}})
+        assert len((await run(name)).stages) == stages
+
+
+async def test_one_querier_per_node() -> None:
+    """Best-of-N expands a node again when nothing improves: the answers it had are told again."""
+    run = Run(
+        Author(seed=3, refused=0.0),
+        {
+            "trajectories": 1,
+            "search": {"strategy": "best_of_n", "rounds": 4, "width": 2, "waves": 1},
+        },
+        shelf=Shelf(lambda found: -float(len(found))),
+    )
+    await run("iterative")
+    assert [label for label in run.labels if label.startswith("querier")] == [
+        "querier/traj-1/node-0/attempt-1"
+    ]
+    assert [event["path"] for event in run.notes.of("select").values()] == [[0]] * 4
+    last = next(r for r in run.client.requests if "/round-4/" in r.label)
+    assert "1 tables." in last.messages[1].text
+
+
+async def test_a_node_fallen_back_to_knows_what_was_refused() -> None:
+    """Round 1 is refused, so node 1 is the same machine again: asked anew, told the refusal."""
+    replies = {
+        "designer/traj-1/attempt-1": fenced(steps((2, 0, 2))),
+        "inspector/traj-1/attempt-1": CRITIQUE,
+        "refiner/blind/traj-1/attempt-1": edit("Add 1 to 0 in 0"),
+        "querier/traj-1/node-0/attempt-1": INQUIRY,
+        "refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1": edit("Remove 9"),
+        "querier/traj-1/node-1/attempt-1": INQUIRY,
+        "refiner/feedback/traj-1/round-2/node-1/try-1/attempt-1": edit("Add 1 to 0 in 1"),
+    }
+    settings = {"trajectories": 1, "search": {"rounds": 2, "width": 1, "waves": 1}}
+    run = Run(Script(replies), settings, shelf=Shelf(lambda found: float(len(found))))
+    result = await run("iterative")
+    assert run.labels == list(replies)
+    assert (result.best and result.best.score, len(run.shelf.tried)) == (4.0, 3)
+    told = run.prompt("refiner/feedback/traj-1/round-2/node-1/try-1/attempt-1")
+    history = told.partition("## Edit history")[2].partition("## Simulation feedback")[0]
+    assert "1. Success, score 2.00 -> 3.00" in history
+    assert "2. Error, score 3.00 -> none" in history
+    assert "Remove 9: Error (block_not_found" in history

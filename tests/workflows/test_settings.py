@@ -1,0 +1,34 @@
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from agentflow.workflows.settings import WorkflowSettings
+
+
+def test_defaults_are_the_published_numbers() -> None:
+    settings = WorkflowSettings()
+    assert (settings.trajectories, settings.candidates, settings.search.rounds) == (8, 1, 5)
+    assert settings.asks_querier
+
+
+def test_every_switch_has_help() -> None:
+    assert all(field.description for field in WorkflowSettings.model_fields.values())
+
+
+def test_a_bare_off_of_yaml_is_off() -> None:
+    read = yaml.safe_load("{meta_designer: off, inspector: off}")
+    settings = WorkflowSettings.model_validate(read)
+    assert (settings.meta_designer, settings.inspector) == ("off", False)
+    with pytest.raises(ValidationError, match="meta_designer"):
+        WorkflowSettings.model_validate({"meta_designer": True})
+
+
+@pytest.mark.parametrize(
+    ("querier", "feedback", "asks"),
+    [(True, "active", True), (False, "active", False), (True, "basic", False)],
+)
+def test_the_querier_is_asked_when_its_answers_are_told(
+    querier: bool, feedback: str, asks: bool
+) -> None:
+    settings = WorkflowSettings.model_validate({"querier": querier, "feedback": feedback})
+    assert settings.asks_querier is asks

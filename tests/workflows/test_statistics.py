@@ -1,0 +1,53 @@
+import statistics
+
+from agentflow.search.node import Evaluation, Tally
+from agentflow.workflows.base import Candidate, First, Stage
+from agentflow.workflows.statistics import best_of, row
+
+
+def scored(trajectory: int, score: float | None, first: First = First()) -> Candidate:  # noqa: B008
+    return Candidate(trajectory, evaluation=Evaluation(True, score), first=first)
+
+
+def test_row() -> None:
+    """Scores 4, 1 and -2; one the computer could not score; two invalid."""
+    stage = Stage(
+        "env_feedback",
+        (
+            scored(1, 4.0, First(True, True, True)),
+            scored(2, 1.0, First(True, True, False)),
+            scored(3, None, First(True, False, False)),
+            Candidate(4, reason="no machine"),
+            Candidate(5, evaluation=Evaluation(False, 0.0)),
+            Candidate(6, evaluation=Evaluation(True, -2.0), tally=Tally(5, 24, 18, 17)),
+        ),
+        calls=40,
+        tokens=4000,
+        rollouts=17,
+    )
+    assert row(stage) == {
+        "name": "env_feedback",
+        "trajectories": 6,
+        "parsed_first": 3,
+        "spatial_first": 2,
+        "valid_first": 1,
+        "valid": 4,
+        "mean": 1.0,
+        "mean_all": 0.6,
+        "max": 4.0,
+        "std": statistics.pstdev([4, 1, -2]),
+        "calls": 40,
+        "tokens": 4000,
+        "rollouts": 17,
+        "expansions": 5,
+        "attempts": 24,
+        "children": 18,
+    }
+
+
+def test_best_is_the_earliest_among_equals() -> None:
+    first = Stage("initial", (scored(1, None), scored(2, 3.0), scored(3, 3.0)), 0, 0, 0)
+    later = Stage("blind_refinement", (scored(1, 3.0),), 0, 0, 0)
+    assert best_of((first, later)) == (first.candidates[1], first)
+    assert best_of((Stage("initial", (scored(1, None), Candidate(2)), 0, 0, 0),)) is None
+    assert best_of(()) is None

@@ -1,0 +1,259 @@
+"""A small task, an author that answers every role from the prompt, and a fast laboratory."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from agentflow.agents.base import Desk
+from agentflow.llm.budget import Budget, BudgetClient, BudgetSettings
+from agentflow.llm.client import Client
+from agentflow.llm.messages import Reply, Request, Usage
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.machine.brief import Brief
+from agentflow.machine.parse import read_machine
+from agentflow.machine.tree import Machine
+from agentflow.prompts.render import PromptSet
+from agentflow.search.node import Evaluation
+from agentflow.workflows.base import Trial, WorkflowResult
+from agentflow.workflows.registry import workflow
+from agentflow.workflows.settings import WorkflowSettings
+
+BRIEF = Brief(
+    name="movement",
+    objective="Drive as far as possible along z+.",
+    scene=("The ground is flat.",),
+    schedule=("At t = 0 s wheels start to turn.",),
+    score=("Score: metres along z+.",),
+    blocks=(0, 1, 2),
+    required={2: 1},
+)
+PROMPTS = PromptSet()
+ROOT = {"type": 0, "id": 0, "parent": -1, "face_id": -1}
+BLUEPRINT = {
+    "definition": "A cart.",
+    "function_points": ["carry", "roll"],
+    "design_structure": [
+        {"function_name": "Body", "description": "d", "related_function_points": ["carry"]},
+        {"function_name": "Drive", "description": "d", "related_function_points": ["roll"]},
+    ],
+    "build_order": ["Body", "Drive"],
+    "machine_structure": {
+        "Body": {"type": [1], "guidance": "one block"},
+        "Drive": {"type": [2], "guidance": "one wheel"},
+    },
+}
+CRITIQUE = (
+    "<Three-Dimensional Perception of the World>z+: forward</Three-Dimensional Perception of the "
+    "World><Question Answer>It looks lame.</Question Answer>"
+    "<Summary of Design Defects>- blocks 1 | structure Body | too small"
+    "</Summary of Design Defects>"
+)
+INQUIRY = (
+    "<Thought Process>see</Thought Process><Required Feedback>"
+    '[{"id": 0, "duration": [0, 1], "properties": ["position"]}]</Required Feedback>'
+)
+NOTHING = "I cannot think of anything."
+
+
+def steps(*blocks: tuple[int, int, int]) -> list[dict[str, int]]:
+    """The root and blocks of (type, parent, face)."""
+    return [
+        ROOT,
+        *(
+            {"type": kind, "id": i, "parent": parent, "face_id": face}
+            for i, (kind, parent, face) in enumerate(blocks, start=1)
+        ),
+    ]
+
+
+def machine(*blocks: tuple[int, int, int]) -> Machine:
+    """The same as a machine."""
+    read = read_machine(steps(*blocks)).machine
+    assert read is not None
+    return read
+
+
+def fenced(data: object) -> str:
+    return f"Because.\n```json\n{json.dumps(data)}\n```"
+
+
+def edit(script: str) -> str:
+    return (
+        "<Thought Process>t</Thought Process><Modification Description>d"
+        "</Modification Description><Simulation Prediction After Modification>p"
+        f"</Simulation Prediction After Modification><Modification Steps>\n{script}\n"
+        "</Modification Steps>"
+    )
+
+
+class Author:
+    """Answers from the prompt and by chance, which depends on the label alone."""
+
+    def __init__(self, seed: int = 0, refused: float = 0.3) -> None:
+        self.seed, self.refused = seed, refused
+
+    def __call__(self, request: Request) -> Reply:
+        chance = random.Random(f"{self.seed}/{request.label}")
+        text = NOTHING
+        if chance.random() >= self.refused:
+            text = getattr(self, request.role)(request.messages[1].text, chance)
+        return Reply(text=text, usage=Usage(prompt=100, completion=10), model="author")
+
+    def meta_designer(self, _prompt: str, _chance: random.Random) -> str:
+        return fenced(BLUEPRINT)
+
+    def designer(self, prompt: str, chance: random.Random) -> str:
+        built = _current(prompt)
+        if "Name: Drive" not in prompt:
+            built = steps((1, 0, chance.randrange(2)))
+        if "Name: Body" not in prompt:
+            built += [_step(len(built), 2, 0, chance.randrange(2, 4))]
+        return fenced(built)
+
+    def inspector(self, _prompt: str, _chance: random.Random) -> str:
+        return CRITIQUE
+
+    def querier(self, _prompt: str, _chance: random.Random) -> str:
+        return INQUIRY
+
+    def refiner(self, prompt: str, chance: random.Random) -> str:
+        built = _current(prompt)
+        parent = chance.choice([s["id"] for s in built if s["type"] != 2])
+        face = chance.randrange(6)
+        if "holds the whole modified machine" in prompt:
+            return edit(fenced([*built, _step(len(built), 1, parent, face)]))
+        return edit(f"Add 1 to {parent} in {face}")
+
+
+class Script:
+    """Answers by label; a label it does not know is an error."""
+
+    def __init__(self, replies: dict[str, str]) -> None:
+        self.replies = replies
+
+    def __call__(self, request: Request) -> Reply:
+        usage = Usage(prompt=100, completion=10)
+        return Reply(text=self.replies[request.label], usage=usage, model="script")
+
+
+class Delayed:
+    """A client that takes its time, by chance."""
+
+    def __init__(self, inner: Client, chance: random.Random) -> None:
+        self.inner, self.chance = inner, chance
+
+    @property
+    def name(self) -> str:
+        return self.inner.name
+
+    async def complete(self, request: Request) -> Reply:
+        await asyncio.sleep(self.chance.random() * 2e-3)
+        return await self.inner.complete(request)
+
+    async def aclose(self) -> None:
+        await self.inner.aclose()
+
+
+def by_digest(found: Machine) -> float:
+    """A score that looks like chance and is not."""
+    return int(found.digest[:4], 16) / 1000
+
+
+class Shelf:
+    """A laboratory that looks scores up instead of simulating."""
+
+    def __init__(
+        self,
+        score: Callable[[Machine], float | None] = by_digest,
+        delays: random.Random | None = None,
+    ) -> None:
+        self.score, self.delays = score, delays
+        self.tried: list[str] = []
+
+    async def evaluate(self, found: Machine, label: str) -> Evaluation:
+        assert label == f"machine-{found.digest}"
+        self.tried.append(found.digest)
+        if self.delays is not None:
+            await asyncio.sleep(self.delays.random() * 2e-3)
+        score = self.score(found)
+        status = "timeout" if score is None else "ok"
+        told = f"Rolled {score} m."
+        return Evaluation(True, score, Trial(score, status, told, ((1, 0, 0.5),), found.digest))
+
+    async def query(self, found: Machine, queries: Sequence[object]) -> str:
+        assert found.digest in self.tried
+        return f"{len(queries)} tables."
+
+
+class Notes:
+    """A record in memory; events must be unique and plain JSON data."""
+
+    def __init__(self) -> None:
+        self.events: dict[tuple[str, str], dict[str, Any]] = {}
+        self.machines: dict[str, str] = {}
+
+    def event(self, kind: str, label: str, **data: Any) -> None:
+        assert (kind, label) not in self.events, (kind, label)
+        assert json.loads(json.dumps(data)) == data
+        self.events[kind, label] = data
+
+    def save_machine(self, digest: str, text: str) -> None:
+        assert self.machines.setdefault(digest, text) == text
+
+    def of(self, kind: str) -> dict[str, dict[str, Any]]:
+        return {label: data for (k, label), data in self.events.items() if k == kind}
+
+
+class Run:
+    """One run of a workflow, and everything that can be looked at afterwards."""
+
+    def __init__(
+        self,
+        replies: Callable[[Request], Reply],
+        settings: dict[str, Any] | None = None,
+        *,
+        shelf: Shelf | None = None,
+        budget: int | None = None,
+        delays: random.Random | None = None,
+        max_retry: int = 3,
+        seed: int = 0,
+    ) -> None:
+        self.client = ScriptedClient(replies)
+        self.shelf = shelf or Shelf()
+        self.notes = Notes()
+        self.settings = WorkflowSettings.model_validate(settings or {})
+        self.max_retry, self.seed = max_retry, seed
+        self.desks: list[str] = []
+        outer: Client = self.client if delays is None else Delayed(self.client, delays)
+        self._client = BudgetClient(outer, Budget(BudgetSettings(calls=budget)))
+
+    async def __call__(self, name: str = "hierarchical") -> WorkflowResult:
+        return await workflow(name)(
+            BRIEF, self.desk, self.shelf, self.settings, self.notes, self.seed
+        )
+
+    def desk(self, role: str) -> Desk:
+        self.desks.append(role)
+        return Desk(self._client, PROMPTS, max_retry=self.max_retry)
+
+    @property
+    def labels(self) -> list[str]:
+        return [request.label for request in self.client.requests]
+
+    def prompt(self, label: str) -> str:
+        (found,) = [r.messages[1].text for r in self.client.requests if r.label == label]
+        return found
+
+
+def _step(number: int, kind: int, parent: int, face: int) -> dict[str, int]:
+    return {"type": kind, "id": number, "parent": parent, "face_id": face}
+
+
+def _current(prompt: str) -> list[dict[str, int]]:
+    found = re.search(r"## Current machine\n```json\n(.*?)```", prompt, re.DOTALL)
+    return json.loads(found[1]) if found else []
