@@ -16,7 +16,7 @@ class Framing:
     def __init__(self) -> None:
         self.streamed: bool | None = None
         """Whether these are events; None before anything has come."""
-        self._line: list[bytes] = []
+        self._rest: list[bytes] = []
         self._data: list[bytes] = []
         self._body: list[bytes] = []
 
@@ -26,24 +26,23 @@ class Framing:
         Returns:
             The data of the events that they complete; empty for a body that is no event stream.
         """
-        head, *rest = chunk.split(b"\n")
-        self._line.append(head)
-        events = []
-        for part in rest:
-            events += self._end_line()
-            self._line.append(part)
-        return events
+        *whole, rest = chunk.split(b"\n")
+        if whole and self._rest:
+            whole[0] = b"".join([*self._rest, whole[0]])
+            self._rest.clear()
+        self._rest.append(rest)
+        events = [self._read(line.removesuffix(b"\r")) for line in whole]
+        return [event for event in events if event is not None]
 
     def end(self) -> list[bytes]:
         """The data of an event without an end, or the whole body (also an empty one)."""
-        events = self._end_line()
-        if self.streamed:
-            return events + self._end_line()
-        return [b"\n".join(self._body)]
+        last = self._read(b"".join(self._rest).removesuffix(b"\r"))
+        if not self.streamed:
+            return [b"\n".join(self._body)]
+        return [event for event in (last, self._read(b"")) if event is not None]
 
-    def _end_line(self) -> list[bytes]:
-        line = b"".join(self._line).removesuffix(b"\r")
-        self._line.clear()
+    def _read(self, line: bytes) -> bytes | None:
+        """Take in one line; the event that it ends, if it does."""
         if self.streamed is None and line.strip():
             self.streamed = line.startswith(_FIELDS)
         if not self.streamed:
@@ -53,5 +52,5 @@ class Framing:
         elif not line and self._data:
             event = b"\n".join(self._data)
             self._data.clear()
-            return [event]
-        return []
+            return event
+        return None

@@ -78,7 +78,7 @@ def decode(data: bytes) -> Mapping[str, object]:
         NoReplyError: It is no JSON object.
         ErrorObjectError: It is an error object.
     """
-    text = data.decode("utf-8", "replace").lstrip("\ufeff").strip()
+    text = data.decode("utf-8", "replace").strip("\ufeff \t\r\n")
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):
@@ -110,16 +110,16 @@ class Gathered:
     def add(self, content: Mapping[str, object]) -> None:
         """Take in a whole answer (`message`) or a chunk (`delta`)."""
         self.model = str(content.get("model") or self.model)
-        if isinstance(usage := content.get("usage"), Mapping):
+        if isinstance(usage := content.get("usage"), dict):
             self.usage = read_usage(usage)
         choices = content.get("choices")
         for choice in choices[:1] if isinstance(choices, list) else ():
-            if not isinstance(choice, Mapping):
+            if not isinstance(choice, dict):
                 raise NoReplyError("a choice is no object")
             self.answered = True
             self.finish = str(choice.get("finish_reason") or self.finish)
             part = choice.get("message") or choice.get("delta")
-            if isinstance(part, Mapping):
+            if isinstance(part, dict):
                 self._add_part(part)
 
     def _add_part(self, part: Mapping[str, object]) -> None:
@@ -138,13 +138,13 @@ class Gathered:
     def _add_parts(self, parts: list[object]) -> None:
         """Content as a list of typed parts, with thoughts possibly nested one level down."""
         for part in parts:
-            if not isinstance(part, Mapping):
+            if not isinstance(part, dict):
                 continue
             if isinstance(text := part.get("text"), str):
                 self.text.append(text)
             elif isinstance(thoughts := part.get("thinking"), list):
                 self.reasoning += [
-                    str(item.get("text", "")) for item in thoughts if isinstance(item, Mapping)
+                    str(item.get("text", "")) for item in thoughts if isinstance(item, dict)
                 ]
 
     def reply(self) -> Reply:
@@ -207,7 +207,7 @@ def read_usage(usage: Mapping[str, object]) -> Usage:
 
 def _details(usage: Mapping[str, object], name: str) -> Mapping[str, object]:
     details = usage.get(name)
-    return details if isinstance(details, Mapping) else {}
+    return details if isinstance(details, dict) else {}
 
 
 def _count(value: object) -> int:
