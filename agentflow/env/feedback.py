@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from agentflow.env.rotations import rotate
 from agentflow.env.trace import Array, Broken, Event, Feedback, Trace, Verdict
 from agentflow.machine.blocks import library
 from agentflow.machine.tree import Machine
@@ -69,15 +70,6 @@ def series(label: str, times: Array, values: Array) -> Series:
     return Series(label, tuple(float(times[i]) for i in picks), rows)
 
 
-def rotate(rotation: Array, vector: Sequence[float]) -> Array:
-    """Turn a vector by (..., 4) quaternions x, y, z, w; the formula holds in either handedness."""
-    axis, w = rotation[..., :3], rotation[..., 3:]
-    given = np.broadcast_to(np.asarray(vector, dtype=np.float64), axis.shape)
-    twice = 2.0 * np.cross(axis, given)
-    turned: Array = given + w * twice + np.cross(axis, twice)
-    return turned
-
-
 def _axis(vector: Array) -> str:
     index = int(np.argmax(np.abs(vector)))
     return AXES[2 * index + (vector[index] < 0)]
@@ -103,7 +95,7 @@ def orientation(trace: Trace) -> list[tuple[str, float, float]]:
 
 def _orientation_text(runs: Sequence[tuple[str, float, float]], interval: float) -> str:
     if len(runs) <= 4:
-        return "; ".join(f"{word} {start:.1f}-{end:.1f} s" for word, start, end in runs)
+        return "faces " + "; ".join(f"{word} {start:.1f}-{end:.1f} s" for word, start, end in runs)
     held: dict[str, float] = defaultdict(float)
     for word, start, end in runs:
         held[word] += end - start + interval
@@ -112,7 +104,7 @@ def _orientation_text(runs: Sequence[tuple[str, float, float]], interval: float)
         f"{word} {100 * time / total:.0f} % of the time"
         for word, time in sorted(held.items(), key=lambda item: -item[1])[:4]
     ]
-    return f"changes {len(runs) - 1} times; " + "; ".join(shares)
+    return f"changes {len(runs) - 1} times, faces " + "; ".join(shares)
 
 
 def stalled_motors(machine: Machine, trace: Trace) -> tuple[Event, ...]:
@@ -178,7 +170,7 @@ def _loads_text(loads: Sequence[Mapping[str, Any]]) -> str:
     order = sorted(peaks, key=lambda edge: -peaks[edge]["load"])[:5]
     parts = [
         f"{block}-{partner} {number(peaks[block, partner]['load'])} at "
-        f"{peaks[block, partner]['time']:.1f} s ({counts[block, partner]} of {len(loads)} samples)"
+        f"{peaks[block, partner]['time']:.1f} s ({counts[block, partner]} of {len(loads)})"
         for block, partner in order
     ]
     return "; ".join(parts) or "none"
@@ -224,7 +216,7 @@ def compose(
         f"Score: {number(verdict.score)} {unit}".rstrip(),
         *lines,
         *_broken_lines(machine, broken),
-        "Orientation of block 0: faces " + _orientation_text(runs, interval),
+        "Orientation of block 0: " + _orientation_text(runs, interval),
         "Most loaded connections (load 1 breaks): " + _loads_text(loads),
         *(f"Motor stalled: {event.text}" for event in stalls[:MAX_LINES]),
         *(path.text for path in paths),

@@ -61,7 +61,7 @@ def test_a_tumbling_root_gets_its_commonest_orientations() -> None:
     trace = make_trace(1, 20, rotation=rotation)
     text = compose(Machine((ROOT,)), trace, (), Verdict(0.0, {}), "m", (), {}, ()).text
     assert (
-        "Orientation of block 0: faces changes 19 times; z+ 50 % of the time; x+ 50 % of the time"
+        "Orientation of block 0: changes 19 times, faces z+ 50 % of the time; x+ 50 % of the time"
     ) in text
 
 

@@ -129,13 +129,14 @@ class ThrowReferee:
         self.watch(world)
 
     def watch(self, world: World) -> None:
-        """Keep the greatest height and reach; decide on the landing once."""
+        """Keep the greatest height and reach until it lands."""
+        if self._landing is not None:
+            return
         x, y, z = world.centre(self._boulder)
         self._reach = max(self._reach, hypot(x - self._origin[0], z - self._origin[2]))
         if y > self._height:
             self._height, self._height_time = y, world.time
-        if self._landing is None:
-            self._follow(world, world.touching(self._boulder))
+        self._follow(world, world.touching(self._boulder))
 
     def _follow(self, world: World, touching: frozenset[Body]) -> None:
         blocks = [body for body in touching if isinstance(body, int)]

@@ -1,0 +1,217 @@
+"""Owns the worker processes that run rollouts: start, ask, replace, close.
+
+A worker is a fresh interpreter at the other end of a socket; it keeps its engine between rollouts
+and ends by itself when the socket closes, so that no parent, however it ends, leaves one behind.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import subprocess
+import sys
+import traceback
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, Pipe
+from types import TracebackType
+
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.base import Task
+from agentflow.env.trace import Feedback, Rollout, Status
+from agentflow.machine.tree import Machine
+
+GRACE = 30.0
+"""Seconds beyond a rollout's own wall-time limit after which a worker counts as hung."""
+ATTEMPTS = 2
+"""How often a rollout may take its worker down before it is recorded as crashed."""
+_CHILD = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+from agentflow.env.pool import serve
+serve(int(sys.argv[1]))
+"""
+"""Interrupts are the parent's to handle; a terminal sends them to the whole group."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One rollout to run; travels to the worker by pickle."""
+
+    machine: Machine
+    task: Task
+    seed: int
+    rate: float | None
+    power: bool
+    interval: float | None
+    wall_limit: float
+
+
+class RolloutPool:
+    """Runs rollouts in `workers` processes; results do not depend on which worker ran them.
+
+    Use as an async context manager; leaving it ends every worker, also in mid-rollout.
+    """
+
+    def __init__(self, workers: int, grace: float = GRACE) -> None:
+        if workers < 1:
+            raise ValueError(f"a pool needs at least one worker, not {workers}")
+        self._count, self._grace = workers, grace
+        self._workers: set[_Worker] = set()
+        self._idle: asyncio.Queue[_Worker] = asyncio.Queue()
+        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="rollout")
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """Process ids of the workers, ascending."""
+        return tuple(sorted(worker.pid for worker in self._workers))
+
+    async def __aenter__(self) -> RolloutPool:
+        for _ in range(self._count):
+            self._hire()
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End every worker and wait until it is gone."""
+        for worker in self._workers:
+            worker.kill()
+        self._threads.shutdown()
+        for worker in self._workers:
+            worker.connection.close()
+        self._workers.clear()
+
+    async def run(
+        self,
+        machine: Machine,
+        task: Task,
+        *,
+        seed: int = 0,
+        rate: float | None = None,
+        power: bool = True,
+        interval: float | None = None,
+        wall_limit: float = 60.0,
+    ) -> Rollout:
+        """`simulate` in the next free worker; arguments as there.
+
+        Returns:
+            What `simulate` returned; status `crashed` when the rollout took two workers down,
+            `timeout` when its worker hung.
+
+        Raises:
+            RuntimeError: `simulate` raised, which is a bug; with the worker's traceback.
+        """
+        job = Job(machine, task, seed, rate, power, interval, wall_limit)
+        for _ in range(ATTEMPTS):
+            try:
+                return await self._ask(job)
+            except (EOFError, ConnectionError):
+                continue
+            except TimeoutError:
+                return _without_score("timeout", f"no answer within {wall_limit + self._grace:g} s")
+        return _without_score("crashed", f"its process died {ATTEMPTS} times")
+
+    async def _ask(self, job: Job) -> Rollout:
+        worker = await self._idle.get()
+        loop = asyncio.get_running_loop()
+        try:
+            reply = await loop.run_in_executor(
+                self._threads, worker.ask, job, job.wall_limit + self._grace
+            )
+        except BaseException:  # died, hung or cancelled: whatever it does now, nobody waits for it
+            self._dismiss(worker)
+            self._hire()
+            raise
+        self._idle.put_nowait(worker)
+        if isinstance(reply, str):
+            raise RuntimeError(f"a rollout failed in its worker:\n{reply}")
+        return reply
+
+    def _hire(self) -> None:
+        worker = _Worker()
+        self._workers.add(worker)
+        self._idle.put_nowait(worker)
+
+    def _dismiss(self, worker: _Worker) -> None:
+        self._workers.discard(worker)
+        worker.kill()
+
+
+class _Worker:
+    """One process and the socket to it."""
+
+    def __init__(self) -> None:
+        self.connection, theirs = Pipe()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _CHILD, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            )
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def ask(self, job: Job, patience: float) -> Rollout | str:
+        """Send a job and wait for the rollout, or for the traceback of what went wrong."""
+        self.connection.send(job)
+        if not self.connection.poll(patience):
+            raise TimeoutError
+        reply: Rollout | str = self.connection.recv()
+        return reply
+
+    def kill(self) -> None:
+        """End the process and wait until it is gone; a pending `ask` then sees the end."""
+        self._process.kill()
+        self._process.wait()
+
+
+def serve(descriptor: int) -> None:
+    """A worker's life: answer jobs until the other end closes."""
+    with Connection(descriptor) as connection:
+        while True:
+            try:
+                job = connection.recv()
+            except EOFError:
+                return
+            try:
+                reply: Rollout | str = simulate(
+                    job.machine,
+                    job.task,
+                    seed=job.seed,
+                    rate=job.rate,
+                    power=job.power,
+                    interval=job.interval,
+                    wall_limit=job.wall_limit,
+                )
+            except Exception:  # noqa: BLE001 - handed over to the parent, which raises it
+                reply = traceback.format_exc()
+            connection.send(reply)
+
+
+def _without_score(status: Status, why: str) -> Rollout:
+    """A rollout that the computer, not the machine, failed."""
+    return Rollout(
+        status=status,
+        score=None,
+        terms={},
+        problems=(),
+        broken=(),
+        events=(),
+        feedback=Feedback(f"No score: the simulation was cut off, {why}.", {}),
+        trace=None,
+        digest=None,
+        sim_seconds=None,
+        wall_seconds=None,
+        constants=None,
+    )

@@ -1,0 +1,81 @@
+"""Machines that try to fool a score, on real physics: none earns anything."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.env.trace import Rollout
+from agentflow.machine.tree import ROOT, Machine, Step
+
+LONE_ROOT = Machine((ROOT,))
+WHEELS = ((1, 2), (1, 3), (2, 2), (2, 3))
+CHASSIS = (ROOT, Step(1, 1, 0, 0), Step(2, 1, 0, 1))
+CAR = (*CHASSIS, *(Step(3 + i, 2, block, face) for i, (block, face) in enumerate(WHEELS)))
+TOWER = (ROOT, Step(1, 1, 0, 4), *(Step(i, 1, i - 1, 0) for i in (2, 3)))
+
+MACHINES = {
+    "a boulder that rests in a container": (ROOT, Step(1, 30, 0, 4), Step(2, 36, 1, 0)),
+    "a car that carries its boulder": (
+        *CAR,
+        Step(7, 15, 0, 4),
+        Step(8, 30, 7, 0),
+        Step(9, 36, 8, 0),
+    ),
+    "a car that pushes its boulder": (*CAR, Step(7, 15, 1, 0), Step(8, 36, 7, 0)),
+    "a tower that tips over forward with the boulder on top": (
+        *TOWER,
+        Step(4, 63, 3, 2),
+        Step(5, 36, 4, 0),
+    ),
+    "a boulder that drops off a beam": (*TOWER, Step(4, 63, 3, 4), Step(5, 36, 4, 0)),
+}
+NEGLIGIBLE = 0.01
+"""Metres: what contact softness moves."""
+
+
+def throw(steps: tuple[Step, ...], **settings: bool) -> Rollout:
+    return simulate(Machine(steps), get_task("throwing"), **settings)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_a_cheat_throws_nothing(name: str) -> None:
+    rollout = throw(MACHINES[name])
+    assert rollout.status == "ok", rollout.problems
+    assert rollout.score == 0.0, rollout.feedback.text
+
+
+@pytest.mark.parametrize("name", [name for name in task_names() if name.startswith("movement")])
+def test_a_lone_root_goes_nowhere(name: str) -> None:
+    score = simulate(LONE_ROOT, get_task(name)).score
+    assert score is not None
+    assert score < NEGLIGIBLE
+
+
+def test_a_tower_that_falls_forward_drives_nowhere() -> None:
+    leaning = (*TOWER, Step(4, 63, 3, 2), Step(5, 35, 4, 0), Step(6, 35, 5, 0))
+    rollout = simulate(Machine(leaning), get_task("movement"))
+    assert rollout.status == "ok", rollout.problems
+    assert rollout.score is not None
+    assert rollout.score < NEGLIGIBLE
+
+
+def test_a_car_drives_only_with_power() -> None:
+    task = get_task("movement")
+    on, off = (simulate(Machine(CAR), task, power=power).score for power in (True, False))
+    assert on is not None
+    assert off is not None
+    assert 40.0 < on < 50.0
+    assert off < NEGLIGIBLE
+
+
+@pytest.mark.parametrize("name", task_names())
+def test_the_same_level_is_the_same_world_everywhere(name: str) -> None:
+    machine = Machine(MACHINES["a car that carries its boulder"])
+    task = get_task(name)
+    if not task.brief.required:
+        machine = Machine(CAR)
+    first, second = (simulate(machine, get_task(name), seed=seed) for seed in (7, 7))
+    assert first.status == "ok", first.problems
+    assert first.digest == second.digest
