@@ -5,7 +5,7 @@ Measuring reactions and splitting bodies is the engine's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -40,28 +40,51 @@ class Loads:
         self.connections = [i for i, joint in enumerate(joints) if joint.strength]
         """Joint index of each connection."""
 
-    def update(self, reactions: Array) -> list[int]:
-        """Take in one step's (J, 6) reactions; the joints that give way now, ascending."""
-        self._level += self._blend * (reactions - self._level)
+    def update(self, reactions: Array, below: Sequence[int]) -> dict[int, float]:
+        """Take in one step's loads.
+
+        Where an impact overloads several joints in a row, the one furthest from the root gives
+        way and relieves those below it: what hung there no longer pulls at them, so this step
+        counts nothing for them.
+
+        Args:
+            reactions: (J, 6) force and torque through each joint.
+            below: (J,) the next joint towards the root; -1 where there is none.
+
+        Returns:
+            The joints that give way with their load over strength, the most loaded first.
+        """
+        before = self._level
+        self._level = before + self._blend * (reactions - before)
+        self._share = self._shares()
+        if not self._share.max(initial=0.0) >= 1.0:
+            return {}
+        over = [int(i) for i in np.flatnonzero(self._share >= 1.0)]
+        relieved = {joint for start in over for joint in _path(start, below)}
+        for joint in relieved:
+            self._level[joint] = before[joint]
+        gone = [joint for joint in over if joint not in relieved]
+        gone.sort(key=lambda joint: (-self._share[joint], joint))
+        loads = {joint: float(np.sqrt(self._share[joint])) for joint in gone}
+        self._level[gone] = 0.0
+        self._broken[gone] = True
+        self._share = self._shares()
+        return loads
+
+    def _shares(self) -> Array:
+        """(J,) square of load over strength."""
         square = (self._level * self._level).reshape(-1, 2, 3)
         parts = (square[:, :, 0] + square[:, :, 1] + square[:, :, 2]) * self._weakness
-        self._share = np.maximum(parts[:, 0], parts[:, 1])
-        if not self._share.max(initial=0.0) >= 1.0:
-            return []
-        gone = np.flatnonzero((self._share >= 1.0) & ~self._broken)
-        self._broken[gone] = True
-        return [int(i) for i in gone]
-
-    def share(self, joint: int) -> float:
-        """Load over strength of a joint; 1 breaks."""
-        return float(np.sqrt(self._share[joint]))
-
-    def forget(self, joint: int) -> None:
-        """A joint is gone: it bears nothing."""
-        self._level[joint] = 0.0
+        return np.asarray(np.maximum(parts[:, 0], parts[:, 1]))
 
     def utilisation(self) -> Array:
         """(E,) load over strength of each connection; nan where it broke."""
         share: Array = np.sqrt(self._share[self.connections])
         share[self._broken[self.connections]] = np.nan
         return share
+
+
+def _path(joint: int, below: Sequence[int]) -> Iterator[int]:
+    """All joints between a joint and the root of its body."""
+    while (joint := below[joint]) >= 0:
+        yield joint

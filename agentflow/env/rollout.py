@@ -173,13 +173,12 @@ class _Run:
         if not (linear <= self._value["speed_limit"] and isfinite(angular)):
             return "diverged"
         self._speeds = (linear, angular)
-        broken = self._loads.update(self._engine.reactions)
+        broken = self._loads.update(self._engine.reactions, self._engine.below)
         if broken:
-            for joint in broken:
-                self._broken.append((self._steps, joint, self._loads.share(joint)))
-                self._loads.forget(joint)
+            self._engine.split(tuple(broken))
+            for joint, load in broken.items():
+                self._broken.append((self._steps, joint, load))
                 self._recorder.lose(self._assembly.joints[joint])
-            self._engine.split(broken)
         if perf_counter() - self._began > self._wall_limit:
             return "timeout"
         return "ok"

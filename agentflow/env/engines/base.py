@@ -193,6 +193,11 @@ class Engine(Protocol):
         that carry nothing."""
 
     @property
+    def below(self) -> Sequence[int]:
+        """(J,) for each joint that carries something the next one towards its body's root;
+        -1 for the others."""
+
+    @property
     def top_speeds(self) -> tuple[float, float]:
         """Greatest linear and angular speed of anything that moves, m/s and rad/s; not finite
         when the simulation diverged."""

@@ -37,7 +37,7 @@ from agentflow.env.engines.kinematics import (
 )
 from agentflow.env.engines.picture import take_picture
 from agentflow.env.engines.tree import Skeleton, skeleton
-from agentflow.env.engines.vectors import subtract
+from agentflow.env.engines.vectors import add, product, subtract, turned
 from agentflow.env.scene import Quat, Scene, Vec3
 from agentflow.env.tasks.base import Body
 from agentflow.env.trace import Array
@@ -101,6 +101,7 @@ class PyBulletEngine:
             for body in plan.bodies
         )
         self._plan = plan
+        self.below = plan.below(len(joints))
         self._index_rows()
         self._group()
         self._bind_loops()
@@ -133,6 +134,7 @@ class PyBulletEngine:
         first_thing = len(self._handles)
         self._handles += [(self._things[thing.name], -1) for thing in self._moving]
         self._members = Members(np.array(rows, dtype=np.intp), np.array(offsets).reshape(-1, 3))
+        self._leading = [parts[part].centre for part in leader.values()]
         self._thing_rows = slice(first_thing, len(self._handles))
         self._carriers = [
             (
@@ -433,22 +435,18 @@ class PyBulletEngine:
         if isinstance(body, str):
             return self._thing_pose(body)
         place, rotation = self._block_pose(body, self._assembly.centres[body])
-        turned = _game_compose(
-            np.array([swap_quaternion(rotation)]), (self._assembly.rotations[body],)
-        )
-        x, y, z, w = turned[0].tolist()
-        return place, (x, y, z, w)
+        return place, product(swap_quaternion(rotation), self._assembly.rotations[body])
 
     def origin(self, block: int) -> Vec3:
         """Building point of a block, game frame."""
         return self._block_pose(block, self._assembly.origins[block])[0]
 
-    def _block_pose(self, block: int, point: Vec3) -> tuple[Vec3, list[float]]:
-        part = self._assembly.blocks[block][0]
-        row = self._rows[self._members.row[part]][None]
-        arm = swap(subtract(point, self._assembly.parts[part].centre))
-        moved = carried(row, self._members.offset[part] + np.array([arm]))[0].tolist()
-        return swap(moved[POSITION]), moved[ROTATION]
+    def _block_pose(self, block: int, point: Vec3) -> tuple[Vec3, Quat]:
+        """Where a point of a block at rest is now, game frame, and its part's turn since."""
+        row = self._members.row[self._assembly.blocks[block][0]]
+        x, y, z, a, b, c, w = self._rows[row, :7].tolist()
+        arm = swap(subtract(point, self._leading[row]))
+        return swap(add((x, y, z), turned((a, b, c, w), arm))), (a, b, c, w)
 
     def _thing_pose(self, name: str) -> tuple[Vec3, Quat]:
         position, rotation = pybullet.getBasePositionAndOrientation(self._things[name], self.client)

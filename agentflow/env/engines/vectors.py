@@ -38,3 +38,27 @@ def upright_to(direction: Vec3) -> Quat:
         return (1.0, 0.0, 0.0, 0.0)
     w = sqrt((1.0 + y) / 2.0)
     return (z / (2.0 * w), 0.0, -x / (2.0 * w), w)
+
+
+def product(first: Quat, second: Quat) -> Quat:
+    """Hamilton product: `second`'s rotation, then `first`'s."""
+    ax, ay, az, aw = first
+    bx, by, bz, bw = second
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def turned(rotation: Quat, vector: Vec3) -> Vec3:
+    """A vector turned by a unit quaternion."""
+    x, y, z, w = rotation
+    a, b, c = vector
+    u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return (
+        a + w * u + y * t - z * v,
+        b + w * v + z * u - x * t,
+        c + w * t + x * v - y * u,
+    )

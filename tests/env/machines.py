@@ -1,0 +1,42 @@
+"""Machines that several tests of the environment use."""
+
+from __future__ import annotations
+
+from agentflow.machine.tree import Machine, Step
+
+Row = tuple[int, ...]
+
+
+def machine(*rows: Row) -> Machine:
+    """A machine from (type, parent, face) rows, or (type, parent, face, parent, face)."""
+    return Machine(tuple(Step(i, *row) for i, row in enumerate(rows)))
+
+
+CAR = machine((0, -1, -1), (1, 0, 0), (1, 0, 1), (2, 1, 1), (2, 1, 3), (2, 2, 1), (2, 2, 3))
+"""Root, a wooden block on its front and back face, a powered wheel left and right of each."""
+
+PRINTED = machine(
+    (0, -1, -1),
+    (1, 0, 1),
+    (1, 0, 2),
+    (1, 0, 0),
+    (1, 1, 2),
+    (1, 2, 4),
+    (1, 0, 3),
+    (1, 6, 6),
+    (1, 7, 6),
+    (15, 8, 0),
+    (22, 8, 4),
+    (63, 10, 3),
+    (30, 11, 0),
+    (36, 12, 0),
+)
+"""The printed blocks of the one published rollout; blocks 14 to 16 are known in words only."""
+
+BALLASTED = machine(*((s.type, s.parent, s.face_id) for s in PRINTED), (35, 10, 0))
+"""The same with the ballast where the words suggest it."""
+
+CRADLE = machine(
+    (0, -1, -1), (35, 0, 0), (35, 0, 1), (35, 0, 2), (35, 0, 3), (30, 0, 4), (36, 5, 0)
+)
+"""A boulder in an upright container on a heavy cross."""

@@ -1,0 +1,175 @@
+"""Rollouts: scores of known machines, statuses, determinism, results outside memory."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.rollout import load_npz, rollout_json, save_npz, simulate
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Rollout
+from agentflow.errors import UsageError
+from tests.env.machines import BALLASTED, CAR, PRINTED, machine
+
+KEYS = [
+    "status",
+    "score",
+    "terms",
+    "problems",
+    "broken",
+    "events",
+    "feedback",
+    "digest",
+    "sim_seconds",
+    "wall_seconds",
+    "constants",
+]
+PUBLISHED = np.array(
+    [[1.0, 7.01, -1.5], [0.84, 7.34, -2.44], [0.64, 5.69, -6.2], [0.61, 3.28, -9.97]]
+)
+"""The boulder's origin at 0, 0.2, 0.4, 0.6 s in the one printed rollout."""
+
+
+@pytest.fixture(scope="module")
+def thrown() -> Rollout:
+    return simulate(PRINTED, get_task("throwing"))
+
+
+def test_a_plain_car_drives_as_far_as_published() -> None:
+    rollout = simulate(CAR, get_task("movement"))
+    assert rollout.status == "ok"
+    assert rollout.score is not None
+    assert 40.0 < rollout.score < 50.0
+    assert rollout.broken == ()
+    assert rollout.sim_seconds == 5.0
+    trace = rollout.trace
+    assert trace is not None
+    assert trace.times.tolist() == pytest.approx([0.2 * i for i in range(26)])
+    assert trace.position.shape == (26, 7, 3)
+    assert trace.position[-1, 0, 2] - trace.position[0, 0, 2] == pytest.approx(
+        rollout.score, abs=0.2
+    )
+    assert trace.connections == ((1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 2))
+    assert trace.alive.all()
+
+
+def test_nothing_moves_with_power_off() -> None:
+    rollout = simulate(CAR, get_task("movement"), power=False)
+    assert rollout.trace is not None
+    path = rollout.trace.position
+    assert np.abs(path - path[0]).max() < 1e-3
+    assert rollout.sim_seconds == 0.5
+
+
+def test_the_published_machine_throws_backwards_and_breaks_at_its_tower_top(
+    thrown: Rollout,
+) -> None:
+    assert thrown.broken[0].block == 8
+    assert thrown.broken[0].partner == 7
+    assert 0.3 < thrown.broken[0].time < 0.45
+    trace = thrown.trace
+    assert trace is not None
+    assert trace.position[3, 13, 2] < -7.0
+    assert trace.alive[1, 8]
+    assert not trace.alive[2, 8]
+    column = trace.connections.index((8, 7))
+    assert trace.utilisation[1, column] < 1.0
+    assert np.isnan(trace.utilisation[2, column])
+
+
+def test_with_its_ballast_it_follows_the_published_throw() -> None:
+    rollout = simulate(BALLASTED, get_task("throwing"))
+    assert rollout.trace is not None
+    error = rollout.trace.position[:4, 13] - PUBLISHED
+    assert np.sqrt(np.square(error).mean()) < 0.62
+    assert rollout.broken[0].block == 8
+    assert rollout.broken[0].time == pytest.approx(0.42, abs=0.03)
+
+
+def test_equal_rollouts_are_bitwise_equal_in_any_process(thrown: Rollout) -> None:
+    simulate(CAR, get_task("movement"))
+    again = simulate(PRINTED, get_task("throwing"))
+    script = (
+        "from agentflow.env.rollout import simulate\n"
+        "from agentflow.env.tasks.registry import get_task\n"
+        "from tests.env.machines import PRINTED\n"
+        "print(simulate(PRINTED, get_task('throwing')).digest)"
+    )
+    fresh = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert thrown.broken
+    assert again.digest == thrown.digest
+    assert fresh.stdout.split()[-1] == thrown.digest
+
+
+def test_another_rate_is_another_rollout_of_the_same_throw(thrown: Rollout) -> None:
+    finer = simulate(PRINTED, get_task("throwing"), rate=240)
+    assert finer.digest != thrown.digest
+    assert finer.broken[0].block == 8
+    assert finer.broken[0].time == pytest.approx(thrown.broken[0].time, abs=0.025)
+
+
+def test_an_invalid_machine_is_not_simulated() -> None:
+    overlapping = machine((0, -1, -1), (1, 0, 0), (1, 0, 0))
+    rollout = simulate(overlapping, get_task("movement"))
+    assert (rollout.status, rollout.score, rollout.trace) == ("invalid", 0.0, None)
+    assert rollout.problems
+    assert {"code", "blocks", "message"} == set(rollout.problems[0])
+
+
+def test_a_machine_that_the_task_does_not_want_is_not_simulated() -> None:
+    rollout = simulate(CAR, get_task("throwing"))
+    assert rollout.status == "invalid"
+    assert [problem["code"] for problem in rollout.problems] == ["required_count"]
+
+
+def test_a_rollout_over_its_wall_time_has_no_score() -> None:
+    rollout = simulate(CAR, get_task("movement"), wall_limit=0.0)
+    assert (rollout.status, rollout.score, rollout.digest) == ("timeout", None, None)
+
+
+def test_the_result_has_the_keys_of_the_command_line(thrown: Rollout) -> None:
+    data = rollout_json(thrown)
+    assert list(data) == KEYS
+    assert data["constants"] == constants().digest
+    assert set(data["broken"][0]) == {"block", "type", "partner", "time", "load"}
+    assert json.loads(json.dumps(data)) == data
+    assert (
+        list(
+            rollout_json(simulate(machine((0, -1, -1), (1, 0, 0), (1, 0, 0)), get_task("movement")))
+        )
+        == KEYS
+    )
+
+
+def test_a_rollout_survives_its_file(thrown: Rollout, tmp_path: Path) -> None:
+    path = tmp_path / "throw.npz"
+    save_npz(thrown, path)
+    back = load_npz(path)
+    assert rollout_json(back) == rollout_json(thrown)
+    assert back.trace is not None
+    assert thrown.trace is not None
+    for name, value in vars(thrown.trace).items():
+        same = getattr(back.trace, name)
+        if isinstance(value, np.ndarray):
+            assert np.array_equal(same, value, equal_nan=value.dtype.kind == "f")
+        else:
+            assert same == value
+    bare = replace(thrown, trace=None)
+    save_npz(bare, path)
+    assert load_npz(path).trace is None
+
+
+def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "other.npz"
+    path.write_text("no archive")
+    with pytest.raises(UsageError, match="is no saved rollout"):
+        load_npz(path)
