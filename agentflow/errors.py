@@ -12,6 +12,7 @@
     │   ├── ModelNotFoundError  404
     │   └── RefusedError        any other final answer that is no reply
     ├── ReplayMissError         a request that the record does not hold       exit 1
+    ├── InterruptedRunError     Ctrl-C; what is recorded can be resumed       exit 130
     └── BudgetSpentError        calls, tokens or money have run out; ends a workflow cleanly
 
 An unparsable reply, an invalid machine and a diverged simulation are none of these: they are
@@ -90,3 +91,9 @@ class BudgetSpentError(AgentflowError):
     """The budget of calls, tokens or money has run out; workflows stop cleanly on it."""
 
     exit_status = 0
+
+
+class InterruptedRunError(AgentflowError):
+    """The user stopped a run; the message says how to continue it."""
+
+    exit_status = 130

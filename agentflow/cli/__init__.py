@@ -24,7 +24,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     # Typer carries its own copy of click in some versions and depends on click in others; the
     # base of its public BadParameter is click's UsageError in both.
-    usage_error = typer.BadParameter.__mro__[1]
+    usage_error: type[BaseException] = typer.BadParameter.__mro__[1]
     given = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in given
     try:
@@ -44,7 +44,7 @@ def _usage(error: BaseException) -> str:
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "agentflow"
     message = getattr(error, "format_message", error.__str__)()
-    return f"{message} Try '{command} --help'."
+    return f"{message.rstrip('.')}. Try '{command} --help'."
 
 
 def _say(message: str, status: int) -> int:

@@ -25,7 +25,7 @@ from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
-__all__ = ["load_npz", "rollout_json", "save_npz", "simulate"]
+__all__ = ["invalid", "load_npz", "rollout_json", "save_npz", "simulate"]
 
 _local = threading.local()
 
@@ -57,7 +57,7 @@ def simulate(
     """
     report = check(machine, task.brief)
     if not report.task_valid:
-        return _invalid(report.problems)
+        return invalid(report.problems)
     value = constants()
     run = _Run(
         machine,
@@ -241,7 +241,8 @@ class _Run:
         return Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})
 
 
-def _invalid(problems: Sequence[Problem]) -> Rollout:
+def invalid(problems: Sequence[Problem]) -> Rollout:
+    """The result of a machine that is not simulated because of these problems."""
     listed = tuple(problem.to_json() for problem in problems)
     text = "The machine is invalid and was not simulated: " + "; ".join(
         str(problem["message"]) for problem in listed

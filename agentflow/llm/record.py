@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from difflib import SequenceMatcher
 
-from agentflow.errors import ReplayMissError
+from agentflow.errors import BudgetSpentError, ReplayMissError
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.tape import Entry, Tape, key_of
@@ -57,11 +57,14 @@ class ReplayClient:
     Args:
         tape: The record.
         model: The model's name as the recorded run was configured.
+        cut: Whether the recorded run ended because its budget was spent: then a call that the
+            tape does not hold is one that the budget did not allow.
     """
 
-    def __init__(self, tape: Tape, model: str) -> None:
+    def __init__(self, tape: Tape, model: str, *, cut: bool = False) -> None:
         self._tape = tape
         self._model = model
+        self._cut = cut
 
     @property
     def name(self) -> str:
@@ -73,8 +76,11 @@ class ReplayClient:
 
         Raises:
             ReplayMissError: The tape does not hold it.
+            BudgetSpentError: The same, of a run that its budget cut off.
         """
         reply = self._tape.find(key_of(self._model, request))
+        if reply is None and self._cut:
+            raise BudgetSpentError("the recorded run ended here")
         if reply is None:
             raise ReplayMissError(_miss(self._tape, self._model, request))
         return reply

@@ -179,6 +179,7 @@ class Bench:
             "repaired": parsed.repaired,
             "code": parsed.code,
             "problem": parsed.problem,
+            "tokens": attempt.reply.usage.total,
         }
         machine = getattr(parsed.output, "machine", None)
         if isinstance(machine, Machine):

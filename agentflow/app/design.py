@@ -1,0 +1,282 @@
+"""Owns a design run from configuration to result: fresh, resumed, or replayed from its record."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import platform
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from agentflow import __version__
+from agentflow.agents.base import Desk
+from agentflow.app.models import open_model, shown
+from agentflow.config import DesignConfig, build
+from agentflow.env.constants import constants
+from agentflow.env.pool import RolloutPool
+from agentflow.env.rollout import save_npz
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.errors import EndpointError, InterruptedRunError
+from agentflow.laboratory import PhysicsLaboratory
+from agentflow.llm.budget import Budget
+from agentflow.llm.client import Client
+from agentflow.llm.record import ReplayClient
+from agentflow.llm.tape import Tape
+from agentflow.prompts.render import PromptSet
+from agentflow.runs import (
+    Event,
+    Listener,
+    RunDirectory,
+    read_document,
+    read_events,
+    read_result,
+)
+from agentflow.workflows.base import Record, WorkflowResult
+from agentflow.workflows.registry import workflow
+from agentflow.workflows.statistics import row
+
+Say = Callable[[str], None]
+"""Takes one line of text for the user: waits, refused parameters, dropped half lines."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A configuration whose every name has been looked up, so that nothing fails later on."""
+
+    config: DesignConfig
+    task: Task
+    prompts: PromptSet
+
+    @classmethod
+    def of(cls, config: DesignConfig) -> Plan:
+        """Look up task, knobs, workflow and prompt set.
+
+        Raises:
+            UnknownNameError: One of them does not exist.
+            ConfigError: A knob is unknown or out of range.
+        """
+        workflow(config.workflow)
+        return cls(config, get_task(config.task, config.knobs), PromptSet(config.prompts))
+
+
+def design(
+    config: DesignConfig, out: Path, say: Say, listener: Listener | None = None
+) -> dict[str, Any]:
+    """Run a workflow and keep it under `out`.
+
+    Returns:
+        The content of result.json.
+
+    Raises:
+        UsageError: A name or value is wrong, or the folder cannot be written.
+        EndpointError: The model cannot be used; a run without any answer leaves nothing behind.
+        InterruptedRunError: Ctrl-C; the run can be resumed.
+    """
+    plan = Plan.of(config)
+    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+    name = f"{stamp}-{plan.task.name.replace('/', '-')}-{config.workflow}-seed{config.seed}"
+    return _carry_out(plan, RunDirectory.create(out, name, _document(plan)), say, listener)
+
+
+def resume(path: Path, say: Say, listener: Listener | None = None) -> dict[str, Any]:
+    """Continue a run; recorded calls are not asked again. A finished run gives its result.
+
+    Raises:
+        RunError: The run is damaged or in use.
+    """
+    if (path / "result.json").exists():
+        return read_result(path)
+    plan = Plan.of(build(read_document(path)["config"]))
+    return _carry_out(plan, RunDirectory.resume(path), say, listener)
+
+
+def replay(path: Path, say: Say) -> str | None:
+    """Run a finished run again from its record and compare every event and the result.
+
+    Returns:
+        None when identical, else the first difference.
+
+    Raises:
+        RunError: The run is unfinished or damaged.
+        ReplayMissError: A request was not recorded.
+    """
+    recorded = read_result(path)
+    plan = Plan.of(build(read_document(path)["config"]))
+    memory = Memory()
+    with Tape(path / "calls.jsonl", say, writable=False) as tape:
+        cut = recorded["stopped"] == "budget"
+        client = ReplayClient(tape, recorded["model"], cut=cut)
+        outcome = asyncio.run(_conduct(plan, client, memory))
+    return first_difference(read_events(path), memory.events) or _result_differs(
+        recorded, _answer(plan, outcome)
+    )
+
+
+@dataclass
+class Memory:
+    """A record in memory."""
+
+    events: dict[tuple[str, str], Mapping[str, Any]] = field(default_factory=dict)
+
+    def event(self, kind: str, label: str, **data: Any) -> None:
+        """Keep one event as it would be read back from a file."""
+        self.events[kind, label] = json.loads(json.dumps(data))
+
+    def save_machine(self, digest: str, text: str) -> None:
+        """Machines are in the events by digest; that is enough to compare."""
+
+
+def first_difference(
+    recorded: Any, repeated: Mapping[tuple[str, str], Mapping[str, Any]]
+) -> str | None:
+    """The first recorded event that the repetition lacks or has otherwise; then what is new."""
+    rest = dict(repeated)
+    event: Event
+    for event in recorded:
+        again = rest.pop((event.kind, event.label), None)
+        if again is None:
+            return f"{event.kind} {event.label}: recorded, but not in the repetition"
+        if again != event.data:
+            key = next(k for k in {**event.data, **again} if event.data.get(k) != again.get(k))
+            return (
+                f"{event.kind} {event.label}: {key} was {event.data.get(key)!r}, "
+                f"is now {again.get(key)!r}"
+            )
+    if rest:
+        kind, label = next(iter(rest))
+        return f"{kind} {label}: in the repetition, but not recorded"
+    return None
+
+
+def _result_differs(recorded: Mapping[str, Any], again: Mapping[str, Any]) -> str | None:
+    for key, value in json.loads(json.dumps(again)).items():
+        if recorded.get(key) != value:
+            return f"result: {key} was {recorded.get(key)!r}, is now {value!r}"
+    return None
+
+
+@dataclass(frozen=True)
+class Conducted:
+    """What a workflow gave, and the laboratory that tried its machines."""
+
+    result: WorkflowResult
+    laboratory: PhysicsLaboratory
+
+
+async def _conduct(plan: Plan, client: Client, record: Record) -> Conducted:
+    config = plan.config
+    desk = Desk(client, plan.prompts, config.model.sampling, config.max_retry)
+    record.event("run", "start", task=plan.task.name, workflow=config.workflow, model=client.name)
+    try:
+        async with RolloutPool(config.workers) as pool:
+            laboratory = PhysicsLaboratory(plan.task, pool, config.seed)
+            result = await workflow(config.workflow)(
+                plan.task.brief,
+                lambda _role: desk,
+                laboratory,
+                config.settings,
+                record,
+                config.seed,
+            )
+    finally:
+        await client.aclose()
+    return Conducted(result, laboratory)
+
+
+def _carry_out(
+    plan: Plan, run: RunDirectory, say: Say, listener: Listener | None
+) -> dict[str, Any]:
+    started = time.monotonic()
+    if listener is not None:
+        run.listeners.append(listener)
+    budget = Budget(plan.config.model.budget)
+    try:
+        with Tape(run.tape, say) as tape:
+            try:
+                client = open_model(plan.config, tape, budget, say)
+                conducted = asyncio.run(_conduct(plan, client, run))
+            except EndpointError:
+                if not len(tape):
+                    run.discard()
+                raise
+            except KeyboardInterrupt:
+                raise InterruptedRunError(
+                    f"interrupted; continue with: agentflow design --resume {run.path}"
+                ) from None
+        result = {
+            **_answer(plan, conducted),
+            "model": client.name,
+            "calls": budget.calls,
+            "tokens": budget.usage.total,
+            "seconds": round(time.monotonic() - started, 2),
+            "run": str(run.path),
+        }
+        _keep_rollouts(run.path, conducted)
+        run.finish(result)
+    finally:
+        run.close()
+    return result
+
+
+def _answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
+    """What does not depend on the clock or the place; equal for equal records."""
+    result = conducted.result
+    best = result.best
+    machine = best.machine if best else None
+    return {
+        "task": plan.task.name,
+        "workflow": result.workflow,
+        "seed": plan.config.seed,
+        "score": best.score if best else None,
+        "valid": best is not None,
+        "machine": machine.to_json() if machine else None,
+        "best_stage": result.best_stage,
+        "stages": [row(stage) for stage in result.stages],
+        "rollouts": len(conducted.laboratory.rollouts),
+        "stopped": result.stopped,
+        "reason": result.reason,
+    }
+
+
+def _keep_rollouts(path: Path, conducted: Conducted) -> None:
+    """The state trajectories of every stage's best machine."""
+    for stage in conducted.result.stages:
+        scored = [c for c in stage.survivors if c.score is not None and c.machine is not None]
+        if not scored:
+            continue
+        best = max(scored, key=lambda c: (c.score, -c.trajectory))
+        assert best.machine is not None
+        digest = best.machine.digest
+        save_npz(conducted.laboratory.rollouts[digest], path / "rollouts" / f"{digest}.npz")
+
+
+def _document(plan: Plan) -> dict[str, Any]:
+    return {
+        "agentflow": __version__,
+        "commit": _commit(),
+        "prompts": plan.prompts.digest,
+        "constants": constants().digest,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "config": shown(plan.config),
+    }
+
+
+def _commit() -> str | None:
+    """The git commit of the code, where it runs from a checkout."""
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    except OSError:
+        return None
+    return done.stdout.strip() or None

@@ -1,0 +1,242 @@
+"""Owns the commands and their options. Heavy imports happen inside the commands that need them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from agentflow import __version__
+
+commands = typer.Typer(
+    name="agentflow",
+    help="Language models design machines; physics decides whether they work.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Task = Annotated[str | None, typer.Option(help="Task, for instance throwing or movement.")]
+Knobs = Annotated[list[str] | None, typer.Option("--set", help="knob=value of the task.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else on stdout.")]
+Seed = Annotated[int, typer.Option(help="Of everything left to chance.")]
+Source = Annotated[str, typer.Argument(help="Machine file, or - for standard input.")]
+Run = Annotated[Path, typer.Argument(help="Run directory.")]
+Power = Annotated[Literal["on", "off"], typer.Option(help="off: nothing is ever switched on.")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"agentflow {__version__}")
+        raise typer.Exit
+
+
+@commands.callback()
+def common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")] = False,
+) -> None:
+    """Options of all commands; `--debug` is read in cli.main, wherever it stands."""
+
+
+def _print_json(value: Any) -> None:
+    print(json.dumps(value, ensure_ascii=False))
+
+
+@commands.command(
+    epilog="Example: agentflow design --task movement --workflow hierarchical --seed 3"
+)
+def design(
+    task: Annotated[str | None, typer.Option(help="Task, for instance throwing.")] = None,
+    workflow: Annotated[str | None, typer.Option(help="hierarchical, iterative or single.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Model name; without one, rules and chance answer.")
+    ] = None,
+    base_url: Annotated[
+        str | None, typer.Option(help="OpenAI-compatible endpoint; the key is OPENAI_API_KEY.")
+    ] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with any of the keys.")] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="key=value of the configuration, or knob=value of the task."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Of everything left to chance.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder that holds run directories.")] = Path("runs"),
+    workers: Annotated[int | None, typer.Option(help="Processes for rollouts.")] = None,
+    resume: Annotated[Path | None, typer.Option(help="Run directory to continue.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Design a machine: from a task to the best machine found, and pictures of it."""
+    from agentflow.app.design import design as start
+    from agentflow.app.design import resume as go_on
+    from agentflow.app.models import configured
+    from agentflow.cli.live import watch
+    from agentflow.cli.show import show_result
+
+    options = {
+        "task": task,
+        "workflow": workflow,
+        "seed": seed,
+        "workers": workers,
+        "model.name": model,
+        "model.base_url": base_url,
+    }
+    with watch(quiet) as (listener, say):
+        if resume is not None:
+            result = go_on(resume, say, listener)
+        else:
+            result = start(configured(config, settings or (), options), out, say, listener)
+    pictures = _pictures(result)
+    if as_json:
+        _print_json(result)
+    else:
+        show_result(result, pictures)
+
+
+def _pictures(result: dict[str, Any]) -> dict[str, str]:
+    from agentflow.app.pictures import render_run
+
+    return render_run(Path(result["run"])) if result["valid"] else {}
+
+
+@commands.command(epilog="Example: agentflow replay runs/recorded-throwing")
+def replay(run: Run) -> None:
+    """Repeat a run from its record and compare everything: `identical` or the first difference."""
+    from agentflow.app.design import replay as repeat
+
+    difference = repeat(run, lambda line: print(f"agentflow: {line}", file=sys.stderr))
+    print(difference or "identical")
+    raise typer.Exit(1 if difference else 0)
+
+
+@commands.command(epilog="Example: agentflow check machine.json --task throwing --json")
+def check(
+    machine: Source,
+    task: Task = None,
+    knobs: Knobs = None,
+    geometry: Annotated[bool, typer.Option("--geometry", help="Where every block is.")] = False,
+    lines: Annotated[bool, typer.Option("--jsonl", help="One machine per line.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Judge a machine: file, space, and what a task demands."""
+    from agentflow.app import machines
+    from agentflow.cli.show import show_report
+
+    brief = None
+    if task is not None:
+        from agentflow.app.tasks import find_task
+
+        brief = find_task(task, knobs or ()).brief
+    if lines:
+        for report in machines.check_lines(machines.read_lines(machine), brief, geometry):
+            _print_json(report)
+        return
+    report = machines.check(machines.machine_text(machine), brief, geometry)
+    if as_json:
+        _print_json(report)
+    else:
+        show_report(report)
+
+
+@commands.command(epilog="Example: agentflow simulate machine.json --task movement --json")
+def simulate(
+    machine: Source,
+    task: Annotated[str, typer.Option(help="Task, for instance throwing or movement.")],
+    knobs: Knobs = None,
+    seed: Seed = 0,
+    rate: Annotated[float | None, typer.Option(help="Steps per second.")] = None,
+    power: Power = "on",
+    query: Annotated[
+        list[str] | None, typer.Option(help="JSON: id, duration and properties of a block.")
+    ] = None,
+    save: Annotated[Path | None, typer.Option(help="Keep the states in this .npz file.")] = None,
+    lines: Annotated[bool, typer.Option("--jsonl", help="One machine per line.")] = False,
+    workers: Annotated[int, typer.Option(min=1, help="Processes, with --jsonl.")] = 2,
+    as_json: Json = False,
+) -> None:
+    """Build a machine, let physics run, and score it."""
+    from agentflow.app import machines
+    from agentflow.app import simulate as rollouts
+    from agentflow.app.tasks import find_task
+    from agentflow.cli.show import show_rollout
+
+    level, on = find_task(task, knobs or ()), power == "on"
+    if lines:
+        source = machines.read_lines(machine)
+        for result in rollouts.simulate_lines(source, level, seed=seed, power=on, workers=workers):
+            _print_json(result)
+        return
+    result = rollouts.simulate_text(
+        machines.machine_text(machine),
+        level,
+        seed=seed,
+        rate=rate,
+        power=on,
+        queries=query or (),
+        save=save,
+    )
+    if as_json:
+        _print_json(result)
+    else:
+        show_rollout(result)
+
+
+@commands.command(epilog="Example: agentflow render machine.json --task throwing --out best")
+def render(
+    source: Annotated[str, typer.Argument(help="Run directory or machine file.")],
+    task: Task = None,
+    knobs: Knobs = None,
+    seed: Seed = 0,
+    out: Annotated[Path, typer.Option(help="Name of the files, without ending.")] = Path("machine"),
+) -> None:
+    """Draw a machine (.png) and film its rollout (.gif)."""
+    from agentflow.app.pictures import render_file, render_run
+    from agentflow.app.tasks import find_task
+
+    if Path(source).is_dir():
+        files = render_run(Path(source))
+    else:
+        files = render_file(source, find_task(task or "movement", knobs or ()), seed, out)
+    for path in files.values():
+        print(path)
+
+
+@commands.command(epilog="Example: agentflow tasks throwing")
+def tasks(
+    name: Annotated[str | None, typer.Argument(help="One level in full.")] = None,
+    as_json: Json = False,
+) -> None:
+    """List the tasks, or show one level with scene, schedule, score, blocks and knobs."""
+    from agentflow.app.tasks import task_json, task_list
+    from agentflow.cli.show import show_task, show_tasks
+
+    if name is None:
+        found = task_list()
+        _print_json(found) if as_json else show_tasks(found)
+    else:
+        level = task_json(name)
+        _print_json(level) if as_json else show_task(level)
+
+
+@commands.command(epilog="Example: agentflow blocks 63")
+def blocks(
+    name: Annotated[str | None, typer.Argument(help="Type id or name of one block.")] = None,
+    as_json: Json = False,
+) -> None:
+    """List the block library, or show one block with its faces."""
+    from agentflow.app.machines import block_list, find_block
+    from agentflow.cli.show import show_block, show_blocks
+
+    if name is None:
+        found = block_list()
+        _print_json(found) if as_json else show_blocks(found)
+    else:
+        block = find_block(name)
+        _print_json(block) if as_json else show_block(block)

@@ -1,0 +1,140 @@
+"""Owns how results look on standard output for a person; programs use --json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from agentflow.cli.live import number
+
+Data = Mapping[str, Any]
+
+
+def _out() -> Console:
+    return Console(highlight=False, soft_wrap=True, markup=False)
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in columns:
+        table.add_column(column)
+    return table
+
+
+def show_result(result: Data, pictures: Mapping[str, str]) -> None:
+    """A design run: score, stages, model, where everything lies."""
+    console = _out()
+    if result["valid"]:
+        console.print(
+            f"best score {number(result['score'])} ({result['task']}), "
+            f"{len(result['machine'])} blocks, found in stage {result['best_stage']}"
+        )
+    else:
+        console.print(f"no valid machine: {result['reason']}")
+    if result["stopped"]:
+        console.print(f"stopped early: {result['stopped']}")
+    table = _table("stage", "valid at first", "valid", "mean", "best")
+    for row in result["stages"]:
+        counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
+        table.add_row(row["name"], *counts, number(row["mean"]), number(row["max"]))
+    console.print(table)
+    console.print(
+        f"model: {result['model']}; {result['calls']} calls, {result['tokens']} tokens, "
+        f"{result['rollouts']} rollouts, {result['seconds']:.1f} s"
+    )
+    console.print(f"run: {result['run']}")
+    for name, path in pictures.items():
+        console.print(f"{name}: {path}")
+
+
+def show_report(report: Data) -> None:
+    """A validity report."""
+    console = _out()
+    for key in ("file_valid", "spatial_valid", "machine_valid"):
+        words = {True: "yes", False: "no", None: "not judged"}[report[key]]
+        console.print(f"{key.replace('_', ' ')}: {words}")
+    if report["size"] is not None:
+        console.print("size: " + " x ".join(f"{extent:g}" for extent in report["size"]) + " m")
+    for problem in report["problems"]:
+        console.print(f"{problem['code']}: {problem['message']}")
+    for block in report.get("blocks", ()):
+        if "end_a" in block:
+            console.print(f"block {block['id']}: from {block['end_a']} to {block['end_b']}")
+        else:
+            console.print(
+                f"block {block['id']}: at {block['position']} facing {block['orientation']}"
+            )
+
+
+def show_rollout(result: Data) -> None:
+    """A rollout: status, score and its terms, feedback."""
+    console = _out()
+    console.print(f"{result['status']}, score {number(result['score'])}")
+    for problem in result["problems"] or ():
+        console.print(f"{problem['code']}: {problem['message']}")
+    if result["feedback"]:
+        console.print(result["feedback"])
+    for answer in result.get("answers", ()):
+        console.print(str(answer))
+
+
+def show_tasks(tasks: Sequence[Data]) -> None:
+    """The list of tasks."""
+    table = _table("task", "level", "good score", "what to do")
+    for task in tasks:
+        table.add_row(task["name"], task["title"], f"{task['good']:g}", task["objective"])
+    _out().print(table)
+
+
+def show_task(task: Data) -> None:
+    """One level in full."""
+    console = _out()
+    console.print(Text(f"{task['name']}: {task['objective']}", style="bold"))
+    for part in ("scene", "schedule", "score"):
+        console.print(f"\n{part}")
+        for sentence in task[part]:
+            console.print(f"  {sentence}")
+    console.print(f"\nblocks: {', '.join(str(kind) for kind in task['blocks'])}")
+    console.print(f"good score: {task['good']:g}\n")
+    table = _table("knob", "value", "range", "what it does")
+    for knob in task["knobs"]:
+        table.add_row(knob["name"], str(knob["value"]), knob["range"], knob["help"])
+    console.print(table)
+
+
+def show_blocks(blocks: Sequence[Data]) -> None:
+    """The block library."""
+    table = _table("type", "name", "category", "size", "mass", "faces", "set")
+    for block in blocks:
+        table.add_row(
+            str(block["type"]),
+            block["name"],
+            block["category"],
+            _size(block),
+            f"{block['mass']:g}",
+            str(len(block["faces"])),
+            "extended" if block["extended"] else "core",
+        )
+    _out().print(table)
+
+
+def show_block(block: Data) -> None:
+    """One block with its faces."""
+    console = _out()
+    facts = (block["category"], _size(block), f"{block['mass']:g} kg")
+    console.print(f"{block['type']} {block['name']}: {', '.join(facts)}")
+    table = _table("face", "position", "direction")
+    for face in block["faces"]:
+        position = ", ".join(f"{value:g}" for value in face["position"])
+        table.add_row(str(face["face_id"]), position, face["direction"])
+    console.print(table)
+
+
+def _size(block: Data) -> str:
+    if block["size"] is None:
+        return "two-ended"
+    return " x ".join(f"{extent:g}" for extent in block["size"])

@@ -1,0 +1,149 @@
+"""Owns the configuration of a run: one typed tree, YAML files, dotted overrides (spec 6.5).
+
+What the switches do belongs to the components whose classes are joined here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.llm.budget import BudgetSettings
+from agentflow.llm.build import EndpointSettings
+from agentflow.llm.messages import Sampling
+from agentflow.workflows.settings import WorkflowSettings
+
+PROCEDURAL = "procedural"
+"""The embedded model: rules and chance, no language model, no endpoint."""
+
+
+class ModelConfig(BaseModel):
+    """Who answers, and how answers are drawn."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
+
+    name: str = Field(PROCEDURAL, min_length=1, description="model name at the endpoint")
+    base_url: str | None = Field(None, description="what precedes /chat/completions")
+    sampling: Sampling = Field(Sampling(), description="temperature, top_p, max_tokens ...")
+    endpoint: EndpointSettings = Field(
+        EndpointSettings(), description="time limits, retries, rate limits"
+    )
+    budget: BudgetSettings = Field(BudgetSettings(), description="most calls and tokens of a run")
+
+
+class DesignConfig(BaseModel):
+    """Everything that decides what a run does; together with the replies it decides its result."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    task: str = Field("throwing", description="level, for instance throwing or throwing/3")
+    knobs: dict[str, Any] = Field({}, description="knobs of the level that differ from its file")
+    workflow: str = Field("hierarchical", description="way from the task to a machine")
+    seed: int = Field(0, description="of everything that is left to chance")
+    model: ModelConfig = ModelConfig()
+    prompts: str = Field("default", description="prompt set")
+    max_retry: int = Field(5, ge=1, description="attempts per question outside a search")
+    settings: WorkflowSettings = Field(WorkflowSettings(), description="switches of the workflow")
+    workers: int = Field(2, ge=1, description="processes for rollouts; changes no result")
+
+
+def load(path: Path) -> dict[str, Any]:
+    """A configuration file as nested mappings, not yet validated.
+
+    Raises:
+        ConfigError: The file cannot be read or is no YAML mapping.
+    """
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError):
+        raise ConfigError(f"{path} is not YAML") from None
+    if not isinstance(document, dict):
+        raise ConfigError(f"{path} must hold a mapping of configuration keys")
+    return document
+
+
+def override(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
+    """Lay `a.b=value` settings over a document.
+
+    A path that begins with a key of `DesignConfig` (or of its `settings`, for short) sets that
+    key; any other is a knob of the task. Values are read as YAML.
+
+    Raises:
+        ConfigError: A setting has no `=`, or its path runs through a plain value.
+    """
+    result = dict(document)
+    for setting in settings:
+        path, equals, text = setting.partition("=")
+        if not equals or not path:
+            raise ConfigError(f"--set takes name=value, not {setting!r}")
+        keys = _keys_of(path.strip())
+        _put(result, keys, _value(text, path), path)
+    return result
+
+
+def build(document: Mapping[str, Any]) -> DesignConfig:
+    """Validate a document.
+
+    Raises:
+        ConfigError: Names the first wrong key, what came and what was expected.
+    """
+    try:
+        return DesignConfig.model_validate(dict(document))
+    except ValidationError as error:
+        raise ConfigError(_explain(error)) from None
+
+
+def _keys_of(path: str) -> tuple[str, ...]:
+    first, *rest = path.split(".")
+    if first in DesignConfig.model_fields:
+        if first == "knobs" and rest:
+            return ("knobs", ".".join(rest))
+        return (first, *rest)
+    if first in WorkflowSettings.model_fields:
+        return ("settings", first, *rest)
+    return ("knobs", path)
+
+
+def _value(text: str, path: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ConfigError(f"--set {path}: {text!r} is not a YAML value") from None
+
+
+def _put(document: dict[str, Any], keys: tuple[str, ...], value: Any, path: str) -> None:
+    *branches, last = keys
+    for key in branches:
+        below = document.get(key, {})
+        if not isinstance(below, Mapping):
+            raise ConfigError(f"--set {path}: {key} is a single value, not a group of keys")
+        document[key] = dict(below)
+        document = document[key]
+    document[last] = value
+
+
+def _explain(error: ValidationError) -> str:
+    first = error.errors(include_url=False)[0]
+    place = [str(part) for part in first["loc"]]
+    name = ".".join(place)
+    if first["type"] == "extra_forbidden":
+        return str(UnknownNameError("configuration key", name, _names_beside(place)))
+    message = first["msg"].removeprefix("Value error, ")
+    return f"{name}: {message[0].lower()}{message[1:]}, not {first['input']!r}"
+
+
+def _names_beside(place: list[str]) -> list[str]:
+    """The keys that exist where an unknown one was given."""
+    kind: type[BaseModel] = DesignConfig
+    for part in place[:-1]:
+        inner = kind.model_fields[part].annotation
+        assert isinstance(inner, type)
+        kind = inner
+    return [".".join([*place[:-1], name]) for name in kind.model_fields]

@@ -1,0 +1,45 @@
+"""Owns how machines of a run are tried: one task, a pool of workers, each machine simulated once.
+
+Implements the workflows' `Laboratory`; what a rollout is belongs to env, what it means to search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agentflow.env.pool import RolloutPool
+from agentflow.env.query import answer
+from agentflow.env.tasks.base import Task
+from agentflow.env.trace import Rollout
+from agentflow.machine.tree import Machine
+from agentflow.search.node import Evaluation
+from agentflow.workflows.base import Trial
+
+
+class PhysicsLaboratory:
+    """Tries machines at one task in a pool of worker processes."""
+
+    def __init__(self, task: Task, pool: RolloutPool, seed: int) -> None:
+        """`seed` is of the rollouts' own chance (perturbed trials, gusts)."""
+        self._task = task
+        self._pool = pool
+        self._seed = seed
+        self.rollouts: dict[str, Rollout] = {}
+        """Every finished rollout by machine digest."""
+
+    async def evaluate(self, machine: Machine, label: str) -> Evaluation:  # noqa: ARG002
+        """Simulate a machine."""
+        rollout = await self._pool.run(machine, self._task, seed=self._seed)
+        self.rollouts[machine.digest] = rollout
+        trial = Trial(
+            score=rollout.score,
+            status=rollout.status,
+            feedback=rollout.feedback.text,
+            broken=tuple((item.block, item.partner, item.time) for item in rollout.broken),
+            digest=rollout.digest,
+        )
+        return Evaluation(rollout.status != "invalid", rollout.score, trial)
+
+    async def query(self, machine: Machine, queries: Sequence[object]) -> str:
+        """Answer queries on a machine that has been evaluated."""
+        return answer(machine, self.rollouts[machine.digest], queries).text

@@ -1,0 +1,84 @@
+"""Configuration: what overrides what, and how wrong keys are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agentflow.config import DesignConfig, build, load, override
+from agentflow.errors import ConfigError
+
+CONFIGS = sorted((Path(__file__).parent.parent / "configs").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.name)
+def test_every_shipped_configuration_is_valid(path: Path) -> None:
+    build(load(path))
+
+
+def test_settings_reach_keys_switches_and_knobs() -> None:
+    document = override(
+        {"seed": 1, "settings": {"trajectories": 3}},
+        ["seed=7", "search.ucb.c=2", "settings.inspector=off", "wall.height=0", "model.name=x"],
+    )
+    config = build(document)
+    assert (config.seed, config.model.name) == (7, "x")
+    assert config.settings.trajectories == 3
+    assert config.settings.search.ucb.c == 2
+    assert config.settings.inspector is False
+    assert config.knobs == {"wall.height": 0}
+
+
+def test_override_leaves_the_document_alone() -> None:
+    document = {"settings": {"search": {"rounds": 2}}}
+    override(document, ["search.rounds=9"])
+    assert document == {"settings": {"search": {"rounds": 2}}}
+
+
+@pytest.mark.parametrize(
+    ("document", "message"),
+    [
+        ({"sed": 1}, "unknown configuration key 'sed'; known: seed, "),
+        ({"seed": "x"}, "seed: input should be a valid integer, unable to parse string as an "),
+        ({"settings": {"trajectories": 0}}, "settings.trajectories: input should be greater than"),
+        ({"settings": {"search": {"wdth": 1}}}, "unknown configuration key 'settings.search.wdth'"),
+        ({"model": {"sampling": {"top": 1}}}, "unknown configuration key 'model.sampling.top'"),
+    ],
+)
+def test_wrong_configuration_names_the_key(document: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        build(document)
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("seed", "--set takes name=value, not 'seed'"),
+        ("seed.x=1", "--set seed.x: seed is a single value, not a group of keys"),
+        ("seed=[", "--set seed: '[' is not a YAML value"),
+    ],
+)
+def test_wrong_settings_are_refused(setting: str, message: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        override({"seed": 0}, [setting])
+    assert str(caught.value) == message
+
+
+def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot read"):
+        load(tmp_path / "none.yaml")
+    (tmp_path / "bad.yaml").write_text("- a\n")
+    with pytest.raises(ConfigError, match="must hold a mapping of configuration keys"):
+        load(tmp_path / "bad.yaml")
+
+
+def test_defaults_are_the_published_ones() -> None:
+    config = DesignConfig()
+    assert (config.task, config.workflow, config.settings.trajectories) == (
+        "throwing",
+        "hierarchical",
+        8,
+    )
+    assert (config.model.sampling.temperature, config.model.sampling.top_p) == (0.7, 0.95)
