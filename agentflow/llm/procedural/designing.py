@@ -1,6 +1,6 @@
 """Owns planning and building: the meta-designer's blueprint and the designer's machine.
 
-The rules by which parts grow are mechanisms.py's.
+How parts grow is mechanisms.py's.
 """
 
 from __future__ import annotations
@@ -8,142 +8,99 @@ from __future__ import annotations
 import json
 import random
 import re
-from collections.abc import Mapping
 
 from agentflow.llm.procedural.growth import Growth
-from agentflow.llm.procedural.mechanisms import LOOSE, PARTS, Mechanism, Part, suited
+from agentflow.llm.procedural.mechanisms import Part, grow, parts, suited
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine.blocks import library
 from agentflow.machine.validity import check
 
-TRIES = 12
+LOOSE = "Frame"
+"""The part that takes any types."""
+TRIES = 20
 """Drafts of a structure; the first valid one is the answer."""
 MOST_TYPES = 3
 """Block types per structure (spec 4.2)."""
+MOST_BLOCKS = 20
+"""Greatest dimension that is taken from foreign guidance."""
 
 
 def plan(facts: Facts, chance: random.Random) -> str:
     """A blueprint of one mechanism, with ranges for its dimensions in the guidance."""
     mechanism = chance.choice(suited(facts.brief))
-    parts = {part.name: _types(part, facts, chance) for part in mechanism.parts}
-    parts = {name: types for name, types in parts.items() if types} or {LOOSE.name: [0]}
-    left = sorted(set(facts.brief.required) - {k for types in parts.values() for k in types} - {0})
-    if left:
-        parts["Payload"] = left[:MOST_TYPES]
-    blueprint = _blueprint(mechanism, parts, chance)
-    words = f"{mechanism.idea} Structures: {', '.join(parts)}."
-    return f"{words}\n```json\n{json.dumps(blueprint, indent=1)}\n```"
-
-
-def _blueprint(
-    mechanism: Mechanism, parts: Mapping[str, list[int]], chance: random.Random
-) -> dict[str, object]:
-    known = {name: PARTS.get(name, LOOSE) for name in parts}
-    return {
+    types = {name: _types(parts()[name], facts, chance) for name in mechanism.parts}
+    lacking = set(facts.brief.required).difference(*types.values())
+    if lacking:
+        types["Payload"] = sorted(lacking)[:MOST_TYPES]
+    told = {name: parts().get(name, parts()[LOOSE]) for name in types}
+    points = [mechanism.idea]
+    blueprint = {
         "definition": f"{mechanism.name}: {mechanism.idea}",
-        "function_points": [part.duty for part in known.values()],
+        "function_points": points,
         "design_structure": [
-            {
-                "function_name": name,
-                "description": part.duty,
-                "related_function_points": [part.duty],
-            }
-            for name, part in known.items()
+            {"function_name": name, "description": part.guidance, "related_function_points": points}
+            for name, part in told.items()
         ],
-        "build_order": list(parts),
+        "build_order": list(types),
         "machine_structure": {
-            name: {
-                "type": types,
-                "guidance": f"{known[name].guidance} {_told(known[name], chance)}",
-            }
-            for name, types in parts.items()
+            name: {"type": types[name], "guidance": f"{part.guidance} {_narrowed(part, chance)}"}
+            for name, part in told.items()
         },
     }
+    return f"{mechanism.idea}\n```json\n{json.dumps(blueprint, indent=1)}\n```"
 
 
 def _types(part: Part, facts: Facts, chance: random.Random) -> list[int]:
-    """One allowed type per slot, at most three; all that is allowed where a part names none."""
-    open_to = [k for k in facts.brief.blocks if k and not library()[k].linear]
-    slots = part.slots if any(part.slots) else tuple((k,) for k in open_to)
-    fills = [[k for k in slot if k in facts.brief.blocks] for slot in slots]
-    return list(dict.fromkeys(chance.choice(fill) for fill in fills if fill))[:MOST_TYPES]
+    """One allowed type per slot, at most three; the root's where nothing else is left."""
+    blocks = [kind for kind in facts.brief.blocks if kind and not library()[kind].linear]
+    slots = part.slots if part.slots[0] else [blocks] * MOST_TYPES
+    fills = [[kind for kind in slot if kind in facts.brief.blocks] for slot in slots]
+    return list(dict.fromkeys(chance.choice(fill) for fill in fills if fill)) or [0]
 
 
-def _told(part: Part, chance: random.Random) -> str:
-    """The dimensions as words: for each a narrower range within the honest one."""
+def _narrowed(part: Part, chance: random.Random) -> str:
+    """The dimensions in words: for each a range within the honest one."""
     told = []
-    for name, (least, most) in part.ranges.items():
-        low = chance.randint(least, most)
-        high = chance.randint(low, most)
-        told.append(f"{name} {low}" if low == high else f"{name} {low} to {high}")
+    for name, (least, most) in part.dims.items():
+        low, high = sorted((chance.randint(least, most), chance.randint(least, most)))
+        told.append(f"{name} {low} to {high}")
     return f"Counted in blocks: {', '.join(told)}."
 
 
 def design(facts: Facts, chance: random.Random) -> str:
-    """The machine extended by one structure, or by a whole mechanism."""
-    if facts.structure:
-        name, parts = facts.structure, [_part(facts)]
-    else:
-        mechanism = chance.choice(suited(facts.brief))
-        name, parts = mechanism.name, list(mechanism.parts)
-    grown, told = _draft(facts, parts, chance), {}
+    """The machine with one structure more, or with a whole mechanism."""
+    names = (_known(facts),) if facts.structure else chance.choice(suited(facts.brief)).parts
+    start = len(facts.machine) if facts.machine else 1
     for _ in range(TRIES):
-        grown = _draft(facts, parts, chance)
-        told = grown[1]
-        if _complete(facts, grown[0]):
+        growth = Growth(facts.machine, facts.types, facts.brief.size_limit, chance)
+        told = []
+        for name in names:
+            dims = {key: _drawn(key, parts()[name], facts, chance) for key in parts()[name].dims}
+            grow(growth, name, dims)
+            told.append(f"{name}: {', '.join(f'{key} {value}' for key, value in dims.items())}.")
+        if len(growth.machine) > start and _loaded(growth, facts):
             break
-    dims = ", ".join(f"{key} {value}" for key, value in told.items())
-    added = len(grown[0].machine) - (len(facts.machine) if facts.machine else 0)
-    words = f"{name}: {added} blocks added; counted in blocks: {dims or 'nothing'}."
-    return f"{words}\n```json\n{grown[0].machine.to_text()}\n```"
+    words = f"{len(growth.machine) - start} blocks more. {' '.join(told)}"
+    return f"{words}\n```json\n{growth.machine.to_text()}\n```"
 
 
-def _draft(facts: Facts, parts: list[Part], chance: random.Random) -> tuple[Growth, dict[str, int]]:
-    growth = Growth(facts.machine, facts.types, facts.brief.size_limit, chance)
-    told: dict[str, int] = {}
-    for part in parts:
-        dims = {name: _drawn(name, part, facts.guidance, chance) for name in part.ranges}
-        part.grow(growth, dims)
-        told.update(dims)
-    if facts.last:
-        _payload(growth, facts)
-    return growth, told
+def _loaded(growth: Growth, facts: Facts) -> bool:
+    """Whether the machine is valid and has what the task demands of the usable types."""
+    demanded = facts.brief.required.items()
+    loaded = all(growth.machine.count(k) == n for k, n in demanded if k in growth.types)
+    return loaded and check(growth.machine, facts.brief).machine_valid
 
 
-def _drawn(name: str, part: Part, guidance: str, chance: random.Random) -> int:
+def _drawn(name: str, part: Part, facts: Facts, chance: random.Random) -> int:
     """A dimension by chance within the range of the guidance, else within the part's own."""
-    found = re.search(rf"\b{re.escape(name)} (\d{{1,3}})(?: to (\d{{1,3}}))?", guidance)
-    low, high = part.ranges[name]
-    if found:
-        low, high = int(found[1]), int(found[2] or found[1])
-    return chance.randint(min(low, high), max(low, high))
+    pattern = rf"\b{re.escape(name)} ([0-9]{{1,3}})(?: to ([0-9]{{1,3}}))?"
+    told = re.findall(pattern, facts.guidance)[-1:]
+    least, most = (int(told[0][0]), int(told[0][1] or told[0][0])) if told else part.dims[name]
+    return min(MOST_BLOCKS, chance.randint(min(least, most), max(least, most)))
 
 
-def _part(facts: Facts) -> Part:
-    """The rule for a structure: of its name, else the one that shares most block types."""
-    if facts.structure in PARTS:
-        return PARTS[facts.structure]
-
-    def shared(part: Part) -> int:
-        return len(facts.types & {kind for slot in part.slots for kind in slot})
-
-    best = max(PARTS.values(), key=shared)
-    return best if shared(best) else LOOSE
-
-
-def _payload(growth: Growth, facts: Facts) -> None:
-    """Hang what the task demands and still lacks wherever it fits."""
-    for kind, count in sorted(facts.brief.required.items()):
-        usable = kind in facts.types and not library()[kind].linear
-        spots = [(b.id, f.face_id) for b in growth.geometry.blocks for f in growth.free(b.id)]
-        growth.chance.shuffle(spots)
-        for spot in spots if usable else ():
-            if growth.machine.count(kind) >= count:
-                break
-            growth.add(kind, spot)
-
-
-def _complete(facts: Facts, growth: Growth) -> bool:
-    report = check(growth.machine, facts.brief)
-    grown = len(growth.machine) > (len(facts.machine) if facts.machine else 1)
-    return grown and (report.task_valid if facts.last else report.machine_valid)
+def _known(facts: Facts) -> str:
+    """The part of the structure's name, else the one whose main types it has most of."""
+    shared = {name: len(facts.types.intersection(part.slots[0])) for name, part in parts().items()}
+    best = max(shared, key=lambda name: shared[name])
+    return facts.structure if facts.structure in parts() else best if shared[best] else LOOSE

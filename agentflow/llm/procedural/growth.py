@@ -6,10 +6,10 @@ Which blocks a mechanism needs is mechanisms.py's.
 from __future__ import annotations
 
 import random
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 
 from agentflow.machine.blocks import STARTING_BLOCK, library
-from agentflow.machine.geometry import Geometry, Placed, PlacedFace, place
+from agentflow.machine.geometry import Geometry, PlacedFace, place
 from agentflow.machine.tree import ROOT, Machine, Step
 
 
@@ -26,68 +26,62 @@ class Growth:
         """Start from a machine, or from the root; `limit` is the greatest extent x, y, z in m."""
         self.machine = machine or Machine((ROOT,))
         self.geometry = place(self.machine)
-        self.chance = chance
-        self.types = types
-        self._limit = limit
+        self.types, self.chance, self._limit = types, chance, limit
 
-    def choose(self, wanted: Iterable[int]) -> int | None:
-        """One of the wanted types that may be used, by chance; None if there is none."""
-        found = [kind for kind in wanted if kind in self.types]
+    def choose(self, *wanted: Sequence[int]) -> int | None:
+        """A usable type, by chance, of the first of these groups that has any."""
+        usable = ([kind for kind in group if kind in self.types] for group in wanted)
+        found = next(filter(None, usable), None)
         return self.chance.choice(found) if found else None
 
     def add(self, kind: int | None, *ends: tuple[int, int]) -> int | None:
         """Hang a type on (block, face), or between two such ends; its id, None if not valid."""
-        if kind is None or len(ends) != (2 if library()[kind].linear else 1):
+        if kind is None or len(ends) != 1 + library()[kind].linear:
             return None
-        second = ends[1] if len(ends) == 2 else (None, None)
-        step = Step(len(self.machine), kind, *ends[0], *second)
-        machine = Machine((*self.machine.steps, step))
-        geometry = place(machine)
+        step = Step(len(self.machine), kind, *(part for end in ends for part in end))
+        geometry = place(Machine((*self.machine.steps, step)))
         large = any(have > most for have, most in zip(geometry.size, self._limit, strict=True))
         if large or geometry.overlaps or locked(geometry):
             return None
-        self.machine, self.geometry = machine, geometry
+        self.machine, self.geometry = Machine((*self.machine.steps, step)), geometry
         return step.id
 
-    def hang(
-        self, kind: int | None, parent: int | None, towards: str, place_from_end: int = 0
-    ) -> int | None:
-        """Hang a type on a face that looks `towards`, counted from the parent's far end."""
+    def hang(self, kind: int | None, parent: int | None, towards: str, skip: int = 0) -> int | None:
+        """Hang a type on a face that looks `towards`, `skip` faces before the parent's far end."""
         if parent is None:
             return None
-        faces = self.free(parent, towards)
         back = self.geometry[parent].origin
-        faces.sort(key=lambda face: -_distance(face.position, back))
-        index = min(place_from_end, len(faces) - 1)
-        return self.add(kind, (parent, faces[index].face_id)) if faces else None
+        faces = sorted(free(self.geometry, parent, towards), key=lambda f: span(back, f.position))
+        return (
+            self.add(kind, (parent, faces[-1 - min(skip, len(faces) - 1)].face_id))
+            if faces
+            else None
+        )
 
     def chain(self, kind: int | None, parent: int, towards: str, count: int) -> int:
         """Hang `count` blocks one behind the other; the id of the last that fits."""
         for _ in range(count):
             added = self.hang(kind, parent, towards)
-            if added is None:
-                break
-            parent = added
+            parent = parent if added is None else added
         return parent
 
-    def free(self, block: int, towards: str = "") -> list[PlacedFace]:
-        """Free faces of a block, all or those that look `towards`."""
-        ids = set(self.geometry.free_faces(block))
-        faces = self.geometry[block].faces
-        return [f for f in faces if f.face_id in ids and towards in ("", f.facing)]
+    def last(self, *kinds: int) -> int:
+        """The latest block of these types; the root if there is none."""
+        return max((step.id for step in self.machine if step.type in kinds), default=0)
 
-    def of(self, *kinds: int) -> list[int]:
-        """Ids of the blocks of these types."""
-        return [step.id for step in self.machine if step.type in kinds]
+
+def free(geometry: Geometry, block: int, towards: str = "") -> list[PlacedFace]:
+    """Free faces of a block, all or those that look `towards`."""
+    ids = geometry.free_faces(block)
+    return [f for f in geometry[block].faces if f.face_id in ids and f.facing.startswith(towards)]
 
 
 def clusters(geometry: Geometry) -> tuple[int, ...]:
-    """For each block the id of the block at which its rigid cluster begins; two-ended: its own."""
+    """For each block the block at which its rigid cluster begins; 0 for what stands still."""
     first: list[int] = []
     for placed in geometry.blocks:
-        moves = library()[placed.type].non_stable or placed.two_ended
-        whole = placed.type == STARTING_BLOCK or moves
-        first.append(placed.id if whole else first[placed.step.parent])
+        moves = library()[placed.type].non_stable or placed.type == STARTING_BLOCK
+        first.append(placed.id if moves or placed.two_ended else first[placed.step.parent])
     return tuple(first)
 
 
@@ -97,10 +91,6 @@ def locked(geometry: Geometry) -> bool:
     return any(group[loop.block] != group[loop.partner] for loop in geometry.auto_connections)
 
 
-def is_free(geometry: Geometry, block: Placed, face: PlacedFace) -> bool:
-    """Whether nothing hangs on the face."""
-    return face.face_id in geometry.free_faces(block.id)
-
-
-def _distance(a: Sequence[float], b: Sequence[float]) -> float:
+def span(a: Sequence[float], b: Sequence[float]) -> float:
+    """Sum of the distances along x, y, z, m."""
     return sum(abs(x - y) for x, y in zip(a, b, strict=True))

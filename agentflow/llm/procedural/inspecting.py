@@ -7,167 +7,114 @@ from __future__ import annotations
 
 import json
 import random
+from collections.abc import Iterator
 
 from agentflow.llm.procedural.growth import clusters
 from agentflow.llm.procedural.mechanisms import BALLAST, BEAMS, CUBE, HINGE, MOTOR, SPRING, WHEELS
 from agentflow.llm.procedural.reading import Facts
-from agentflow.machine.blocks import BOULDER, CONTAINER, library
+from agentflow.machine.balance import centre_of_mass, stands, support_polygon
+from agentflow.machine.blocks import BOULDER, CONTAINER
 from agentflow.machine.geometry import Geometry, place
 
-_SECTIONS = (
-    "Three-Dimensional Perception of the World",
-    "Question Answer",
-    "Summary of Design Defects",
-)
-_EXTREMES = (
-    ("frontmost", 2, 1),
-    ("rearmost", 2, -1),
-    ("leftmost", 0, -1),
-    ("rightmost", 0, 1),
-    ("topmost", 1, 1),
-    ("lowest", 1, -1),
-)
-_MOTION = {
-    MOTOR: "turns about its Front",
-    HINGE: "swings freely about its Right-Left axis",
-    SPRING: "pulls its ends together",
-}
+_EXTREMES = {"frontmost": (2, 1), "rearmost": (2, -1), "leftmost": (0, -1), "rightmost": (0, 1),
+             "topmost": (1, 1), "lowest": (1, -1)}  # fmt: skip
+"""Question -> axis and sign of the direction in which the block reaches farthest."""
+_SHAPE = """<Three-Dimensional Perception of the World>
+x+: right
+y+: up
+z+: forward
+{world}
+</Three-Dimensional Perception of the World>
+<Question Answer>
+1. {moving}
+2. {special}
+3. At ({x:.1f}, {y:.1f}, {z:.1f}) from the root's centre; the machine {stands}.
+4. What motors and springs turn turns the rest of the machine the other way.
+5. {idle}
+</Question Answer>
+<Summary of Design Defects>
+{defects}
+</Summary of Design Defects>"""
 
 
 def inspect(facts: Facts, chance: random.Random) -> str:  # noqa: ARG001
     """A critique by geometry alone; nothing in it is left to chance."""
     assert facts.machine is not None
     geometry = place(facts.machine)
-    told = (_world(geometry), _answers(facts, geometry), _defects(facts, geometry))
-    return "\n".join(
-        f"<{name}>\n{text}\n</{name}>" for name, text in zip(_SECTIONS, told, strict=True)
-    )
-
-
-def _world(geometry: Geometry) -> str:
+    x, y, z = centre_of_mass(geometry)
     boxes = [block for block in geometry.blocks if not block.two_ended]
-    lines = ["x+: right", "y+: up", "z+: forward"]
-    for word, axis, sign in _EXTREMES:
-        reach = {b.id: sign * (b.box_max if sign > 0 else b.box_min)[axis] for b in boxes}
-        lines.append(f"{word}: {max(reach, key=lambda block: reach[block])}")
-    return "\n".join(lines)
-
-
-def _answers(facts: Facts, geometry: Geometry) -> str:
-    x, y, z = mass_centre(geometry)
-    (x0, x1), (z0, z1) = support(geometry)
-    moving = [f"block {b.id} {_motion(b.type)}, facing {b.facing}" for b in geometry.blocks
-              if b.type in (*_MOTION, *WHEELS)]  # fmt: skip
-    special = [f"block {b.id} ({b.name}) at height {b.center[1]:.1f}" for b in geometry.blocks
-               if b.type in (BALLAST, CONTAINER, BOULDER)]  # fmt: skip
-    stands = x0 <= x <= x1 and z0 <= z <= z1
-    return "\n".join(
-        [
-            f"1. {'; '.join(moving) or 'None.'}",
-            f"2. {'; '.join(special) or 'None.'}",
-            f"3. It lies at ({x:.1f}, {y:.1f}, {z:.1f}); the lowest blocks span x {x0:.1f} to "
-            f"{x1:.1f} and z {z0:.1f} to {z1:.1f}, so it {'stands' if stands else 'falls over'}.",
-            "4. What the motors and springs turn, they turn the other way round the rest.",
-            f"5. {_idle(facts, geometry)}",
-        ]
-    )
-
-
-def _motion(kind: int) -> str:
-    return _MOTION.get(kind, "drives by its facing")
-
-
-def _idle(facts: Facts, geometry: Geometry) -> str:
-    idle = useless(facts, geometry)
-    return "; ".join(f"block {b} on block {geometry[b].step.parent}" for b in idle) or "None."
-
-
-def _defects(facts: Facts, geometry: Geometry) -> str:
-    """Every check that fails, one line each."""
-    found: list[tuple[list[int], str]] = []
-    x, _, z = mass_centre(geometry)
-    (x0, x1), (z0, z1) = support(geometry)
-    lowest = [b.id for b in geometry.blocks if b.box_min[1] < geometry.box_min[1] + 0.05]
-    if not (x0 + 0.2 < x < x1 - 0.2 and z0 + 0.2 < z < z1 - 0.2):
-        found.append((lowest, "the centre of mass lies at the rim of what stands: it tips"))
-    height = geometry.size[1]
-    arms = [b.id for b in geometry.blocks if b.type in (MOTOR, HINGE)]
-    if arms and min(x1 - x0, z1 - z0) < height:
-        found.append(
-            (lowest, f"narrower than its height of {height:.1f} m: the arm's swing tips it")
-        )
-    found += [
-        ([b.id], "a powered wheel of this facing does not drive to z+: turn it to x+ or x-")
-        for b in geometry.blocks
-        if b.type in WHEELS and b.facing[0] != "x"
+    world = [
+        f"{word}: {max(boxes, key=lambda b: max(s * b.lo[axis], s * b.hi[axis])).id}"
+        for word, (axis, s) in _EXTREMES.items()
     ]
-    wheels = [b.id for b in geometry.blocks if b.type in WHEELS]
-    if wheels and len(wheels) < 6:
-        found.append((wheels, "too few wheels for a quick start"))
-    found += [([arm], "unbalanced: its load lies on one side only") for arm in arms
-              if len(geometry.children(arm)) < 2]  # fmt: skip
-    found += [
-        ([block], "useless: it bears and moves nothing") for block in useless(facts, geometry)
-    ]
-    lines = [
+    chains = [f"block {b} on {geometry[b].step.parent}" for b in idle_blocks(geometry)]
+    defects = [
         f"- blocks {', '.join(map(str, blocks))} | structure none | {text}"
-        for blocks, text in found
+        for blocks, text in _defects(geometry)
     ]
-    return "\n".join(lines) or "none"
+    return _SHAPE.format(
+        world="\n".join(world),
+        moving=_named(geometry, MOTOR, HINGE, SPRING, *WHEELS),
+        special=_named(geometry, BALLAST, CONTAINER, BOULDER),
+        x=x, y=y, z=z,
+        stands="stands" if stands(geometry) else "falls over before t = 0",
+        idle="; ".join(chains) or "None.",
+        defects="\n".join(defects) or "none",
+    )  # fmt: skip
 
 
-def useless(facts: Facts, geometry: Geometry) -> list[int]:
-    """Rigid blocks above the ground that carry nothing, balance nothing and stand still."""
-    assert facts.machine is not None
-    carried = {parent for step in facts.machine for parent in step.parents}
-    group = clusters(geometry)
-    return [
-        b.id
-        for b in geometry.blocks
-        if b.id and b.id not in carried and group[b.id] == 0
-        and b.type in (*BEAMS, CUBE) and b.box_min[1] > geometry.box_min[1] + 1.1
-    ]  # fmt: skip
+def _named(geometry: Geometry, *kinds: int) -> str:
+    told = [
+        f"block {b.id} ({b.name}) facing {b.facing}" for b in geometry.blocks if b.type in kinds
+    ]
+    return "; ".join(told) or "None."
 
 
-def mass_centre(geometry: Geometry) -> tuple[float, float, float]:
-    """Centre of mass in the machine frame, every block taken at the centre of its box, m."""
-    total = sum(library()[b.type].mass for b in geometry.blocks)
-    x, y, z = (
-        sum(library()[b.type].mass * b.center[axis] for b in geometry.blocks) / total
-        for axis in range(3)
-    )
-    return x, y, z
+def _defects(geometry: Geometry) -> Iterator[tuple[list[int], str]]:
+    """Every check that fails: the blocks, and what follows."""
+    blocks, low = geometry.blocks, geometry.lo[1]
+    ground = [b.id for b in blocks if not b.two_ended and b.lo[1] == low]
+    depth = [z for _, z in support_polygon(geometry)]
+    arms = [b.id for b in blocks if b.type in (MOTOR, HINGE)]
+    wheels = [b.id for b in blocks if b.type in WHEELS]
+    if not stands(geometry):
+        yield ground, "the centre of mass is not above what stands on the ground: it tips"
+    elif arms and max(depth) - min(depth) < geometry.size[1]:
+        yield ground, "shorter on the ground than high: what swings tips it"
+    for wheel in wheels:
+        if geometry[wheel].facing[0] != "x":
+            yield [wheel], f"facing {geometry[wheel].facing} it does not drive to z+"
+    if wheels and len(wheels) < 6:
+        yield wheels, "too few wheels for a quick start"
+    for arm in arms:
+        if len(geometry.children(arm)) == 1:
+            yield [arm], "unbalanced: its load hangs on one side only"
+    for block in idle_blocks(geometry):
+        yield [block], "useless: it bears nothing and stands on nothing"
 
 
-def support(geometry: Geometry) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Least and greatest x, and z, of the blocks that reach down to the ground, m."""
-    low = [b for b in geometry.blocks if b.box_min[1] < geometry.box_min[1] + 0.05]
-    return (
-        (min(b.box_min[0] for b in low), max(b.box_max[0] for b in low)),
-        (min(b.box_min[2] for b in low), max(b.box_max[2] for b in low)),
-    )
+def idle_blocks(geometry: Geometry) -> list[int]:
+    """Rigid blocks above the ground that stand still and carry nothing."""
+    carried = {parent for block in geometry.blocks for parent in block.step.parents}
+    group, high = clusters(geometry), geometry.box_min[1] + 1.1
+    return [b.id for b in geometry.blocks if b.type in (*BEAMS, CUBE) and b.id not in carried
+            and group[b.id] == 0 and b.box_min[1] > high]  # fmt: skip
 
 
 def query(facts: Facts, chance: random.Random) -> str:
-    """Ask for what broke, around the moment; else for the payload, its holder and the root."""
+    """Ask for what broke, around the moment; else for one moving block and the root."""
     assert facts.machine is not None
-    wanted = []
-    for block, partner, time in facts.broken[:2]:
-        span = [max(0.0, round(time - 0.4, 2)), round(time + 0.4, 2)]
-        wanted += [_query(block, span, "velocity"), _query(partner, span, "rotation")]
-    if not wanted:
-        kinds = (BOULDER, CONTAINER, MOTOR, HINGE, *WHEELS)
-        told = [step.id for step in facts.machine if step.type in kinds] or [0]
-        wanted = [_query(block, [0.0, 1.0], "velocity") for block in chance.sample(told, 1)]
-        wanted.append(_query(0, [0.0, 1.0], "rotation"))
-    count = len(facts.machine)
-    wanted = [item for item in wanted if 0 <= int(str(item["id"])) < count]
-    thought = "What broke shows where it is weak." if facts.broken else "Nothing broke."
+    first = [step.id for step in facts.machine if step.type in (BOULDER, MOTOR, HINGE, *WHEELS)]
+    asked = [(chance.choice(first or [0]), 0.0, 1.0), (0, 0.0, 1.0)]
+    for block, partner, time in facts.broken[:1]:
+        asked = [(b, max(0.0, time - 0.4), time + 0.4) for b in (block, partner)]
+    queries = [
+        {"id": b, "duration": [round(t0, 2), round(t1, 2)], "properties": ["position", "velocity"]}
+        for b, t0, t1 in asked
+        if b < len(facts.machine)
+    ]
+    thought = "What broke shows the weak place." if facts.broken else "Nothing is told to break."
     return (
         f"<Thought Process>\n{thought}\n</Thought Process>\n"
-        f"<Required Feedback>\n{json.dumps(wanted)}\n</Required Feedback>"
+        f"<Required Feedback>\n{json.dumps(queries)}\n</Required Feedback>"
     )
-
-
-def _query(block: int, span: list[float], prop: str) -> dict[str, object]:
-    return {"id": block, "duration": span, "properties": ["position", prop]}

@@ -6,45 +6,41 @@ Nothing but the messages is looked at. What to answer is decided by the module o
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from agentflow.llm.messages import Message
 from agentflow.machine.blocks import library
 from agentflow.machine.brief import SIZE_LIMIT, Brief
-from agentflow.machine.parse import extract_json, read_machine
-from agentflow.machine.tree import Machine
+from agentflow.machine.parse import read_machine
+from agentflow.machine.tree import ROOT, Machine
 
-_MARKS = {
+_ASKED = {
     "machine_structure": "meta_designer",
     "<Three-Dimensional Perception of the World>": "inspector",
     "<Required Feedback>": "querier",
     "<Modification Steps>": "refiner",
     "First the rationale": "designer",
 }
-"""What a demanded reply format holds -> who is asked."""
+"""Words of a demanded reply format -> role that is asked."""
+_NUMBER = r"(\d{1,6}(?:\.\d{1,6})?)"
 _HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
-_ROW = re.compile(r"^\| *(\d{1,6}) *\|", re.MULTILINE)
-_REQUIRED = re.compile(r"exactly (\w+) [^()\n]*\(type (\d{1,6})\)")
-_METRES = r"(\d{1,6}(?:\.\d{1,6})?)"
-_LIMIT = re.compile(rf"{_METRES} m along x, {_METRES} m along y and {_METRES} m along z")
-_SCORE = re.compile(r"^Score: (-?\d+(?:\.\d+)?)", re.MULTILINE)
-_BROKEN = re.compile(rf"block (\d{{1,6}}) \([^()\n]*\) off block (\d{{1,6}}) at {_METRES} s")
-_COMMAND = re.compile(r"(?:add|remove|move) [\d\[][\w \[\]]*", re.IGNORECASE)
+_ROW = re.compile(r"^\| *([0-9]{1,6}) *\|", re.MULTILINE)
+_REQUIRED = re.compile(r"exactly (\w{1,9}) [^()\n]*\(type (\d{1,6})\)")
+_LIMIT = re.compile(rf"{_NUMBER} m along x, {_NUMBER} m along y and {_NUMBER} m along z")
+_BROKEN = re.compile(rf"block (\d{{1,6}}) \([^()\n]*\) off block (\d{{1,6}}) at {_NUMBER} s")
+_COMMAND = re.compile(r"(?:add|remove|move) ?[\d\[][\d\[\] toin]*", re.IGNORECASE)
 _ENTRY = re.compile(r"^(?:> ?)?\d{1,6}\. ", re.MULTILINE)
-_CHANGE = re.compile(r"(-?\d+(?:\.\d+)?) -> (-?\d+(?:\.\d+)?)")
-_FAILED = re.compile(r"((?:Add|Remove|Move)\b[^:;\n]*): Error", re.IGNORECASE)
-_WORDS = {"one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6}
+_CHANGE = re.compile(rf"(-?){_NUMBER} -> (-?){_NUMBER}")
+_COUNTS = ("no", "one", "two", "three", "four", "five", "six")
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What one prompt says. Empty or None where it says nothing."""
+    """What one prompt says; empty where it says nothing."""
 
     role: str
     brief: Brief
-    blueprint: Mapping[str, Any]
     structure: str
     """Name of the structure to build now."""
     guidance: str
@@ -53,66 +49,47 @@ class Facts:
     last: bool
     """Whether the machine must be complete after this reply."""
     machine: Machine | None
-    critique: str
-    report: str
-    """The simulation feedback."""
-    score: float | None
+    told: str
+    """Simulation feedback and critique."""
     broken: tuple[tuple[int, int, float], ...]
     """(block, partner, seconds)."""
     failed: frozenset[str]
-    """Edit commands that an earlier attempt or the history shows to fail, in plain letters."""
+    """Edit commands, or whole scripts, that led to an error or to no better score."""
     whole: bool
-    """Whether a refiner is asked for a whole machine."""
-    text: str
-    """The whole user prompt."""
+    """Whether a refiner is to send a whole machine."""
 
 
 def read_facts(messages: Sequence[Message]) -> Facts | None:
     """Read the prompt of any role; None where it is none that can be answered."""
     asked = next((message.text for message in messages if message.role == "user"), "")
-    system = "\n".join(message.text for message in messages if message.role == "system")
-    parts = _sections(asked)
-    form = parts.get("Your reply", "")
-    role = next((role for mark, role in _MARKS.items() if mark in form), None)
-    types = tuple(int(kind) for kind in _ROW.findall(parts.get("Blocks", "")))
+    pieces = _HEADING.split(asked)
+    parts = dict(zip(map(str.strip, pieces[1::2]), pieces[2::2], strict=True))
+    form, now = parts.get("Your reply", ""), parts.get("Structure to build now", "")
+    role = next((role for words, role in _ASKED.items() if words in form), "")
     machine = read_machine(parts.get("Current machine", ""), library()).machine
-    if role is None or (role in ("inspector", "querier", "refiner") and machine is None):
+    if not role or (machine is None and role in ("inspector", "querier", "refiner")):
         return None
-    if role == "querier":  # its prompt shows no block table
-        types = tuple(library())
-    brief = _brief(parts.get("Task", ""), types, f"{system}\n{asked}")
-    now = parts.get("Structure to build now", "")
-    named = _line(now, "Allowed types")
-    allowed = frozenset(map(int, re.findall(r"\d{1,6}", named))) if now else frozenset(types)
+    types = frozenset(map(int, _ROW.findall(parts.get("Blocks", "")))) & frozenset(library())
+    listed = frozenset(map(int, re.findall(r"[0-9]{1,6}", _line(now, "Allowed types"))))
     report = parts.get("Simulation feedback", "")
-    score = _SCORE.search(report)
     return Facts(
         role=role,
-        brief=brief,
-        blueprint=extract_json(parts.get("Blueprint", ""), dict).value or {},
+        brief=_brief(parts.get("Task", ""), types, "\n".join(m.text for m in messages)),
         structure=_line(now, "Name"),
-        guidance=now.partition("Guidance:")[2] or parts.get("Rationale to follow", ""),
-        types=allowed & frozenset(types) & frozenset(library()),
+        guidance=now.partition("Guidance:")[2] + parts.get("Rationale to follow", ""),
+        types=types & listed if now else types,
         last=not now or _line(now, "Last structure") == "yes",
         machine=machine,
-        critique=parts.get("Critique", ""),
-        report=report,
-        score=float(score[1]) if score else None,
+        told=report + parts.get("Critique", ""),
         broken=tuple((int(a), int(b), float(t)) for a, b, t in _BROKEN.findall(report)),
-        failed=_failures(parts, [message.text for message in messages[1:]]),
-        whole="holds the whole modified machine" in form,
-        text=asked,
+        failed=_failures(parts, messages),
+        whole="whole modified machine" in form,
     )
 
 
-def command(text: str) -> str:
-    """An edit command in plain letters, for comparison."""
-    return " ".join(re.sub(r"[\[\]]", " ", text).lower().split())
-
-
-def _sections(text: str) -> dict[str, str]:
-    pieces = _HEADING.split(text)
-    return dict(zip((name.strip() for name in pieces[1::2]), pieces[2::2], strict=True))
+def plain(commands: Iterable[str]) -> str:
+    """Edit commands in plain letters, for comparison."""
+    return "; ".join(" ".join(re.sub(r"[\[\]]", " ", line).lower().split()) for line in commands)
 
 
 def _line(text: str, key: str) -> str:
@@ -120,33 +97,28 @@ def _line(text: str, key: str) -> str:
     return found[1].strip() if found else ""
 
 
-def _brief(task: str, types: tuple[int, ...], text: str) -> Brief:
-    """As much of the brief as validity and designing need."""
+def _brief(task: str, types: frozenset[int], text: str) -> Brief:
+    """As much of the brief as validity needs."""
     limit = _LIMIT.search(text)
-    name = _line(task, "Task")
-    return Brief(
-        name=name,
-        objective=task.partition(f"Task: {name}")[2].strip().partition("\n")[0],
-        scene=(),
-        schedule=(),
-        score=(),
-        blocks=tuple(sorted({kind for kind in types if kind in library()})),
-        required={
-            int(kind): _WORDS.get(count) or int(count)
-            for count, kind in _REQUIRED.findall(task)
-            if count in _WORDS or (count.isdecimal() and count.isascii())
-        },
-        size_limit=(float(limit[1]), float(limit[2]), float(limit[3])) if limit else SIZE_LIMIT,
-    )
+    required = {
+        int(kind): _COUNTS.index(count)
+        for count, kind in _REQUIRED.findall(task)
+        if count in _COUNTS and int(kind) in types
+    }
+    size = (float(limit[1]), float(limit[2]), float(limit[3])) if limit else SIZE_LIMIT
+    blocks = tuple(sorted(types | {ROOT.type}))
+    return Brief(_line(task, "Task"), "", (), (), (), blocks, required, size)
 
 
-def _failures(parts: Mapping[str, str], later: Sequence[str]) -> frozenset[str]:
-    """Commands that ended in an error, and those of edits that lowered the score."""
-    told = [parts.get("Earlier attempts", ""), *later]
-    failed = [found for text in told for found in _FAILED.findall(text)]
+def _failures(parts: Mapping[str, str], messages: Sequence[Message]) -> frozenset[str]:
+    """Lines marked Error, and the scripts of edits that failed or did not raise the score."""
+    told = [parts.get("Earlier attempts", ""), *(message.text for message in messages[2:])]
+    lines = [line for text in told for line in text.splitlines() if ": Error" in line]
+    failed = [plain(_COMMAND.findall(line)[:1]) for line in lines]
     for entry in _ENTRY.split(parts.get("Edit history", "")):
         change = _CHANGE.search(entry)
-        if "Error" in entry or (change and float(change[2]) <= float(change[1])):
-            commands = _COMMAND.findall(entry)
-            failed += commands if len(commands) == 1 else ["; ".join(map(command, commands))]
-    return frozenset(map(command, failed))
+        if "Error" in entry or (
+            change and float(change[3] + change[4]) <= float(change[1] + change[2])
+        ):
+            failed.append(plain(_COMMAND.findall(entry)))
+    return frozenset(failed)
