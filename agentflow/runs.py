@@ -45,6 +45,7 @@ class RunDirectory:
 
     def __init__(self, path: Path, held: IO[str], known: Iterable[tuple[str, str]]) -> None:
         self.path = path
+        self._made_parent = False
         self._held = held
         self._known = set(known)
         self._started = time.monotonic()
@@ -58,6 +59,7 @@ class RunDirectory:
         Raises:
             RunError: The folder cannot be made or written.
         """
+        made = not out.exists()
         try:
             out.mkdir(parents=True, exist_ok=True)
             path = _fresh(out, name)
@@ -66,7 +68,9 @@ class RunDirectory:
             _write(
                 path / "run.yaml", yaml.safe_dump({"schema": SCHEMA, **document}, sort_keys=False)
             )
-            return cls(path, _hold(path), ())
+            run = cls(path, _hold(path), ())
+            run._made_parent = made
+            return run
         except OSError as error:
             raise RunError(
                 f"cannot write to {out}: {error.strerror}; choose another folder with --out"
@@ -119,6 +123,8 @@ class RunDirectory:
         """Remove a run that never got an answer from its model."""
         self.close()
         shutil.rmtree(self.path)
+        if self._made_parent:
+            self.path.parent.rmdir()
 
 
 def read_document(path: Path) -> dict[str, Any]:

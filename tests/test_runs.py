@@ -89,3 +89,11 @@ def test_an_unwritable_folder_names_the_flag(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="choose another folder with --out"):
         RunDirectory.create(blocker / "runs", "demo", {})
     assert os.listdir(tmp_path) == ["file"]
+
+
+def test_a_discarded_run_leaves_the_folder_as_it_was(tmp_path: Path) -> None:
+    RunDirectory.create(tmp_path / "runs", "demo", {}).discard()
+    assert os.listdir(tmp_path) == []
+    (tmp_path / "runs").mkdir()
+    RunDirectory.create(tmp_path / "runs", "demo", {}).discard()
+    assert os.listdir(tmp_path) == ["runs"]

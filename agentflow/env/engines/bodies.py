@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
 
-import pybullet
-
 from agentflow.env.engines.base import Joint, Part, Shape
+from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.engines.tree import Body, Link
 from agentflow.env.engines.vectors import add, scale, subtract

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 
 from agentflow.env.engines.base import Camera, Image
+from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.frames import swap
 
 UP = (0.0, 0.0, 1.0)

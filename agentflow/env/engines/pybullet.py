@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-import pybullet
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.engines.base import Assembly, Camera, Image, Part, State
 from agentflow.env.engines.bodies import Built, Workshop
+from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.forces import Members, Resistance, Springs
 from agentflow.env.engines.frames import (
     swap,

@@ -1,0 +1,28 @@
+"""Owns the import of PyBullet, which prints its build time to standard error when it is loaded.
+
+Standard error belongs to progress and complaints, so that line is sent nowhere.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from types import ModuleType
+
+
+def _load() -> ModuleType:
+    """Import PyBullet while file descriptor 2 leads nowhere."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        import pybullet as loaded
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+    module: ModuleType = loaded
+    return module
+
+
+pybullet = _load()

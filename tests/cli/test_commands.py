@@ -1,0 +1,168 @@
+"""The commands as a user types them: what they print, and how they end."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from agentflow.cli import main
+
+CAR = [
+    {"type": 0, "id": 0, "parent": -1, "face_id": -1},
+    {"type": 1, "id": 1, "parent": 0, "face_id": 0},
+    {"type": 1, "id": 2, "parent": 0, "face_id": 1},
+    {"type": 2, "id": 3, "parent": 1, "face_id": 1},
+    {"type": 2, "id": 4, "parent": 1, "face_id": 3},
+    {"type": 2, "id": 5, "parent": 2, "face_id": 1},
+    {"type": 2, "id": 6, "parent": 2, "face_id": 3},
+]
+
+
+@pytest.fixture
+def car(tmp_path: Path) -> str:
+    path = tmp_path / "car.json"
+    path.write_text(json.dumps(CAR))
+    return str(path)
+
+
+def test_check_reports_exactly_the_documented_keys(
+    car: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", car, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report == {
+        "file_valid": True,
+        "spatial_valid": True,
+        "machine_valid": True,
+        "repaired": False,
+        "problems": [],
+        "overlaps": [],
+        "size": [2.0, 2.0, 5.0],
+    }
+
+
+def test_check_lists_positions_on_request(car: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", car, "--geometry", "--json"]) == 0
+    wheel = json.loads(capsys.readouterr().out)["blocks"][3]
+    assert wheel["position"] == [-0.5, 0.0, 1.0]
+    assert wheel["orientation"] == "x-"
+    assert wheel["faces"] == [{"face_id": 0, "position": [-1.0, 0.0, 1.0], "facing": "x-"}]
+
+
+def test_check_lines_gives_one_report_per_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = [json.dumps(CAR), "no json at all", json.dumps("```json\n[{}]\n```"), "{}"]
+    (tmp_path / "many.jsonl").write_text("\n".join(lines) + "\n")
+    assert main(["check", str(tmp_path / "many.jsonl"), "--jsonl"]) == 0
+    reports = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [report["file_valid"] for report in reports] == [True, False, False, False]
+    assert [report["problems"][0]["code"] for report in reports[1:]] == [
+        "not_json",
+        "missing_field",
+        "not_a_list",
+    ]
+
+
+def test_simulate_gives_exactly_the_documented_keys(
+    car: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", car, "--task", "movement", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert list(result) == [
+        "status",
+        "score",
+        "terms",
+        "problems",
+        "broken",
+        "events",
+        "feedback",
+        "digest",
+        "sim_seconds",
+        "wall_seconds",
+        "constants",
+    ]
+    assert result["status"] == "ok"
+    assert 40 <= result["score"] <= 50
+
+
+def test_simulate_without_power_earns_nothing(car: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", car, "--task", "movement", "--power", "off", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["score"] == pytest.approx(0, abs=0.01)
+
+
+def test_an_invalid_machine_is_a_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "bad.json").write_text(json.dumps([*CAR, {**CAR[1], "id": 7}]))
+    assert main(["simulate", str(tmp_path / "bad.json"), "--task", "movement", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert (result["status"], result["score"]) == ("invalid", 0)
+    assert {problem["code"] for problem in result["problems"]} == {"face_occupied", "overlap"}
+
+
+def test_simulate_answers_queries(car: str, capsys: pytest.CaptureFixture[str]) -> None:
+    query = json.dumps({"id": 0, "duration": [0, 0.4], "properties": ["position"]})
+    arguments = ["simulate", car, "--task", "movement", "--query", query, "--json"]
+    assert main(arguments) == 0
+    answers = json.loads(capsys.readouterr().out)["answers"]
+    assert len(answers) == 1
+
+
+def test_blocks_and_tasks_are_data_too(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["blocks", "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)) == 35
+    assert main(["blocks", "log", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["type"] == 63
+    assert main(["tasks", "--json"]) == 0
+    names = [task["name"] for task in json.loads(capsys.readouterr().out)]
+    assert {"throwing", "movement"} <= set(names)
+    assert main(["tasks", "throwing", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["required"] == {"36": 1}
+
+
+WRONG = [
+    (["design", "--task", "thowing"], 2, "unknown task 'thowing'; known: throwing, "),
+    (["design", "--workflow", "hirarchical"], 2, "unknown workflow 'hirarchical'; known: hier"),
+    (["design", "--set", "wall.hight=2"], 2, "unknown knob 'wall.hight' of throwing; known: "),
+    (["design", "--set", "wall.height=99"], 2, "wall.height of throwing must be 0 to 10 m, not 99"),
+    (["design", "--set", "search.rounds=-1"], 2, "settings.search.rounds: input should be gre"),
+    (["design", "--set", "prompts=nice"], 2, "unknown prompt set 'nice'; known: default"),
+    (["design", "--config", "none.yaml"], 2, "cannot read none.yaml: No such file or directory"),
+    (["design", "--resume", "none"], 2, "none is no run: it has no readable run.yaml"),
+    (["design", "--model", "m", "--base-url", "nowhere"], 2, "the base URL must look like "),
+    (["replay", "none"], 2, "none has no result.json"),
+    (["check", "none.json"], 2, "cannot read none.json: No such file or directory"),
+    (["simulate", "none.json", "--task", "x"], 2, "unknown task 'x'; known: "),
+    (["simulate", "words", "--task", "movement"], 2, "words holds no machine: no JSON list found"),
+    (["check", "words"], 2, "words holds no machine: no JSON list found"),
+    (["blocks", "99"], 2, "unknown block type '99'; known: "),
+    (["simulate"], 2, "Missing argument"),
+    (["desing"], 2, "No such command 'desing'"),
+    (["design", "--nonsense"], 2, "No such option: --nonsense"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "status", "message"), WRONG, ids=lambda v: str(v)[:60])
+def test_wrong_input_is_one_line_and_leaves_nothing(
+    arguments: list[str],
+    status: int,
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "words").write_text("this is no machine")
+    assert main(arguments) == status
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"agentflow: {message}")
+    assert captured.err.count("\n") == 1
+    assert os.listdir(tmp_path) == ["words"]
+
+
+def test_debug_shows_the_traceback() -> None:
+    with pytest.raises(Exception, match="unknown task"):
+        main(["tasks", "thowing", "--debug"])
