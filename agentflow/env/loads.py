@@ -35,7 +35,6 @@ class Loads:
             for joint in joints
         ]
         self._weakness = 1.0 / np.square(np.array(strength).reshape(-1, 2))
-        self._share = np.zeros(len(joints))
         self._broken = np.zeros(len(joints), dtype=bool)
         self.connections = [i for i, joint in enumerate(joints) if joint.strength]
         """Joint index of each connection."""
@@ -56,30 +55,28 @@ class Loads:
         """
         before = self._level
         self._level = before + self._blend * (reactions - before)
-        self._share = self._shares()
-        if not self._share.max(initial=0.0) >= 1.0:
+        ratios = self._ratios()
+        if not ratios.max(initial=0.0) >= 1.0:
             return {}
-        over = [int(i) for i in np.flatnonzero(self._share >= 1.0)]
+        share = np.sqrt(np.maximum(ratios[:, 0], ratios[:, 1]))
+        over = [int(i) for i in np.flatnonzero(share >= 1.0)]
         relieved = {joint for start in over for joint in _path(start, below)}
         for joint in relieved:
             self._level[joint] = before[joint]
-        gone = [joint for joint in over if joint not in relieved]
-        gone.sort(key=lambda joint: (-self._share[joint], joint))
-        loads = {joint: float(np.sqrt(self._share[joint])) for joint in gone}
+        gone = sorted(set(over) - relieved, key=lambda joint: (-share[joint], joint))
         self._level[gone] = 0.0
         self._broken[gone] = True
-        self._share = self._shares()
-        return loads
+        return {joint: float(share[joint]) for joint in gone}
 
-    def _shares(self) -> Array:
-        """(J,) square of load over strength."""
+    def _ratios(self) -> Array:
+        """(J, 2) squares of force and of torque over strength."""
         square = (self._level * self._level).reshape(-1, 2, 3)
-        parts = (square[:, :, 0] + square[:, :, 1] + square[:, :, 2]) * self._weakness
-        return np.asarray(np.maximum(parts[:, 0], parts[:, 1]))
+        return np.asarray((square[:, :, 0] + square[:, :, 1] + square[:, :, 2]) * self._weakness)
 
     def utilisation(self) -> Array:
         """(E,) load over strength of each connection; nan where it broke."""
-        share: Array = np.sqrt(self._share[self.connections])
+        ratios = self._ratios()[self.connections]
+        share: Array = np.sqrt(np.maximum(ratios[:, 0], ratios[:, 1]))
         share[self._broken[self.connections]] = np.nan
         return share
 

@@ -1,12 +1,14 @@
 """Owns the forces that engines must apply by hand: drag, wind, springs (spec 2.1, 2.2).
 
 Works on cluster rows (see kinematics.py) in any right-handed frame; applying is the engine's.
+Drag runs on plain floats: a machine has few clusters, and arrays only pay for many.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +18,14 @@ from agentflow.env.engines.kinematics import (
     POSITION,
     ROTATION,
     VELOCITY,
+    Row,
     carried,
     cross,
     matrices,
+    turn,
     turn_back,
 )
+from agentflow.env.scene import Vec3
 from agentflow.env.trace import Array
 
 Indices = NDArray[np.intp]
@@ -36,88 +41,136 @@ class Members:
     """(P, 3) from the leading part's centre to this part's, at rest, engine frame."""
 
 
-class Resistance:
-    """Drag of every part, summed per cluster into one matrix each, and wind where it blows."""
+class Wrench(NamedTuple):
+    """Force and torque on a cluster at its leading part's centre."""
 
-    def __init__(
-        self,
-        parts: Sequence[Part],
-        members: Members,
-        rows: int,
-        inertia: Array,
-        extents: Array,
-        wind: Array,
-        wind_drag: float,
-    ) -> None:
-        """Sum up the drag of `parts` about each cluster's leading centre.
+    row: int
+    local: bool
+    """Whether they are given in the cluster's own axes, else in the engine's."""
+    force: Vec3
+    torque: Vec3 | None
+    """None where there is none."""
+
+
+class Drag:
+    """Air drag of every part, summed per cluster once.
+
+    A part loses m k v at its centre and I c w; over a rigid cluster that is a linear law of the
+    leading centre's velocity and spin, with constant coefficients in the cluster's own axes.
+    """
+
+    def __init__(self, parts: Sequence[Part], members: Members, inertia: Array) -> None:
+        """Sum up the drag of `parts`.
 
         Args:
             parts: All parts, in order.
             members: Their places.
-            rows: Number of clusters.
             inertia: (P, 3) principal moments, engine frame.
-            extents: (P, 3) boxes that the wind sees, engine frame.
-            wind: (3,) velocity of the air, m/s, engine frame.
-            wind_drag: Force over area times squared speed, kg/m3.
         """
-        self._members = members
-        self._drag = _drag_matrices(parts, members, rows, inertia)
-        self._wind, self._wind_drag = wind, wind_drag
+        laws: dict[int, list[float]] = {}
+        for i, part in enumerate(parts):
+            law = laws.setdefault(int(members.row[i]), [0.0] * 10)
+            x, y, z = members.offset[i].tolist()
+            loss = part.mass * part.linear_drag
+            spin = [moment * part.angular_drag for moment in inertia[i].tolist()]
+            terms = (
+                loss,
+                loss * x,
+                loss * y,
+                loss * z,
+                loss * (y * y + z * z) + spin[0],
+                loss * (x * x + z * z) + spin[1],
+                loss * (x * x + y * y) + spin[2],
+                -loss * x * y,
+                -loss * x * z,
+                -loss * y * z,
+            )
+            for k, term in enumerate(terms):
+                law[k] += term
+        self._plain: list[tuple[int, float, float]] = []
+        self._full: list[tuple[int, list[float]]] = []
+        for row, law in laws.items():
+            if _is_plain(law):
+                self._plain.append((row, law[0], law[4]))
+            else:
+                self._full.append((row, law))
+
+    def __call__(self, rows: Sequence[Row]) -> list[Wrench]:
+        """What drag does to each cluster that it acts on."""
+        wrenches = []
+        for row, loss, spin in self._plain:
+            _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz = rows[row]
+            force = (-loss * vx, -loss * vy, -loss * vz)
+            torque = (-spin * wx, -spin * wy, -spin * wz) if spin else None
+            wrenches.append(Wrench(row, False, force, torque))
+        for row, law in self._full:
+            wrenches.append(Wrench(row, True, *_resist(rows[row], law)))
+        return wrenches
+
+
+def _is_plain(law: Sequence[float]) -> bool:
+    """Whether the law looks the same from every side, so that no axes matter."""
+    return law[4] == law[5] == law[6] and not any(law[1:4]) and not any(law[7:])
+
+
+def _resist(row: Row, law: Sequence[float]) -> tuple[Vec3, Vec3]:
+    """Force and torque in the cluster's own axes."""
+    loss, sx, sy, sz, mxx, myy, mzz, mxy, mxz, myz = law
+    _, _, _, x, y, z, w, vx, vy, vz, wx, wy, wz = row
+    xx, yy, zz = x * x, y * y, z * z
+    xy, xz, yz, xw, yw, zw = x * y, x * z, y * z, x * w, y * w, z * w
+    a, b, c = 1 - 2 * (yy + zz), 2 * (xy + zw), 2 * (xz - yw)
+    d, e, f = 2 * (xy - zw), 1 - 2 * (xx + zz), 2 * (yz + xw)
+    g, h, i = 2 * (xz + yw), 2 * (yz - xw), 1 - 2 * (xx + yy)
+    ux, uy, uz = a * vx + b * vy + c * vz, d * vx + e * vy + f * vz, g * vx + h * vy + i * vz
+    px, py, pz = a * wx + b * wy + c * wz, d * wx + e * wy + f * wz, g * wx + h * wy + i * wz
+    force = (
+        py * -sz + pz * sy - loss * ux,
+        pz * -sx + px * sz - loss * uy,
+        px * -sy + py * sx - loss * uz,
+    )
+    torque = (
+        sz * uy - sy * uz - mxx * px - mxy * py - mxz * pz,
+        sx * uz - sz * ux - mxy * px - myy * py - myz * pz,
+        sy * ux - sx * uy - mxz * px - myz * py - mzz * pz,
+    )
+    return force, torque
+
+
+class Wind:
+    """Steady wind on every part and thing: 0.6 * area facing it * speed squared (spec 2.1)."""
+
+    def __init__(self, members: Members, extents: Array, wind: Array, drag: float) -> None:
+        """Set up the boxes.
+
+        Args:
+            members: Places of all parts and things.
+            extents: (P, 3) boxes that the wind sees, engine frame, m.
+            wind: (3,) velocity of the air, engine frame, m/s.
+            drag: Force over area times squared speed, kg/m3.
+        """
+        self._members, self._wind, self._drag = members, wind, drag
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
-        self._windy = bool(np.any(wind != 0.0))
-        dragged = [bool(np.any(matrix != 0.0)) for matrix in self._drag]
-        self.rows: list[int] = [i for i in range(rows) if self._windy or dragged[i]]
-        """Rows on which a force acts."""
 
-    def __call__(self, rows: Array) -> Array:
-        """(C, 6) force and torque at each leading centre, in the clusters' own frames."""
-        rotation = matrices(rows[:, ROTATION])
-        speeds = rows[:, 7:13].reshape(-1, 2, 3)
-        terms = rotation[:, None] * speeds[:, :, :, None]
-        local = (terms[:, :, 0] + terms[:, :, 1] + terms[:, :, 2]).reshape(-1, 6)
-        terms = self._drag * local[:, None, :]
-        wrench = terms[:, :, 0] + terms[:, :, 1]
-        for column in range(2, 6):
-            wrench += terms[:, :, column]
-        if self._windy:
-            wrench += self._blow(rotation, local)
-        return np.asarray(wrench)
-
-    def _blow(self, rotation: Array, local: Array) -> Array:
+    def __call__(self, rows: Array) -> list[Wrench]:
+        """What the wind does to every cluster."""
         row, offset = self._members.row, self._members.offset
-        air = turn_back(rotation, np.broadcast_to(self._wind, (len(rotation), 3)))
-        along = air[row] - local[row, :3] - cross(local[row, 3:], offset)
+        rotation = matrices(rows[:, ROTATION])[row]
+        moved = carried(rows[row], offset)
+        along = turn_back(rotation, self._wind - moved[:, VELOCITY])
         facing = self._areas * np.abs(along)
-        strength = self._wind_drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
-        force = strength[:, None] * along
-        torque = cross(offset, force)
-        wrench = np.zeros((len(rotation), 6))
-        for axis in range(3):
-            wrench[:, axis] = np.bincount(row, force[:, axis], len(rotation))
-            wrench[:, axis + 3] = np.bincount(row, torque[:, axis], len(rotation))
-        return wrench
-
-
-def _drag_matrices(parts: Sequence[Part], members: Members, rows: int, inertia: Array) -> Array:
-    """(C, 6, 6): force and torque per velocity and angular velocity, in the cluster's frame."""
-    total = np.zeros((rows, 6, 6))
-    for i, part in enumerate(parts):
-        x, y, z = members.offset[i].tolist()
-        linear = part.mass * part.linear_drag
-        arm = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        arm_squared = np.array(
-            [
-                [-(y * y + z * z), x * y, x * z],
-                [x * y, -(x * x + z * z), y * z],
-                [x * z, y * z, -(x * x + y * y)],
-            ]
-        )
-        matrix = total[members.row[i]]
-        matrix[:3, :3] -= linear * np.eye(3)
-        matrix[:3, 3:] += linear * arm
-        matrix[3:, :3] -= linear * arm
-        matrix[3:, 3:] += linear * arm_squared - np.diag(inertia[i] * part.angular_drag)
-    return total
+        strength = self._drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
+        force = turn(rotation, strength[:, None] * along)
+        torque = cross(turn(rotation, offset), force)
+        columns = [
+            np.bincount(row, side[:, axis], len(rows)).tolist()
+            for side in (force, torque)
+            for axis in range(3)
+        ]
+        return [
+            Wrench(i, False, (x, y, z), (p, q, r))
+            for i, (x, y, z, p, q, r) in enumerate(zip(*columns, strict=True))
+        ]
 
 
 class Springs:
@@ -141,8 +194,8 @@ class Springs:
         square = line * line
         distance = np.maximum(np.sqrt(square[:, 0] + square[:, 1] + square[:, 2]), 1e-9)
         direction = line / distance[:, None]
-        closing = direction * (end_b[:, VELOCITY] - end_a[:, VELOCITY])
-        rate = closing[:, 0] + closing[:, 1] + closing[:, 2]
+        parting = direction * (end_b[:, VELOCITY] - end_a[:, VELOCITY])
+        rate = parting[:, 0] + parting[:, 1] + parting[:, 2]
         stretch = np.clip((distance - self._natural) / self._ramp, 0.0, 1.0)
         pull = np.where(stretch > 0.0, self._force * stretch + self._damping * rate, 0.0)
         force = np.maximum(pull, 0.0)[:, None] * direction

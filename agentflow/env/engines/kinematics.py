@@ -14,6 +14,8 @@ from agentflow.env.trace import Array
 POSITION, ROTATION = slice(0, 3), slice(3, 7)
 VELOCITY, SPIN = slice(7, 10), slice(10, 13)
 WIDTH = 13
+Row = tuple[float, ...]
+"""One such row as plain numbers."""
 
 # Entries of a rotation matrix from doubled products of quaternion components (x y z w, 4 i + j):
 # 1 at the diagonal, plus sign * product, twice.

@@ -5,42 +5,87 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agentflow.env.engines.base import Part
-from agentflow.env.engines.forces import Members, Resistance
-from agentflow.env.engines.kinematics import matrices, turn
+from agentflow.env.engines.base import Part, Pull
+from agentflow.env.engines.forces import Drag, Members, Springs, Wind, Wrench
+from agentflow.env.engines.kinematics import matrices
+from agentflow.env.trace import Array
+
+DRAGS = [(0.2, 0.1), (0.0, 0.05), (0.5, 0.3), (0.2, 0.2), (0.2, 0.0)]
+ROW = np.array([0, 0, 1, 0, 2])
+PARTS = [
+    Part(i, (0, 0, 0), 1.0 + i, (0, 0, 0), (), linear_drag=linear, angular_drag=angular)
+    for i, (linear, angular) in enumerate(DRAGS)
+]
 
 
-def test_clusters_feel_the_sum_of_their_parts() -> None:
-    rng = np.random.default_rng(5)
-    drags = [(0.2, 0.1), (0.0, 0.05), (0.5, 0.0), (0.2, 0.2)]
-    parts = [
-        Part(i, (0, 0, 0), 1.0 + i, (0, 0, 0), (), linear_drag=a, angular_drag=b)
-        for i, (a, b) in enumerate(drags)
-    ]
-    row = np.array([0, 0, 1, 0])
-    offset = rng.normal(size=(4, 3))
-    inertia = rng.uniform(0.1, 1.0, size=(4, 3))
-    extents = rng.uniform(0.5, 3.0, size=(4, 3))
-    wind = np.array([1.0, -3.0, 6.0])
-    rows = rng.normal(size=(2, 13))
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(5)
+
+
+def rows_of(rng: np.random.Generator, count: int) -> Array:
+    rows = rng.normal(size=(count, 13))
     rows[:, 3:7] /= np.linalg.norm(rows[:, 3:7], axis=1)[:, None]
-    law = Resistance(parts, Members(row, offset), 2, inertia, extents, wind, 0.6)
-    found = law(rows)
+    return rows
+
+
+def in_world(wrenches: list[Wrench], rows: Array) -> Array:
+    total = np.zeros((len(rows), 6))
     rotation = matrices(rows[:, 3:7])
-    expected = np.zeros((2, 6))
-    for i, part in enumerate(parts):
-        r = row[i]
-        turned = rotation[r]
-        arm, spin = turned @ offset[i], rows[r, 10:13]
-        velocity = rows[r, 7:10] + np.cross(spin, arm)
-        air = turned.T @ (wind - velocity)
-        x, y, z = extents[i]
-        area = np.dot([y * z, x * z, x * y], np.abs(air)) / np.linalg.norm(air)
-        force = -part.mass * part.linear_drag * velocity
-        force += 0.6 * area * np.linalg.norm(air) * (wind - velocity)
+    for row, local, force, torque in wrenches:
+        turned = rotation[row] if local else np.eye(3)
+        total[row] += [*(turned @ force), *(turned @ (torque or (0.0, 0.0, 0.0)))]
+    return total
+
+
+def test_clusters_feel_the_drag_of_their_parts(rng: np.random.Generator) -> None:
+    offset, inertia = rng.normal(size=(5, 3)), rng.uniform(0.1, 1.0, size=(5, 3))
+    offset[[2, 4]] = 0.0
+    inertia[2] = 0.7
+    rows = rows_of(rng, 3)
+    wrenches = Drag(PARTS, Members(ROW, offset), inertia)([tuple(row) for row in rows.tolist()])
+    assert {w.row: w.local for w in wrenches} == {0: True, 1: False, 2: False}
+    expected = np.zeros((3, 6))
+    for i, part in enumerate(PARTS):
+        turned = matrices(rows[:, 3:7])[ROW[i]]
+        arm, spin = turned @ offset[i], rows[ROW[i], 10:13]
+        force = -part.mass * part.linear_drag * (rows[ROW[i], 7:10] + np.cross(spin, arm))
         torque = np.cross(arm, force)
         torque -= part.angular_drag * turned @ (inertia[i] * (turned.T @ spin))
-        expected[r] += [*force, *torque]
-    assert law.rows == [0, 1]
-    assert turn(rotation, found[:, :3]) == pytest.approx(expected[:, :3])
-    assert turn(rotation, found[:, 3:]) == pytest.approx(expected[:, 3:])
+        expected[ROW[i]] += [*force, *torque]
+    assert in_world(wrenches, rows) == pytest.approx(expected)
+
+
+def test_clusters_feel_the_wind_on_their_parts(rng: np.random.Generator) -> None:
+    offset, extents = rng.normal(size=(5, 3)), rng.uniform(0.5, 3.0, size=(5, 3))
+    wind, rows = np.array([1.0, -3.0, 6.0]), rows_of(rng, 3)
+    wrenches = Wind(Members(ROW, offset), extents, wind, 0.6)(rows)
+    expected = np.zeros((3, 6))
+    for i in range(5):
+        turned = matrices(rows[:, 3:7])[ROW[i]]
+        arm = turned @ offset[i]
+        air = wind - rows[ROW[i], 7:10] - np.cross(rows[ROW[i], 10:13], arm)
+        speed = np.linalg.norm(air)
+        x, y, z = extents[i]
+        area = np.dot([y * z, x * z, x * y], np.abs(turned.T @ air)) / speed
+        force = 0.6 * area * speed * air
+        expected[ROW[i]] += [*force, *np.cross(arm, force)]
+    assert in_world(wrenches, rows) == pytest.approx(expected)
+
+
+def test_a_spring_pulls_beyond_its_natural_length_only() -> None:
+    members = Members(np.array([0, 1]), np.zeros((2, 3)))
+    springs = Springs([Pull(3, 0, 1, natural=0.5, ramp=0.5, force=600.0, damping=10.0)], members)
+    still = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+    def pull(distance: float, rate: float = 0.0) -> float:
+        rows = np.array([still, still])
+        rows[1, 0], rows[1, 7] = distance, rate
+        return float(springs(rows)[0][0, 0])
+
+    assert pull(3.0) == 600.0
+    assert pull(0.75) == 300.0
+    assert pull(0.5) == 0.0
+    assert pull(0.3) == 0.0
+    assert pull(3.0, -2.0) == 580.0
+    assert pull(3.0, -100.0) == 0.0

@@ -1,0 +1,87 @@
+"""Owns the rows: which rigid cluster has which, and where every part sits in its cluster.
+
+A row is what an engine reads per cluster and per moving thing (see kinematics.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from agentflow.env.engines.base import Assembly
+from agentflow.env.engines.bodies import Built
+from agentflow.env.engines.forces import Members
+from agentflow.env.engines.frames import swap
+from agentflow.env.engines.tree import Skeleton
+from agentflow.env.engines.vectors import subtract
+from agentflow.env.scene import Thing
+
+Handle = tuple[int, int]
+"""Body and link, as the engine numbers them; link -1 is the base."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """One skeleton's rows: clusters in the order of their bodies, then the moving things."""
+
+    members: Members
+    handles: tuple[Handle, ...]
+    """Body and link that stand for each row."""
+    leading: tuple[int, ...]
+    """Leading part of each cluster's row."""
+    things: tuple[str, ...]
+    """Names of the moving things; their rows come last."""
+    bodies: tuple[tuple[int, tuple[int, ...]], ...]
+    """Of each body: its number, and the links that lead clusters, in row order."""
+
+    @property
+    def thing_rows(self) -> slice:
+        """Rows of the moving things."""
+        return slice(len(self.leading), len(self.handles))
+
+
+def lay_out(
+    assembly: Assembly,
+    plan: Skeleton,
+    built: Sequence[Built],
+    moving: Sequence[Thing],
+    numbers: Mapping[str, int],
+) -> Layout:
+    """Give every cluster and every moving thing its row.
+
+    Args:
+        assembly: The machine.
+        plan: Its present skeleton.
+        built: The bodies, in the skeleton's order.
+        moving: Things that can move.
+        numbers: Body number of each thing.
+    """
+    row_of: dict[int, int] = {}
+    leading: list[int] = []
+    handles: list[Handle] = []
+    bodies = []
+    for body in built:
+        links = []
+        for part, index in body.index.items():
+            if plan.cluster[part] not in row_of:
+                row_of[plan.cluster[part]] = len(handles)
+                leading.append(part)
+                handles.append((body.uid, index))
+                links += [index] if index >= 0 else []
+        bodies.append((body.uid, tuple(links)))
+    rows = [row_of[cluster] for cluster in plan.cluster]
+    centres = [part.centre for part in assembly.parts]
+    offsets = [
+        swap(subtract(centre, centres[leading[row]]))
+        for centre, row in zip(centres, rows, strict=True)
+    ]
+    handles += [(numbers[thing.name], -1) for thing in moving]
+    return Layout(
+        Members(np.array(rows, dtype=np.intp), np.array(offsets).reshape(-1, 3)),
+        tuple(handles),
+        tuple(leading),
+        tuple(thing.name for thing in moving),
+        tuple(bodies),
+    )
