@@ -6,12 +6,11 @@ Seeing what is wrong before a simulation is inspecting.py's.
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
 from functools import cache
 
 from pydantic import BaseModel, ConfigDict
 
-from agentflow.llm.procedural.growth import clusters, free, locked, span
+from agentflow.llm.procedural.growth import clusters, locked, span
 from agentflow.llm.procedural.mechanisms import WHEELS, data
 from agentflow.llm.procedural.reading import Facts, plain
 from agentflow.machine.blocks import BOULDER, CONTAINER
@@ -20,7 +19,7 @@ from agentflow.machine.geometry import Geometry, Placed, PlacedFace, place
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
-TRIES = 60
+TRIES = 200
 Spot = tuple[Placed, PlacedFace]
 LONG = 1.5
 """Least distance between the ends of a two-ended block, m."""
@@ -81,39 +80,36 @@ def _changed(
     """The script with one more change that works, and its name; as it was if none is found."""
     geometry = place(machine)
     throws = BOULDER in facts.brief.required
-    choices = []
-    for rule in _rules():
-        weight = rule.throw if throws else rule.drive
-        offers = list(_offers(rule, facts, geometry)) if weight else []
-        weight += 2 * sum(words in facts.told for words in rule.seen)
-        choices += [(weight, rule.name, offers)] if offers else []
-    for _ in range(TRIES if choices else 0):
-        _, name, offers = chance.choices(choices, [choice[0] for choice in choices])[0]
-        longer = [*script, *chance.choice(offers)]
-        if _works(facts, machine, longer):
-            return longer, name
+    weights = {rule: rule.throw if throws else rule.drive for rule in _rules()}
+    for rule in filter(weights.get, weights):
+        weights[rule] += 2 * sum(words in facts.told for words in rule.seen)
+    for _ in range(TRIES):
+        rule = chance.choices(list(weights), list(weights.values()))[0]
+        longer = [*script, *_offer(rule, facts, geometry, chance)]
+        if len(longer) > len(script) and _works(facts, machine, longer):
+            return longer, rule.name
     return script, "nothing more"
 
 
-def _offers(rule: Rule, facts: Facts, geometry: Geometry) -> Iterator[list[str]]:
-    """All scripts of a rule, legal or not."""
+def _offer(rule: Rule, facts: Facts, geometry: Geometry, chance: random.Random) -> list[str]:
+    """A script of a rule by chance, legal or not; empty where it has no place or block."""
     kinds = [kind for kind in rule.types if kind in facts.types]
-    spots = list(_spots(rule.at, geometry))
+    blocks = [block for block in geometry.blocks if block.type in rule.types]
+    spots = _spots(rule.at, geometry)
+    if not (spots and kinds and (blocks or rule.do in ("Add", "Join"))):
+        return []
+    kind, spot = chance.choice(kinds), chance.choice(spots)
+    if rule.do == "Add":
+        return _mirrored(kind, spot, spots)
     if rule.do == "Join":
-        feet = list(_spots("still", geometry))
-        pairs = [(s, t) for s in spots for t in feet if span(s[1].position, t[1].position) > LONG]
-        yield from ([f"Add {kind} {_at(s)} {_at(t)}"] for kind in kinds for s, t in pairs)
-    elif rule.do == "Add":
-        open_spots = [(b, f) for b, f in spots if f in free(geometry, b.id)]
-        yield from (_mirrored(kind, spot, spots) for kind in kinds for spot in open_spots)
-    for block in geometry.blocks:
-        if block.type in rule.types and rule.do == "Move":
-            yield from ([f"Move {block.id} {_at(spot)}"] for spot in spots)
-        elif block.type in rule.types and rule.do in ("Remove", "Swap"):
-            step, others = block.step, kinds if rule.do == "Swap" else []
-            adds = [f"Add {kind} to {step.parent} in {step.face_id}" for kind in others]
-            yield from ([f"Remove {block.id}", add] for add in adds)
-            yield from ([[f"Remove {block.id}"]] if rule.do == "Remove" else [])
+        foot = chance.choice(_spots("still", geometry))
+        far = span(spot[1].position, foot[1].position) > LONG
+        return [f"Add {kind} {_at(spot)} {_at(foot)}"] if far else []
+    block = chance.choice(blocks)
+    if rule.do == "Move":
+        return [f"Move {block.id} {_at(spot)}"]
+    again = f"Add {kind} to {block.step.parent} in {block.step.face_id}"
+    return [f"Remove {block.id}", *([again] if rule.do == "Swap" else [])]
 
 
 def _at(spot: Spot) -> str:
@@ -127,17 +123,21 @@ def _mirrored(kind: int, spot: Spot, spots: list[Spot]) -> list[str]:
     return [f"Add {kind} {_at(each)}" for each in (spot, *twins[:1])]
 
 
-def _spots(where: str, geometry: Geometry) -> Iterator[Spot]:
-    """Faces in a place: still, low and side do not move; swung and ahead do."""
+def _spots(where: str, geometry: Geometry) -> list[Spot]:
+    """Faces in a place of refining.yaml."""
     group, low = clusters(geometry), geometry.box_min[1] + 1.1
+    found = []
     for block in geometry.blocks:
         still = group[block.id] == 0
         swung = not still and block.type not in (*WHEELS, CONTAINER, BOULDER)
-        fits = swung if where in ("swung", "ahead") else still
-        for face in block.faces if fits and (where != "low" or block.box_min[1] < low) else ():
-            forward = "z+" in (face.facing, block.facing)
-            if (where != "side" or face.facing[0] == "x") and (where != "ahead" or forward):
-                yield block, face
+        for face in block.faces if (swung if where in ("swung", "ahead") else still) else ():
+            if (
+                (where != "low" or block.box_min[1] < low)
+                and (where != "side" or face.facing[0] == "x")
+                and (where != "ahead" or "z+" in (face.facing, block.facing))
+            ):
+                found.append((block, face))
+    return found
 
 
 def _works(facts: Facts, machine: Machine, script: list[str]) -> bool:
