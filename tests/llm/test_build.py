@@ -28,7 +28,7 @@ from agentflow.llm.messages import Reply
 from agentflow.llm.record import ReplayClient
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.tape import Tape
-from tests.llm.conftest import free_port
+from tests.conftest import free_port
 from tests.llm.helpers import KEY, ask
 
 QUICK = EndpointSettings.model_validate({"retry": {"attempts": 3, "base_s": 0.001}})

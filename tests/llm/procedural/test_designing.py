@@ -1,0 +1,67 @@
+"""Blueprints and machines: what the role parsers accept, over many seeds and tasks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from agentflow.env.tasks.registry import task_names
+from agentflow.machine.brief import Brief
+from agentflow.machine.validity import check
+from tests.llm.procedural.asking import blueprint_of, brief_of, designs, whole_design
+
+
+@pytest.mark.parametrize("task", ["throwing", "movement"])
+async def test_every_blueprint_and_most_designs_are_valid(task: str) -> None:
+    brief = brief_of(task)
+    built = []
+    for seed in range(8):
+        blueprint = await blueprint_of(brief, seed)
+        assert all(1 <= len(part.types) <= 3 for part in blueprint.structures)
+        built += [await designs(brief, blueprint, seed, f"traj-{n}") for n in range(2)]
+    machines = [machine for machine in built if machine is not None]
+    assert len(machines) >= 14
+    assert all(check(machine, brief).task_valid for machine in machines)
+    assert len({machine.digest for machine in machines}) >= 8
+
+
+async def test_throwers_are_of_different_mechanisms() -> None:
+    brief = brief_of("throwing")
+    plans = [(await blueprint_of(brief, seed)).definition.partition(":")[0] for seed in range(24)]
+    assert set(plans) == {"motor arm", "counterweight arm", "spring arm"}
+
+
+@pytest.mark.parametrize("task", task_names())
+async def test_a_whole_machine_in_one_reply(task: str) -> None:
+    brief = brief_of(task)
+    made = [await whole_design(brief, seed) for seed in range(6)]
+    assert sum(design is not None for design in made) >= 5
+
+
+FOREIGN = (
+    (0, 38, 51),
+    (0, 15),
+    (0, 2, 41),
+    (0, 7, 15),
+    (0, 14, 22, 26, 55),
+    (0, 5, 13, 19, 28, 40, 44, 50, 60, 76, 86),
+)
+
+
+@pytest.mark.parametrize("blocks", FOREIGN)
+async def test_any_block_list_gives_something_valid(blocks: tuple[int, ...]) -> None:
+    brief = replace(brief_of("movement"), name="nobody-knows", blocks=blocks)
+    blueprint = await blueprint_of(brief, 1)
+    machine = await designs(brief, blueprint, 1, "t")
+    assert machine is not None
+    assert check(machine, brief).task_valid
+
+
+async def test_a_demanded_block_that_no_mechanism_uses_gets_a_structure() -> None:
+    brief: Brief = replace(brief_of("movement"), blocks=(0, 1, 2, 27), required={27: 1})
+    blueprint = await blueprint_of(brief, 0)
+    assert blueprint.structures[-1].types == (27,)
+    machine = await designs(brief, blueprint, 0, "t")
+    assert machine is not None
+    assert machine.count(27) == 1

@@ -1,0 +1,76 @@
+"""Inspections that know where everything is, and queries that ask for what broke."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.agents.base import ask
+from agentflow.agents.inspector import Inspection, Inspector, InspectorInput
+from agentflow.agents.querier import Querier, QuerierInput
+from agentflow.machine.parse import read_machine
+from agentflow.machine.tree import Machine
+from tests.llm.procedural.asking import blueprint_of, brief_of, designs, desk
+
+
+def machine_of(*steps: tuple[int, int, int]) -> Machine:
+    """Type, parent, face of each block after the root."""
+    listed = [{"type": 0, "id": 0, "parent": -1, "face_id": -1}]
+    for number, (kind, parent, face) in enumerate(steps, 1):
+        listed.append({"type": kind, "id": number, "parent": parent, "face_id": face})
+    machine = read_machine(listed).machine
+    assert machine is not None
+    return machine
+
+
+async def inspected(task: str, machine: Machine) -> Inspection:
+    given = InspectorInput(brief_of(task), machine)
+    outcome = await ask(Inspector(), given, desk(0), "inspector")
+    assert outcome.output is not None, outcome.attempts[0].parsed.problem
+    return outcome.output
+
+
+@pytest.mark.parametrize("task", ["throwing", "movement"])
+async def test_it_knows_where_everything_is(task: str) -> None:
+    brief = brief_of(task)
+    for seed in range(3):
+        machine = await designs(brief, await blueprint_of(brief, seed), seed, "t")
+        assert machine is not None
+        assert (await inspected(task, machine)).world_score == 1.0
+
+
+async def test_wheels_that_do_not_drive_forward_are_a_defect() -> None:
+    found = await inspected("movement", machine_of((2, 0, 3), (2, 0, 0)))
+    told = [(defect.blocks, defect.text) for defect in found.defects]
+    assert ((2,), "facing z+ it does not drive to z+") in told
+    assert ((1, 2), "too few wheels for a quick start") in told
+
+
+async def test_what_stands_beside_its_feet_tips() -> None:
+    found = await inspected("throwing", machine_of((1, 0, 4), (63, 1, 6), (36, 2, 0)))
+    told = [defect.text for defect in found.defects]
+    assert told[0] == "the centre of mass is not above what stands on the ground: it tips"
+
+
+async def test_idle_blocks_and_lone_loads_are_named() -> None:
+    steps = ((1, 0, 4), (22, 1, 4), (63, 2, 2), (15, 1, 6), (36, 3, 0))
+    found = await inspected("throwing", machine_of(*steps))
+    told = [(defect.blocks, defect.text) for defect in found.defects]
+    assert ((2,), "unbalanced: its load hangs on one side only") in told
+    assert ((4,), "useless: it bears nothing and stands on nothing") in told
+
+
+async def test_it_asks_for_what_broke_around_the_moment() -> None:
+    machine = machine_of((1, 0, 4), (15, 1, 0))
+    report = "Score: 0.00 m\nBroken: block 2 (Small Wooden Block) off block 1 at 0.30 s, load 1.20"
+    given = QuerierInput(brief_of("movement"), machine, 0.0, report)
+    outcome = await ask(Querier(), given, desk(0), "querier")
+    assert outcome.output is not None
+    asked = {"duration": [0.0, 0.7], "properties": ["position", "velocity"]}
+    assert outcome.output.queries == ({"id": 2, **asked}, {"id": 1, **asked})
+
+
+async def test_it_asks_for_the_root_when_nothing_broke() -> None:
+    given = QuerierInput(brief_of("movement"), machine_of((2, 0, 3)), 1.0, "Score: 1.00 m")
+    outcome = await ask(Querier(), given, desk(0), "querier")
+    assert outcome.output is not None
+    assert [query["id"] for query in outcome.output.queries] == [1, 0]

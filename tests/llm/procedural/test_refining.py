@@ -1,0 +1,68 @@
+"""Refinements: valid at once, in both formats, and never what the history shows to fail."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.agents.refiner import RefinerInput
+from agentflow.machine.tree import Machine
+from tests.llm.procedural.asking import blueprint_of, brief_of, designs, refinement
+from tests.llm.procedural.test_inspecting import machine_of
+
+BROKEN = "Score: 0.00 m\nBroken: block 2 (Log) off block 1 at 0.30 s, load 1.20"
+TIPPED = "Score: 0.00 m\nOrientation of block 0: faces y+ with its top to z- 0.0-5.0 s"
+
+
+async def machine_for(task: str, seed: int) -> Machine:
+    brief = brief_of(task)
+    machine = await designs(brief, await blueprint_of(brief, seed), seed, "t")
+    assert machine is not None
+    return machine
+
+
+@pytest.mark.parametrize("task", ["throwing", "movement"])
+@pytest.mark.parametrize("form", ["steps", "whole_machine"])
+async def test_refinements_are_valid_and_various(task: str, form: str) -> None:
+    machine = await machine_for(task, 1)
+    scripts = set()
+    for number in range(10):
+        given = RefinerInput(
+            brief_of(task), machine, feedback=(BROKEN, TIPPED)[number % 2], score=0.0, format=form
+        )
+        attempt = await refinement(given, 1, f"refiner/{number}")
+        assert attempt.parsed.output is not None, attempt.parsed.problem
+        scripts.add(attempt.reply.text)
+    assert len(scripts) >= 5
+
+
+async def test_a_machine_that_tips_gets_a_wider_base_most_of_the_time() -> None:
+    machine = await machine_for("throwing", 1)
+    names = []
+    for number in range(20):
+        given = RefinerInput(brief_of("throwing"), machine, feedback=TIPPED, score=0.0)
+        names.append((await refinement(given, 0, f"r/{number}")).reply.text)
+    assert sum("widen or weigh down the base" in text for text in names) >= 6
+
+
+async def test_it_mends_the_step_that_failed_and_spares_what_did_not_help() -> None:
+    """The root alone with cubes: each of its free faces is refused in turn."""
+    machine = machine_of((2, 0, 2), (2, 0, 3))
+    tried = set[str]()
+    for number in range(6):
+        earlier = tuple(f"{line}: Error (overlap: in the way)" for line in sorted(tried))
+        given = RefinerInput(brief_of("movement"), machine, earlier=earlier)
+        text = (await refinement(given, 0, f"r/{number}")).reply.text
+        steps = text.partition("<Modification Steps>\n")[2].partition("\n</")[0].splitlines()
+        assert not tried.intersection(steps)
+        tried.update(steps)
+
+
+async def test_the_history_is_not_repeated() -> None:
+    machine = machine_of((2, 0, 2), (2, 0, 3))
+    first = (await refinement(RefinerInput(brief_of("movement"), machine), 0)).reply.text
+    script = first.partition("<Modification Steps>\n")[2].partition("\n</")[0]
+    history = "1. Success, score 5.00 -> 4.00\n" + "\n".join(f"   {s}" for s in script.split("\n"))
+    for number in range(8):
+        given = RefinerInput(brief_of("movement"), machine, history=history)
+        text = (await refinement(given, 0, f"r/{number}")).reply.text
+        assert f"<Modification Steps>\n{script}\n<" not in text
