@@ -34,7 +34,7 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
             f"{len(result['machine'])} blocks, found in stage {result['best_stage']}"
         )
     else:
-        console.print(f"no valid machine: {result['reason']}")
+        console.print(result["reason"])
     if result["stopped"]:
         console.print(f"stopped early: {result['stopped']}")
     table = _table("stage", "valid at first", "valid", "mean", "best")

@@ -74,7 +74,7 @@ async def test_a_trailing_slash_does_not_matter(stub_url: str) -> None:
 
 async def test_thoughts_are_split_off(stub_url: str) -> None:
     async with opened(stub_url) as client:
-        reply = await client.complete(ask("think first"))
+        reply = await client.complete(ask("ponder before you answer"))
     assert (reply.text, reply.reasoning) == ("forty-two", "seven\nsteps")
 
 
