@@ -11,19 +11,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from agentflow.machine.nearjson import MAX_REPAIR, near_json
+
 Accept = Callable[[Any], bool]
 
-MAX_REPAIR = 50_000
-"""Longest text, in characters, that is handed to json-repair."""
-MAX_DEPTH = 32
-"""Deepest nesting that is handed to json-repair: it recurses once per level."""
-MAX_AMBIGUITY = 1_000_000
-"""Most characters times ambiguous quotes: json-repair scans ahead from each such quote."""
+MAX_PLACES = 100
+"""Most fences, or bracketed regions, of a reply that are tried, the last ones first."""
 
 _FENCE = re.compile(r"`{3,}|~{3,}")
 _OPENING_LINE = re.compile(r"[^\n\[{]*")
 _BRACKET = re.compile(r"[\[\]{}]")
-_AMBIGUOUS_QUOTE = re.compile(r"[^\s\[\]{}:,]\s*[\"'“”](?=\s*[^\s\[\]{}:,])")
 
 
 @dataclass(frozen=True)
@@ -71,15 +68,16 @@ def found_json(
         return
     budget = MAX_REPAIR
     for places in (_fenced(text), _bracketed(text, "[" if kind is list else "{")):
-        places.reverse()
+        places = places[: -MAX_PLACES - 1 : -1]
         for place in places:
             read, value = _strict(place)
             if read and isinstance(value, kind):
                 yield value, False
         for place in places:
-            if len(place) <= budget and _repairable(place):
-                budget -= len(place)
-                value = _repair(place)
+            plain = near_json(place) if len(place) <= budget else None
+            if plain is not None:
+                budget -= len(plain)
+                value = _repair(plain)
                 if isinstance(value, kind) and value:
                     yield value, True
 
@@ -119,16 +117,6 @@ def _strict(text: str) -> tuple[bool, Any]:
         return True, json.loads(text)
     except (ValueError, RecursionError):
         return False, None
-
-
-def _repairable(text: str) -> bool:
-    """Whether json-repair finishes in time linear in the length on this text."""
-    depth = 0
-    for match in _BRACKET.finditer(text):
-        depth = depth + 1 if match.group() in "[{" else max(0, depth - 1)
-        if depth > MAX_DEPTH:
-            return False
-    return len(text) * len(_AMBIGUOUS_QUOTE.findall(text)) <= MAX_AMBIGUITY
 
 
 def _repair(text: str) -> Any:
