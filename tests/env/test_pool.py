@@ -101,6 +101,7 @@ async def test_a_worker_that_dies_is_replaced_and_its_rollout_repeated(
     assert alive(before) == []
 
 
+@pytest.mark.slow
 async def test_a_rollout_that_kills_two_workers_is_recorded_as_crashed(
     pool: RolloutPool, tmp_path: Path
 ) -> None:
@@ -129,12 +130,14 @@ async def test_a_worker_killed_from_outside_in_mid_rollout_harms_no_other(tmp_pa
     }
 
 
+@pytest.mark.slow
 async def test_a_bug_is_raised_here_with_its_traceback(pool: RolloutPool, tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match=r"(?s)a rollout failed in its worker:.*no such scene"):
         await pool.run(CAR, trouble(tmp_path, 1, "raise"))
     assert (await pool.run(CAR, get_task("movement", {"window": 1}))).status == "ok"
 
 
+@pytest.mark.slow
 async def test_a_worker_that_hangs_is_given_up(tmp_path: Path) -> None:
     async with RolloutPool(1, grace=1.5) as pool:
         hung = await pool.run(CAR, trouble(tmp_path, 1, "sleep"), wall_limit=0.5)
@@ -143,6 +146,7 @@ async def test_a_worker_that_hangs_is_given_up(tmp_path: Path) -> None:
         assert (await pool.run(CAR, get_task("movement", {"window": 1}))).status == "ok"
 
 
+@pytest.mark.slow
 async def test_closing_ends_workers_in_mid_rollout(tmp_path: Path) -> None:
     async with RolloutPool(2) as pool:
         hanging = asyncio.create_task(pool.run(CAR, trouble(tmp_path, 1, "sleep")))
@@ -169,6 +173,7 @@ asyncio.run(main())
 """
 
 
+@pytest.mark.slow
 def test_a_worker_ends_by_itself_when_its_parent_is_killed() -> None:
     with subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None

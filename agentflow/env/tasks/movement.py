@@ -5,6 +5,7 @@ The road, its walls and obstacles, the score and the default feedback; simulatio
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -15,6 +16,7 @@ from agentflow.env.scene import Scene, Thing, Vec3
 from agentflow.env.tasks.base import Parameters, World
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences, wall
 from agentflow.env.tasks.knobs import knob
+from agentflow.env.tasks.obstacles import bump, quarter_pipe
 from agentflow.env.trace import Array, Broken, Feedback, Trace, Verdict
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -34,10 +36,30 @@ class Road(Parameters):
     length: float = knob(250, 50, 1000, "m", "how far the side walls reach along z+")
 
 
+class Bumps(Parameters):
+    """Segments of cylinders across the road."""
+
+    count: int = knob(0, 0, 20, "", "how many bumps there are")
+    first: float = knob(15, 10, 200, "m", "z of the first bump's middle")
+    spacing: float = knob(15, 5, 100, "m", "from one bump to the next")
+    height: float = knob(1, 0.1, 3, "m", "height of a bump")
+    length: float = knob(4, 1, 20, "m", "length of a bump along z")
+
+
+class Ramp(Parameters):
+    """A quarter-pipe across the road, open behind."""
+
+    height: float = knob(0, 0, 6, "m", "height of its upper edge; 0 removes it")
+    length: float = knob(6.6, 2, 20, "m", "length along z")
+    at: float = knob(19, 10, 200, "m", "z of its middle")
+
+
 class MovementKnobs(CommonKnobs):
     """What can be set about a movement level."""
 
     road: Road = Road()
+    bump: Bumps = Bumps()
+    ramp: Ramp = Ramp()
 
 
 @dataclass(frozen=True)
@@ -51,7 +73,8 @@ class Movement(Family):
     @property
     def brief(self) -> Brief:
         """What designers are told and what validity checks."""
-        road, wind = self.parameters.road, self.parameters.wind
+        knobs = self.parameters
+        road = knobs.road
         return Brief(
             name=self.name,
             objective="Build a machine that drives its Starting Block as far as possible along z+.",
@@ -61,7 +84,9 @@ class Movement(Family):
                 f"{road.half_width:g} m, {road.wall_height:g} m high, {road.length:g} m long, of "
                 f"friction {road.wall_friction:g}; a wall closes it behind the machine at z = "
                 f"-{road.back:g} m.",
-                *wind.sentences(),
+                *_bump_sentences(knobs.bump),
+                *_ramp_sentences(knobs.ramp),
+                *knobs.wind.sentences(),
             ),
             schedule=schedule_sentences(self.schedule, self.window),
             score=(
@@ -74,8 +99,11 @@ class Movement(Family):
         )
 
     def scene(self) -> Scene:
-        """Two side walls, a rear wall, wind."""
-        return Scene(_road_walls(self.parameters.road), self.parameters.wind.velocity)
+        """Two side walls, a rear wall, what lies across the road, wind."""
+        knobs = self.parameters
+        width = 2 * knobs.road.half_width - knobs.road.wall_thickness
+        across = (*_bumps(knobs.bump, width), *_ramp(knobs.ramp, width))
+        return Scene((*_road_walls(knobs.road), *across), knobs.wind.velocity)
 
     def referee(self, machine: Machine) -> MovementReferee:
         """A fresh observer of the root."""
@@ -140,6 +168,38 @@ def _road_walls(road: Road) -> tuple[Thing, ...]:
         wall("wall left", -road.half_width, middle, side, road.wall_friction),
         wall("wall right", road.half_width, middle, side, road.wall_friction),
         wall("wall back", 0.0, -road.back, rear, road.wall_friction),
+    )
+
+
+def _bumps(bumps: Bumps, width: float) -> Iterator[Thing]:
+    for index, z in enumerate(_bump_places(bumps), start=1):
+        yield bump(f"bump {index}", z, bumps.height, bumps.length, width)
+
+
+def _bump_places(bumps: Bumps) -> list[float]:
+    return [bumps.first + index * bumps.spacing for index in range(bumps.count)]
+
+
+def _bump_sentences(bumps: Bumps) -> tuple[str, ...]:
+    return tuple(
+        f"A rounded bump lies across the whole road with its middle at z = {z:g} m: "
+        f"{bumps.height:g} m high, {bumps.length:g} m long."
+        for z in _bump_places(bumps)
+    )
+
+
+def _ramp(ramp: Ramp, width: float) -> Iterator[Thing]:
+    if ramp.height:
+        yield from quarter_pipe("ramp", ramp.at, ramp.height, ramp.length, width)
+
+
+def _ramp_sentences(ramp: Ramp) -> tuple[str, ...]:
+    if not ramp.height:
+        return ()
+    start, end = ramp.at - ramp.length / 2, ramp.at + ramp.length / 2
+    return (
+        f"A quarter-pipe lies across the whole road: flat at z = {start:g} m, it steepens to its "
+        f"edge at z = {end:g} m, {ramp.height:g} m high; behind the edge it drops to the ground.",
     )
 
 
