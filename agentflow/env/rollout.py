@@ -13,7 +13,7 @@ from time import perf_counter
 from agentflow.env.archive import load_npz, rollout_json, save_npz
 from agentflow.env.constants import constants
 from agentflow.env.engines.assembly import assemble
-from agentflow.env.engines.base import Engine
+from agentflow.env.engines.base import Engine, TooLargeError
 from agentflow.env.engines.pybullet import PyBulletEngine
 from agentflow.env.loads import Loads
 from agentflow.env.recorder import Recorder, digest
@@ -59,15 +59,18 @@ def simulate(
     if not report.task_valid:
         return invalid(report.problems)
     value = constants()
-    run = _Run(
-        machine,
-        task,
-        engine or _own_engine(),
-        rate or value["step_rate"],
-        power,
-        interval or value["sample_interval"],
-        wall_limit,
-    )
+    try:
+        run = _Run(
+            machine,
+            task,
+            engine or _own_engine(),
+            rate or value["step_rate"],
+            power,
+            interval or value["sample_interval"],
+            wall_limit,
+        )
+    except TooLargeError as error:
+        return invalid([Problem("too_many_parts", (), str(error))])
     return run.play()
 
 
@@ -99,6 +102,8 @@ class _Run:
         """Steps that settling took."""
         self._broken: list[tuple[int, int, float]] = []
         """Step, joint and load of each breakage."""
+        self._giving: tuple[int, ...] = ()
+        """Joints that gave way in the last step."""
         self._events: list[Event] = []
 
     def play(self) -> Rollout:
@@ -166,19 +171,19 @@ class _Run:
         return sorted((round(time * self._rate), entry) for entry, time in times.items())
 
     def _step(self) -> Status:
-        """One step, and what it breaks."""
+        """One step. What it breaks comes apart before the next, so contacts can still be seen."""
+        if self._giving:
+            self._engine.split(self._giving)
         self._engine.step()
         self._steps += 1
-        linear, angular = self._engine.top_speeds
+        self._speeds = linear, angular = self._engine.top_speeds
         if not (linear <= self._value["speed_limit"] and isfinite(angular)):
             return "diverged"
-        self._speeds = (linear, angular)
         broken = self._loads.update(self._engine.reactions, self._engine.below)
-        if broken:
-            self._engine.split(tuple(broken))
-            for joint, load in broken.items():
-                self._broken.append((self._steps, joint, load))
-                self._recorder.lose(self._assembly.joints[joint])
+        self._giving = tuple(broken)
+        for joint, load in broken.items():
+            self._broken.append((self._steps, joint, load))
+            self._recorder.lose(self._assembly.joints[joint])
         if perf_counter() - self._began > self._wall_limit:
             return "timeout"
         return "ok"

@@ -6,12 +6,14 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
+from agentflow.env.engines.pybullet import PyBulletEngine
 from agentflow.env.rollout import load_npz, rollout_json, save_npz, simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Rollout
@@ -129,6 +131,54 @@ def test_a_machine_that_the_task_does_not_want_is_not_simulated() -> None:
     rollout = simulate(CAR, get_task("throwing"))
     assert rollout.status == "invalid"
     assert [problem["code"] for problem in rollout.problems] == ["required_count"]
+
+
+class Exploding(PyBulletEngine):
+    """Diverges in the 100th step."""
+
+    steps = 0
+
+    def step(self) -> None:
+        super().step()
+        self.steps += 1
+
+    @property
+    def top_speeds(self) -> tuple[float, float]:
+        return (0.0, 0.0) if self.steps < 100 else (nan, 0.0)
+
+
+def test_a_rollout_that_diverges_scores_nothing() -> None:
+    rollout = simulate(CAR, get_task("movement"), engine=Exploding())
+    assert (rollout.status, rollout.score) == ("diverged", 0.0)
+    assert rollout.trace is not None
+    assert np.isfinite(rollout.trace.position).all()
+    assert rollout.sim_seconds == pytest.approx(40 / 120)
+    assert rollout.feedback.text == (
+        "The simulation diverged after 0.33 s; this counts as score 0."
+    )
+
+
+def test_a_rollout_ends_when_everything_rests() -> None:
+    rollout = simulate(machine((0, -1, -1)), get_task("movement"))
+    assert rollout.sim_seconds == 0.5
+    assert rollout.score == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_machine_too_large_for_the_engine_is_invalid() -> None:
+    rows: list[tuple[int, ...]] = [(0, -1, -1)]
+    for side in (2, 3):
+        rows.append((15, 0, side))
+        rows += [(15, len(rows) - 1 + i, 0) for i in range(7)]
+    beams = list(range(1, len(rows)))
+    for beam in beams:
+        for face in (3, 4):
+            rows.append((15, beam, face))
+            rows += [(15, len(rows) - 1 + i, 0) for i in range(3)]
+    rollout = simulate(machine(*rows), get_task("movement"))
+    assert [problem["code"] for problem in rollout.problems] == ["too_many_parts"]
+    assert rollout.problems[0]["message"] == (
+        "the machine has 145 parts in one piece; the engine holds at most 128"
+    )
 
 
 def test_a_rollout_over_its_wall_time_has_no_score() -> None:

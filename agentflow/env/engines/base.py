@@ -17,6 +17,12 @@ from numpy.typing import NDArray
 from agentflow.env.scene import IDENTITY, Quat, Scene, Vec3
 from agentflow.env.tasks.base import Body
 from agentflow.env.trace import Array
+from agentflow.errors import UsageError
+
+
+class TooLargeError(UsageError):
+    """The machine has more parts in one piece than the engine can hold."""
+
 
 Color = tuple[float, float, float, float]
 Image = NDArray[np.uint8]
@@ -210,7 +216,7 @@ class Engine(Protocol):
         """Make a fresh world; `visible` prepares it for `render`.
 
         Raises:
-            UsageError: The machine has more parts in one piece than the engine can hold.
+            TooLargeError: The machine has more parts in one piece than the engine can hold.
         """
 
     def switch(self, entry: str, on: bool) -> None:

@@ -26,6 +26,8 @@ STEERING_HINGE = 28
 BRACE = 7
 WALL = 0.2
 """Thickness of a container's floor and walls, m."""
+HINGE_PLATE = 0.3
+"""Thickness of hinges across their swing, m: a full box would jam on its parent's neighbours."""
 END_RADIUS = 0.1
 """Of the little ball at each end of a two-ended block, m."""
 
@@ -208,6 +210,10 @@ def _shapes(placed: Placed, kind: BlockType, extents: Vec3, shrink: float) -> tu
         width = kind.size[0] - 2 * shrink
         flat = (width, kind.size[2] - 2 * shrink, width)
         return (Shape("cylinder", flat, rotation=upright_to(placed.front)),)
+    if kind.type in (HINGE, STEERING_HINGE):
+        thin = placed.up if kind.type == HINGE else placed.right
+        x, y, z = (HINGE_PLATE if axis else side for axis, side in zip(thin, small, strict=True))
+        return (Shape("box", (x, y, z)),)
     return (Shape("box", small),)
 
 

@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
 
-from agentflow.env.engines.base import Joint, Part, Shape
+from agentflow.env.engines.base import Joint, Part, Shape, TooLargeError
 from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.engines.tree import Body, Link
 from agentflow.env.engines.vectors import add, scale, subtract
 from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
-from agentflow.errors import UsageError
 
 MOST_LINKS = 127
 """PyBullet truncates longer bodies without a word."""
@@ -84,10 +83,10 @@ class Workshop:
         """One connected component, at rest in its place.
 
         Raises:
-            UsageError: It has more links than PyBullet can hold.
+            TooLargeError: It has more links than PyBullet can hold.
         """
         if len(body.links) > MOST_LINKS:
-            raise UsageError(
+            raise TooLargeError(
                 f"the machine has {len(body.links) + 1} parts in one piece; "
                 f"the engine holds at most {MOST_LINKS + 1}"
             )

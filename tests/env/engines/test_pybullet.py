@@ -190,6 +190,41 @@ def test_wind_pushes_with_area_and_square_of_speed(engine: PyBulletEngine) -> No
     )
 
 
+def test_a_suspension_gives_way_by_load_over_stiffness(engine: PyBulletEngine) -> None:
+    start(engine, machine((0, -1, -1), (35, 0, 2), (35, 0, 3), (16, 0, 4), (35, 3, 0)))
+    high = engine.pose(4)[0][1] - engine.pose(0)[0][1]
+    advance(engine, 3.0)
+    sunk = high - (engine.pose(4)[0][1] - engine.pose(0)[0][1])
+    assert sunk == pytest.approx(3.5 * GRAVITY / constants()["suspension_stiffness"], rel=0.01)
+
+
+@pytest.mark.parametrize(("kind", "face"), [(50, 7), (86, 8)])
+def test_casters_roll_behind_driven_wheels(engine: PyBulletEngine, kind: int, face: int) -> None:
+    car = ((0, -1, -1), (1, 0, 0), (1, 0, 1), (2, 1, 2), (2, 1, 4))
+    gained = []
+    for tree in (machine(*car), machine(*car, (kind, 2, face))):
+        start(engine, tree)
+        advance(engine, 0.5)
+        before = engine.pose(0)[0][2]
+        engine.switch("motors", True)
+        advance(engine, 2.0)
+        gained.append(engine.pose(0)[0][2] - before)
+    assert gained[1] > 1.25 * gained[0] > 5.0
+
+
+@pytest.mark.parametrize("face", [1, 2, 3, 4])
+def test_a_hinge_swings_down_until_its_log_meets_the_post(
+    engine: PyBulletEngine, face: int
+) -> None:
+    base = ((0, -1, -1), (35, 0, 0), (35, 0, 1), (35, 0, 2), (35, 0, 3), (63, 0, 4), (15, 5, 0))
+    tree = machine(*base, (5, 6, face), (1, 7, 0))
+    assembly = start(engine, tree)
+    pivot = next(joint.pivot for joint in assembly.joints if joint.block == 7)
+    advance(engine, 2.0)
+    tip = engine.pose(8)[0]
+    assert tip[1] < pivot[1] - 1.4
+
+
 def test_a_spring_pulls_its_ends_together(engine: PyBulletEngine) -> None:
     base = ((0, -1, -1), (35, 0, 1), (35, 0, 2), (35, 0, 3), (63, 0, 4), (63, 4, 0))
     tree = machine(*base, (5, 4, 9), (63, 6, 0), (9, 5, 9, 7, 9))
