@@ -93,11 +93,10 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
     """Dotted keys as nested mappings: {"wall.height": 2} -> {"wall": {"height": 2}}."""
     tree: dict[str, Any] = {}
     for key, value in values.items():
-        *path, last = key.split(".")
-        branch = tree
-        for part in path:
-            branch = branch.setdefault(part, {})
-        branch[last] = value
+        branch: Any = value
+        for part in reversed(key.split(".")):
+            branch = {part: branch}
+        tree = merged(tree, branch)
     return tree
 
 

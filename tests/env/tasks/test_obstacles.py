@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,7 @@ def test_a_quarter_pipe_runs_from_the_ground_to_its_edge_without_a_gap() -> None
     plates = list(quarter_pipe("ramp", 19.0, 3.5, 6.6, 24.0))
     assert top_edge(plates[0], -1.0) == pytest.approx((15.7, 0.0))
     assert top_edge(plates[-1], 1.0) == pytest.approx((22.3, 3.5))
-    for lower, upper in zip(plates[:-1], plates[1:], strict=True):
+    for lower, upper in pairwise(plates):
         assert top_edge(lower, 1.0) == pytest.approx(top_edge(upper, -1.0))
 
 

@@ -114,6 +114,13 @@ def test_a_knob_of_the_wrong_shape_is_refused(knob: str) -> None:
         get_task("throwing", {knob: "brisk"})
 
 
+def test_knobs_may_be_nested_dotted_or_both() -> None:
+    given = {"wall": {"height": 2}, "wall.thickness": 1, "wind.speed": 3}
+    task = get_task("throwing", given)
+    assert task.scene().things[0].size == (1.0, 2.0, 23.0)
+    assert given["wall"] == {"height": 2}
+
+
 def test_an_own_level_is_a_file(tmp_path: Path) -> None:
     path = tmp_path / "storm.yaml"
     path.write_text("family: throwing\ntitle: storm\ngood: 5\nparameters: {wind: {speed: 12}}\n")
