@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import random
 import re
+from collections.abc import Sequence
 
 from agentflow.llm.procedural.growth import Growth
 from agentflow.llm.procedural.mechanisms import Part, grow, parts, suited
@@ -71,30 +72,35 @@ def design(facts: Facts, chance: random.Random) -> str:
     """The machine with one structure more, or with a whole mechanism."""
     names = (_known(facts),) if facts.structure else chance.choice(suited(facts.brief)).parts
     start = len(facts.machine) if facts.machine else 1
-    for _ in range(TRIES):
-        growth = Growth(facts.machine, facts.types, facts.brief.size_limit, chance)
+    for attempt in range(TRIES):
+        growth = Growth(facts.machine, facts.types, facts.brief, chance)
+        guidance = facts.guidance if attempt < TRIES / 2 else ""
         told = []
         for name in names:
-            dims = {key: _drawn(key, parts()[name], facts, chance) for key in parts()[name].dims}
+            dims = {key: _drawn(key, parts()[name], guidance, chance) for key in parts()[name].dims}
             grow(growth, name, dims)
             told.append(f"{name}: {', '.join(f'{key} {value}' for key, value in dims.items())}.")
-        if len(growth.machine) > start and _loaded(growth, facts):
+        if _done(growth, names, start, facts):
             break
     words = f"{len(growth.machine) - start} blocks more. {' '.join(told)}"
     return f"{words}\n```json\n{growth.machine.to_text()}\n```"
 
 
-def _loaded(growth: Growth, facts: Facts) -> bool:
-    """Whether the machine is valid and has what the task demands of the usable types."""
+def _done(growth: Growth, names: Sequence[str], start: int, facts: Facts) -> bool:
+    """Whether it is valid, with what each part is for, and what the task demands of its types."""
+    new = {step.type for step in growth.machine.steps[start:]}
+    usable = growth.types
+    main = [usable.intersection(parts()[name].slots[0]) or new for name in names]
     demanded = facts.brief.required.items()
-    loaded = all(growth.machine.count(k) == n for k, n in demanded if k in growth.types)
-    return loaded and check(growth.machine, facts.brief).machine_valid
+    loaded = all(growth.machine.count(kind) == n for kind, n in demanded if kind in usable)
+    served = bool(new) and all(kinds & new for kinds in main)
+    return loaded and served and check(growth.machine, facts.brief).machine_valid
 
 
-def _drawn(name: str, part: Part, facts: Facts, chance: random.Random) -> int:
+def _drawn(name: str, part: Part, guidance: str, chance: random.Random) -> int:
     """A dimension by chance within the range of the guidance, else within the part's own."""
     pattern = rf"\b{re.escape(name)} ([0-9]{{1,3}})(?: to ([0-9]{{1,3}}))?"
-    told = re.findall(pattern, facts.guidance)[-1:]
+    told = re.findall(pattern, guidance)[-1:]
     least, most = (int(told[0][0]), int(told[0][1] or told[0][0])) if told else part.dims[name]
     return min(MOST_BLOCKS, chance.randint(min(least, most), max(least, most)))
 

@@ -6,9 +6,10 @@ Which blocks a mechanism needs is mechanisms.py's.
 from __future__ import annotations
 
 import random
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 from agentflow.machine.blocks import STARTING_BLOCK, library
+from agentflow.machine.brief import Brief
 from agentflow.machine.geometry import Geometry, PlacedFace, place
 from agentflow.machine.tree import ROOT, Machine, Step
 
@@ -17,16 +18,12 @@ class Growth:
     """A machine that only ever grows, and only validly: what does not fit is not added."""
 
     def __init__(
-        self,
-        machine: Machine | None,
-        types: Collection[int],
-        limit: Sequence[float],
-        chance: random.Random,
+        self, machine: Machine | None, types: frozenset[int], brief: Brief, chance: random.Random
     ) -> None:
-        """Start from a machine, or from the root; `limit` is the greatest extent x, y, z in m."""
+        """Start from a machine, or from the root; only `types` are added."""
         self.machine = machine or Machine((ROOT,))
         self.geometry = place(self.machine)
-        self.types, self.chance, self._limit = types, chance, limit
+        self.types, self.chance, self._brief = types, chance, brief
 
     def choose(self, *wanted: Sequence[int]) -> int | None:
         """A usable type, by chance, of the first of these groups that has any."""
@@ -38,10 +35,12 @@ class Growth:
         """Hang a type on (block, face), or between two such ends; its id, None if not valid."""
         if kind is None or len(ends) != 1 + library()[kind].linear:
             return None
+        if self.machine.count(kind) == self._brief.required.get(kind):
+            return None
         step = Step(len(self.machine), kind, *(part for end in ends for part in end))
         geometry = place(Machine((*self.machine.steps, step)))
-        large = any(have > most for have, most in zip(geometry.size, self._limit, strict=True))
-        if large or geometry.overlaps or locked(geometry):
+        limits = zip(geometry.size, self._brief.size_limit, strict=True)
+        if any(a > b for a, b in limits) or geometry.overlaps or locked(geometry):
             return None
         self.machine, self.geometry = Machine((*self.machine.steps, step)), geometry
         return step.id

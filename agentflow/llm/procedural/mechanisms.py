@@ -19,7 +19,7 @@ from agentflow.machine.brief import Brief
 
 Dims = Mapping[str, int]
 BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)
-HINGE, SPRING, CUBE, MOTOR, BALLAST = 5, 9, 15, 22, 35
+HINGE, SPRING, CUBE, MOTOR, BALLAST, LOG = 5, 9, 15, 22, 35, 63
 
 
 class Part(BaseModel):
@@ -91,7 +91,9 @@ def _motor_tower(g: Growth, dims: Dims) -> None:
 
 def _hinge_tower(g: Growth, dims: Dims) -> None:
     beam = g.choose(BEAMS, SPARE)
-    top = g.chain(beam, 0, "y+", dims["storeys"])
+    top = g.chain(
+        beam, 0, "y+", 1 if beam == LOG else dims["storeys"]
+    )  # room above for the boulder
     g.hang(g.choose((HINGE,)), top, "y+")
     g.hang(beam, top, "z-")
 
@@ -106,8 +108,8 @@ def _pivot(g: Growth) -> int:
 def _arm(g: Growth, dims: Dims) -> None:
     arm = g.chain(g.choose(BEAMS, SPARE), _pivot(g), "z-", dims["segments"])
     mouth = "z-" if dims["container"] > 1 else "y+"
-    box = g.hang(g.choose((CONTAINER,)), arm, mouth) if dims["container"] else arm
-    g.hang(g.choose((BOULDER,)), box, mouth)
+    box = g.hang(g.choose((CONTAINER,)), arm, mouth) if dims["container"] else None
+    g.hang(g.choose((BOULDER,)), box or arm, mouth if box else "y+")
 
 
 def _lever(g: Growth, dims: Dims) -> None:
