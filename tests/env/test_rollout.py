@@ -16,7 +16,7 @@ from agentflow.env.constants import constants
 from agentflow.env.engines.pybullet import PyBulletEngine
 from agentflow.env.rollout import load_npz, rollout_json, save_npz, simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
+from agentflow.env.trace import Event, Rollout
 from agentflow.errors import UsageError
 from tests.env.machines import BALLASTED, CAR, PRINTED, machine
 
@@ -131,6 +131,27 @@ def test_a_machine_that_the_task_does_not_want_is_not_simulated() -> None:
     rollout = simulate(CAR, get_task("throwing"))
     assert rollout.status == "invalid"
     assert [problem["code"] for problem in rollout.problems] == ["required_count"]
+
+
+def test_a_locked_joint_is_told() -> None:
+    tree = machine((0, -1, -1), (5, 0, 0), (63, 1, 0), (7, 0, 4, 2, 9), (30, 0, 4), (36, 4, 0))
+    rollout = simulate(tree, get_task("throwing"))
+    told = [event for event in rollout.events if event.kind == "locked"]
+    text = "the moving joint of block 1 cannot move: rigid parts bridge it"
+    assert told == [Event(0.0, "locked", (1,), text)]
+
+
+def test_wind_and_springs_repeat_bit_by_bit() -> None:
+    tree = machine(
+        *((step.type, step.parent, step.face_id) for step in BALLASTED),
+        (9, 8, 5, 3, 0),
+        (9, 8, 3, 5, 0),
+    )
+    first, second = (simulate(tree, get_task("throwing/3")) for _ in range(2))
+    assert first.digest == second.digest
+    assert first.trace is not None
+    assert first.trace.linear == (15, 16)
+    assert first.trace.length.shape == (26, 2)
 
 
 class Exploding(PyBulletEngine):

@@ -6,12 +6,12 @@ Every link frame sits at its joint and is aligned with the machine frame at rest
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
 
 from agentflow.env.engines.base import Joint, Part, Shape, TooLargeError
 from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.frames import swap, swap_quaternion, swap_turn
+from agentflow.env.engines.layout import Built
 from agentflow.env.engines.tree import Body, Link
 from agentflow.env.engines.vectors import add, scale, subtract
 from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
@@ -31,16 +31,6 @@ _KINDS = {
     "prismatic": pybullet.JOINT_PRISMATIC,
     "spherical": pybullet.JOINT_SPHERICAL,
 }
-
-
-@dataclass(frozen=True)
-class Built:
-    """A multibody in the world."""
-
-    uid: int
-    body: Body
-    index: dict[int, int]
-    """Part -> PyBullet link index; -1 is the base."""
 
 
 class Workshop:

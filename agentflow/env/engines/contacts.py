@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from agentflow.env.engines.base import Assembly
-from agentflow.env.engines.bodies import Built
 from agentflow.env.engines.bullet import pybullet
-from agentflow.env.engines.layout import Handle
+from agentflow.env.engines.layout import Built, Handle
 from agentflow.env.engines.tree import Skeleton
 from agentflow.env.tasks.base import Body
 

@@ -11,15 +11,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from agentflow.env.engines.base import Assembly
-from agentflow.env.engines.bodies import Built
 from agentflow.env.engines.forces import Members
 from agentflow.env.engines.frames import swap
-from agentflow.env.engines.tree import Skeleton
+from agentflow.env.engines.tree import Body, Skeleton
 from agentflow.env.engines.vectors import subtract
 from agentflow.env.scene import Thing
 
 Handle = tuple[int, int]
 """Body and link, as the engine numbers them; link -1 is the base."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A connected component that stands in an engine's world."""
+
+    uid: int
+    """Body number in the engine."""
+    body: Body
+    index: Mapping[int, int]
+    """Part -> link number in the engine; -1 is the base."""
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,14 @@ in readings.py, forces computed in forces.py.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from math import sqrt
 
 import numpy as np
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.engines.base import Assembly, Camera, Drive, Image, State
-from agentflow.env.engines.bodies import Built, Workshop
+from agentflow.env.engines.bodies import Workshop
 from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.contacts import Contacts, group, stand
 from agentflow.env.engines.forces import Drag, Members, Springs, Wind, Wrench
@@ -30,7 +31,7 @@ from agentflow.env.engines.kinematics import (
     matrices,
     turn_back,
 )
-from agentflow.env.engines.layout import lay_out
+from agentflow.env.engines.layout import Built, lay_out
 from agentflow.env.engines.picture import take_picture
 from agentflow.env.engines.readings import Readings
 from agentflow.env.engines.tree import Skeleton, skeleton
@@ -317,7 +318,8 @@ class PyBulletEngine:
                 for uid, links in self._sensors
                 for state in pybullet.getJointStates(uid, links, client)
             ]
-            self.reactions[self._carrying] = np.array(sensed) * self._sign
+            flat = np.fromiter(chain.from_iterable(sensed), float, 6 * len(sensed))
+            self.reactions[self._carrying] = flat.reshape(-1, 6) * self._sign
 
     def _base(self, uid: int) -> Row:
         position, rotation = pybullet.getBasePositionAndOrientation(uid, self.client)
