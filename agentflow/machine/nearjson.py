@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-MAX_REPAIR = 20_000
+MAX_REPAIR = 12_000
 """Longest text, in characters, that is worth repairing."""
 MAX_DEPTH = 32
 """Deepest nesting that is worth repairing; json-repair recurses once per level."""
@@ -38,7 +38,8 @@ def near_json(text: str) -> str | None:
 def _slips(tokens: Sequence[re.Match[str]]) -> int:
     """How many tokens stand where JSON has no such token: stray words, missing commas, ...
 
-    Single quotes, words without quotes and trailing commas are no slips. Nesting deeper than
+    Single quotes, words without quotes and trailing commas are no slips; junk counts five, for it
+    misleads json-repair most. Nesting deeper than
     `MAX_DEPTH` counts as more than `MAX_EFFORT` slips.
     """
     count = 0
@@ -50,7 +51,7 @@ def _slips(tokens: Sequence[re.Match[str]]) -> int:
         if kind == "space":
             continue
         if kind != "mark":
-            count += kind == "junk" or expected in ("colon", "after")
+            count += 5 if kind == "junk" else expected in ("colon", "after")
             expected = "after" if expected == "value" or not in_object else "colon"
         elif token in "[{":
             count += expected != "value"
