@@ -10,7 +10,16 @@ import random
 from collections.abc import Iterator
 
 from agentflow.llm.procedural.growth import clusters
-from agentflow.llm.procedural.mechanisms import BALLAST, BEAMS, CUBE, HINGE, MOTOR, SPRING, WHEELS
+from agentflow.llm.procedural.mechanisms import (
+    BALLAST,
+    BEAMS,
+    CUBE,
+    HINGE,
+    MOTOR,
+    SPRING,
+    WHEELS,
+    data,
+)
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine.balance import centre_of_mass, stands, support_polygon
 from agentflow.machine.blocks import BOULDER, CONTAINER
@@ -19,22 +28,6 @@ from agentflow.machine.geometry import Geometry, place
 _EXTREMES = {"frontmost": (2, 1), "rearmost": (2, -1), "leftmost": (0, -1), "rightmost": (0, 1),
              "topmost": (1, 1), "lowest": (1, -1)}  # fmt: skip
 """Question -> axis and sign of the direction in which the block reaches farthest."""
-_SHAPE = """<Three-Dimensional Perception of the World>
-x+: right
-y+: up
-z+: forward
-{world}
-</Three-Dimensional Perception of the World>
-<Question Answer>
-1. {moving}
-2. {special}
-3. At ({x:.1f}, {y:.1f}, {z:.1f}) from the root's centre; the machine {stands}.
-4. What motors and springs turn turns the rest of the machine the other way.
-5. {idle}
-</Question Answer>
-<Summary of Design Defects>
-{defects}
-</Summary of Design Defects>"""
 
 
 def inspect(facts: Facts, chance: random.Random) -> str:  # noqa: ARG001
@@ -52,7 +45,7 @@ def inspect(facts: Facts, chance: random.Random) -> str:  # noqa: ARG001
         f"- blocks {', '.join(map(str, blocks))} | structure none | {text}"
         for blocks, text in _defects(geometry)
     ]
-    return _SHAPE.format(
+    return str(data("inspecting.yaml")["inspection"]).format(
         world="\n".join(world),
         moving=_named(geometry, MOTOR, HINGE, SPRING, *WHEELS),
         special=_named(geometry, BALLAST, CONTAINER, BOULDER),
@@ -114,7 +107,5 @@ def query(facts: Facts, chance: random.Random) -> str:
         if b < len(facts.machine)
     ]
     thought = "What broke shows the weak place." if facts.broken else "Nothing is told to break."
-    return (
-        f"<Thought Process>\n{thought}\n</Thought Process>\n"
-        f"<Required Feedback>\n{json.dumps(queries)}\n</Required Feedback>"
-    )
+    reply = str(data("inspecting.yaml")["inquiry"])
+    return reply.format(thought=thought, queries=json.dumps(queries))

@@ -5,13 +5,12 @@ No machine is stored: a part is a rule over drawn dimensions, and what does not 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, ConfigDict
 
 from agentflow.llm.procedural.growth import Growth, free, span
 from agentflow.machine.blocks import BOULDER, CONTAINER, library
@@ -22,56 +21,26 @@ BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)
 HINGE, SPRING, CUBE, MOTOR, BALLAST, LOG = 5, 9, 15, 22, 35, 63
 
 
-class Part(BaseModel):
-    """One structure of a mechanism, as mechanisms.yaml tells it."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    guidance: str
-    slots: tuple[tuple[int, ...], ...]
-    dims: Mapping[str, tuple[int, int]]
-
-
-class Mechanism(BaseModel):
-    """A way to serve a purpose: the names of its parts in building order."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    name: str
-    purpose: str
-    idea: str
-    parts: tuple[str, ...]
-
-
+@cache
 def data(name: str) -> Any:
-    """A data file beside this module."""
+    """A data file beside this module; not to be changed by those who read it."""
     return yaml.safe_load(Path(__file__).with_name(name).read_text("utf-8"))
 
 
-@cache
-def parts() -> Mapping[str, Part]:
-    """All parts by name."""
-    return {name: Part(**part) for name, part in data("mechanisms.yaml")["parts"].items()}
-
-
-@cache
-def _mechanisms() -> tuple[Mechanism, ...]:
-    return tuple(Mechanism(**item) for item in data("mechanisms.yaml")["mechanisms"])
-
-
-def suited(brief: Brief) -> list[Mechanism]:
+def suited(brief: Brief) -> list[Any]:
     """The mechanisms that serve a task and can be built from its blocks; at least one."""
+    book, blocks = data("mechanisms.yaml"), {*brief.blocks}
+    main = {name: {*part["slots"][0]} for name, part in book["parts"].items()}
+    able = [
+        m for m in book["mechanisms"] if all(main[p] & blocks or not main[p] for p in m["parts"])
+    ]
+    purposes = ("throw", "drive", "stand") if BOULDER in brief.required else ("drive", "stand")
+    return next(filter(None, ([m for m in able if m["purpose"] == p] for p in purposes)))
 
-    def buildable(mechanism: Mechanism) -> bool:
-        first = (parts()[name].slots[0] for name in mechanism.parts)
-        return all(not slot or set(slot) & set(brief.blocks) for slot in first)
 
-    wanted = ("throw", "drive", "stand") if BOULDER in brief.required else ("drive", "stand")
-    groups = ([m for m in _mechanisms() if m.purpose == p and buildable(m)] for p in wanted)
-    return next(filter(None, groups))
-
-
-def grow(g: Growth, name: str, dims: Dims) -> None:
-    """Add a part to what stands."""
-    _RULES[name](g, dims)
+def grow(g: Growth, rule: str, dims: Dims) -> None:
+    """Add a part to what stands, by the rule that mechanisms.yaml names."""
+    _RULES[rule](g, dims)
 
 
 def _base(g: Growth, dims: Dims) -> None:
@@ -91,11 +60,10 @@ def _motor_tower(g: Growth, dims: Dims) -> None:
 
 def _hinge_tower(g: Growth, dims: Dims) -> None:
     beam = g.choose(BEAMS, SPARE)
-    top = g.chain(
-        beam, 0, "y+", 1 if beam == LOG else dims["storeys"]
-    )  # room above for the boulder
+    top = g.chain(beam, 0, "y+", 1 if beam == LOG else dims["storeys"])  # room for the boulder
     g.hang(g.choose((HINGE,)), top, "y+")
-    g.hang(beam, top, "z-")
+    for _ in range(dims["shelf"]):
+        g.hang(beam, top, "z-")
 
 
 def _pivot(g: Growth) -> int:
@@ -106,15 +74,13 @@ def _pivot(g: Growth) -> int:
 
 
 def _arm(g: Growth, dims: Dims) -> None:
-    arm = g.chain(g.choose(BEAMS, SPARE), _pivot(g), "z-", dims["segments"])
+    pivot = _pivot(g)
+    if g.machine[pivot].type == HINGE:
+        g.hang(g.choose(BEAMS, SPARE), pivot, "z+")
+    arm = g.chain(g.choose(BEAMS, SPARE), pivot, "z-", dims["segments"])
     mouth = "z-" if dims["container"] > 1 else "y+"
     box = g.hang(g.choose((CONTAINER,)), arm, mouth) if dims["container"] else None
     g.hang(g.choose((BOULDER,)), box or arm, mouth if box else "y+")
-
-
-def _lever(g: Growth, dims: Dims) -> None:
-    g.hang(g.choose(BEAMS, SPARE), _pivot(g), "z+")
-    _arm(g, {**dims, "container": 1})
 
 
 def _counterweight(g: Growth, dims: Dims) -> None:
@@ -146,12 +112,9 @@ def _chassis(g: Growth, dims: Dims) -> None:
 
 def _wheels(g: Growth, dims: Dims) -> None:
     """In pairs, those farthest from the root first."""
-    wheel, spots = g.choose(WHEELS), {}
-    for block in g.geometry.blocks:
-        for face in free(g.geometry, block.id, "x"):
-            if abs(face.position[1]) < 0.6:
-                spots[face.position, face.facing] = (block.id, face.face_id)
-    axles = 0
+    faces = [(b.id, f) for b in g.geometry.blocks for f in free(g.geometry, b.id, "x")]
+    spots = {(f.position, f.facing): (b, f.face_id) for b, f in faces if abs(f.position[1]) < 0.6}
+    wheel, axles = g.choose(WHEELS), 0
     for (x, y, z), facing in sorted(spots, key=lambda spot: -span(spot[0], (0, 0, 0))):
         twin = spots.get(((-x, y, z), "x-"))
         if facing == "x+" and twin and axles < dims["axles"]:
@@ -159,22 +122,14 @@ def _wheels(g: Growth, dims: Dims) -> None:
             axles += right is not None and g.add(wheel, twin) is not None
 
 
-def _scatter(g: Growth, dims: Dims) -> None:
+def _anything(g: Growth, dims: Dims) -> None:
     kinds = [kind for kind in sorted(g.types) if kind and not library()[kind].linear]
     for _ in range(dims["blocks"]):
         spots = [(b.id, f.face_id) for b in g.geometry.blocks for f in free(g.geometry, b.id)]
         g.add(g.choose(kinds), g.chance.choice(spots or [(0, 0)]))
 
 
-_RULES: Mapping[str, Callable[[Growth, Dims], None]] = {
-    "Base": _base,
-    "Motor tower": _motor_tower,
-    "Throwing arm": _arm,
-    "Counterweight": _counterweight,
-    "Hinge tower": _hinge_tower,
-    "Lever": _lever,
-    "Springs": _springs,
-    "Chassis": _chassis,
-    "Wheels": _wheels,
-    "Frame": _scatter,
-}
+_GROWERS = (
+    _base, _motor_tower, _hinge_tower, _arm, _counterweight, _springs, _chassis, _wheels, _anything
+)  # fmt: skip
+_RULES = {rule.__name__[1:]: rule for rule in _GROWERS}
