@@ -11,19 +11,15 @@ import re
 from typing import Any
 
 from agentflow.llm.procedural.growth import Growth
-from agentflow.llm.procedural.mechanisms import data, grow, suited
+from agentflow.llm.procedural.mechanisms import RULES, data, suited
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine.blocks import library
 from agentflow.machine.validity import check
 
-LOOSE = "Frame"
-"""The part that takes any types."""
-TRIES = 20
-"""Drafts of a structure; the first valid one is the answer."""
-MOST_TYPES = 3
-"""Block types per structure (spec 4.2)."""
-MOST_BLOCKS = 20
-"""Greatest dimension that is taken from foreign guidance."""
+LOOSE = "Frame"  # the part that takes any types
+TRIES = 20  # drafts of a structure; the first valid one is the answer
+MOST_TYPES = 3  # per structure (spec 4.2)
+MOST_BLOCKS = 20  # greatest dimension that is taken from foreign guidance
 
 
 def plan(facts: Facts, chance: random.Random) -> str:
@@ -73,7 +69,7 @@ def design(facts: Facts, chance: random.Random) -> str:
             ranges = parts[name]["dims"].items()
             guidance = facts.guidance if attempt < TRIES / 2 else ""
             dims = {key: _drawn(key, span, guidance, chance) for key, span in ranges}
-            grow(growth, parts[name]["rule"], dims)
+            RULES[parts[name]["rule"]](growth, dims)
             told.append(f"{name}: {', '.join(f'{key} {value}' for key, value in dims.items())}.")
         if _done(growth, [parts[name]["slots"][0] for name in names], start, facts):
             break

@@ -45,17 +45,12 @@ class Growth:
         self.machine, self.geometry = Machine((*self.machine.steps, step)), geometry
         return step.id
 
-    def hang(self, kind: int | None, parent: int | None, towards: str, skip: int = 0) -> int | None:
+    def hang(self, kind: int | None, parent: int, towards: str, skip: int = 0) -> int | None:
         """Hang a type on a face that looks `towards`, `skip` faces before the parent's far end."""
-        if parent is None:
-            return None
         back = self.geometry[parent].origin
-        faces = sorted(free(self.geometry, parent, towards), key=lambda f: span(back, f.position))
-        return (
-            self.add(kind, (parent, faces[-1 - min(skip, len(faces) - 1)].face_id))
-            if faces
-            else None
-        )
+        faces = free(self.geometry, parent, towards)
+        faces.sort(key=lambda face: -span(back, face.position))
+        return self.add(kind, (parent, faces[min(skip, len(faces) - 1)].face_id)) if faces else None
 
     def chain(self, kind: int | None, parent: int, towards: str, count: int) -> int:
         """Hang `count` blocks one behind the other; the id of the last that fits."""

@@ -19,6 +19,7 @@ from agentflow.machine.brief import Brief
 Dims = Mapping[str, int]
 BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)
 HINGE, SPRING, CUBE, MOTOR, BALLAST, LOG = 5, 9, 15, 22, 35, 63
+JOINTS, RIGID = (MOTOR, HINGE), (*BEAMS, CUBE)
 
 
 @cache
@@ -38,11 +39,6 @@ def suited(brief: Brief) -> list[Any]:
     return next(filter(None, ([m for m in able if m["purpose"] == p] for p in purposes)))
 
 
-def grow(g: Growth, rule: str, dims: Dims) -> None:
-    """Add a part to what stands, by the rule that mechanisms.yaml names."""
-    _RULES[rule](g, dims)
-
-
 def _base(g: Growth, dims: Dims) -> None:
     beam = g.choose(BEAMS, SPARE)
     sides = {"z+": "ahead", "z-": "behind", "x+": "aside", "x-": "aside"}
@@ -54,21 +50,19 @@ def _base(g: Growth, dims: Dims) -> None:
 def _motor_tower(g: Growth, dims: Dims) -> None:
     top = g.chain(g.choose(BEAMS, SPARE), 0, "y+", dims["storeys"])
     motor = g.hang(g.choose((MOTOR,)), top, "x+", dims["below the top"])
-    if dims["spacer"]:
-        g.hang(g.choose((CUBE,)), motor, "x+")
+    g.chain(g.choose((CUBE,)), motor or 0, "x+", dims["spacer"] if motor else 0)
 
 
 def _hinge_tower(g: Growth, dims: Dims) -> None:
     beam = g.choose(BEAMS, SPARE)
     top = g.chain(beam, 0, "y+", 1 if beam == LOG else dims["storeys"])  # room for the boulder
     g.hang(g.choose((HINGE,)), top, "y+")
-    for _ in range(dims["shelf"]):
-        g.hang(beam, top, "z-")
+    g.chain(beam, top, "z-", dims["shelf"])
 
 
 def _pivot(g: Growth) -> int:
     """What the arm hangs on: the joint, or the spacer on its front."""
-    joint = g.last(MOTOR, HINGE)
+    joint = g.last(*JOINTS)
     spacers = [b for b in g.geometry.children(joint) if g.geometry[b].facing == "x+" and joint]
     return spacers[0] if spacers else joint
 
@@ -103,9 +97,9 @@ def _springs(g: Growth, dims: Dims) -> None:
 def _chassis(g: Growth, dims: Dims) -> None:
     beam = g.choose((*BEAMS, *SPARE))
     ends = [g.chain(beam, 0, "z+", dims["ahead"]), g.chain(beam, 0, "z-", dims["behind"])]
-    for end in ends if dims["cross beams"] else ():
-        g.hang(beam, end, "x+")
-        g.hang(beam, end, "x-")
+    for end in ends:
+        g.chain(beam, end, "x+", dims["cross beams"])
+        g.chain(beam, end, "x-", dims["cross beams"])
     for end in ends[: dims["ballast"]]:
         g.hang(g.choose((BALLAST,)), end, "y+")
 
@@ -129,7 +123,8 @@ def _anything(g: Growth, dims: Dims) -> None:
         g.add(g.choose(kinds), g.chance.choice(spots or [(0, 0)]))
 
 
-_GROWERS = (
+_PARTS = (
     _base, _motor_tower, _hinge_tower, _arm, _counterweight, _springs, _chassis, _wheels, _anything
 )  # fmt: skip
-_RULES = {rule.__name__[1:]: rule for rule in _GROWERS}
+RULES = {rule.__name__[1:]: rule for rule in _PARTS}
+"""How a part is added to what stands, by the name in mechanisms.yaml."""

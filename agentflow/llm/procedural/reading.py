@@ -41,22 +41,14 @@ class Facts:
 
     role: str
     brief: Brief
-    structure: str
-    """Name of the structure to build now."""
+    structure: str  # name of the structure to build now
     guidance: str
-    types: frozenset[int]
-    """Types that may be used now: the structure's, or all of the task's."""
-    last: bool
-    """Whether the machine must be complete after this reply."""
+    types: frozenset[int]  # that may be used now: the structure's, or all of the task's
     machine: Machine | None
-    told: str
-    """Simulation feedback and critique."""
-    broken: tuple[tuple[int, int, float], ...]
-    """(block, partner, seconds)."""
-    failed: frozenset[str]
-    """Edit commands, or whole scripts, that led to an error or to no better score."""
-    whole: bool
-    """Whether a refiner is to send a whole machine."""
+    told: str  # simulation feedback and critique
+    broken: tuple[tuple[int, int, float], ...]  # block, partner, seconds
+    failed: frozenset[str]  # commands and scripts that led to an error or to no better score
+    whole: bool  # whether a refiner is to send a whole machine
 
 
 def read_facts(messages: Sequence[Message]) -> Facts | None:
@@ -78,7 +70,6 @@ def read_facts(messages: Sequence[Message]) -> Facts | None:
         structure=_line(now, "Name"),
         guidance=now.partition("Guidance:")[2] + parts.get("Rationale to follow", ""),
         types=types & listed if now else types,
-        last=not now or _line(now, "Last structure") == "yes",
         machine=machine,
         told=report + parts.get("Critique", ""),
         broken=tuple((int(a), int(b), float(t)) for a, b, t in _BROKEN.findall(report)),

@@ -17,45 +17,32 @@ from agentflow.machine.geometry import Geometry, Placed, PlacedFace, place
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
-TRIES = 200
 Spot = tuple[Placed, PlacedFace]
-LONG = 1.5
-"""Least distance between the ends of a two-ended block, m."""
+TRIES = 200
+LONG = 1.5  # least distance between the ends of a two-ended block, m
 
 
-def refine(facts: Facts, chance: random.Random) -> str:
+def refine(facts: Facts, machine: Machine, chance: random.Random) -> str:
     """One or two changes that fit the symptoms."""
-    assert facts.machine is not None
-    book = data("refining.yaml")
-    script: list[str] = []
-    names = []
-    for _ in range(chance.choice((1, 1, 2))):
-        script, name = _changed(facts, facts.machine, book["rules"], script, chance)
-        names.append(name)
-    machine = apply_script(facts.machine, "\n".join(script), facts.brief).machine
-    seen = {words for rule in book["rules"] for words in rule["seen"] if words in facts.told}
-    return str(book["reply"]).format(
-        seen=", ".join(sorted(seen)) or "nothing I know of",
-        names=", then ".join(names),
-        body=f"```json\n{machine.to_text()}\n```" if facts.whole else "\n".join(script),
-    )
-
-
-def _changed(
-    facts: Facts, machine: Machine, rules: list[Any], script: list[str], chance: random.Random
-) -> tuple[list[str], str]:
-    """The script with one more change that works, and its name; as it was if none is found."""
-    geometry = place(machine)
+    book, geometry = data("refining.yaml"), place(machine)
     purpose = "throw" if BOULDER in facts.brief.required else "drive"
-    weights = [
-        r[purpose] and r[purpose] + 2 * sum(w in facts.told for w in r["seen"]) for r in rules
-    ]
+    rules = [rule for rule in book["rules"] if rule[purpose]]
+    weights = [rule[purpose] + 2 * sum(w in facts.told for w in rule["seen"]) for rule in rules]
+    script: list[str] = []
+    names: list[str] = []
+    wanted = chance.choice((1, 1, 2))
     for _ in range(TRIES):
         rule = chance.choices(rules, weights)[0]
-        longer = [*script, *_offer(rule, facts, geometry, chance)]
-        if len(longer) > len(script) and _works(facts, machine, longer):
-            return longer, rule["name"]
-    return script, "nothing more"
+        change = _offer(rule, facts, geometry, chance)
+        if len(names) < wanted and change and _works(facts, machine, [*script, *change]):
+            script, names = [*script, *change], [*names, rule["name"]]
+    edited = apply_script(machine, "\n".join(script), facts.brief).machine
+    seen = {words for rule in rules for words in rule["seen"] if words in facts.told}
+    return str(book["reply"]).format(
+        seen=", ".join(sorted(seen)) or "nothing I know of",
+        names=", then ".join(names) or "nothing that works",
+        body=f"```json\n{edited.to_text()}\n```" if facts.whole else "\n".join(script),
+    )
 
 
 def _offer(rule: Any, facts: Facts, geometry: Geometry, chance: random.Random) -> list[str]:
@@ -65,15 +52,15 @@ def _offer(rule: Any, facts: Facts, geometry: Geometry, chance: random.Random) -
     spots, adds = _spots(rule["at"], geometry), rule["do"] in ("Add", "Join")
     if not (spots and kinds and (blocks or adds)):
         return []
-    kind, spot, foot = (
-        chance.choice(kinds),
-        chance.choice(spots),
-        chance.choice(_spots("still", geometry)),
-    )
-    if adds:
+    kind, spot = chance.choice(kinds), chance.choice(spots)
+    if rule["do"] == "Join":
+        foot = chance.choice(_spots("still", geometry))
         far = span(spot[1].position, foot[1].position) > LONG
-        joined = [f"Add {kind} {_at(spot)} {_at(foot)}"] if far else []
-        return joined if rule["do"] == "Join" else _mirrored(kind, spot, spots)
+        return [f"Add {kind} {_at(spot)} {_at(foot)}"] if far else []
+    if rule["do"] == "Add":  # and its like on the other side, where there is a face for it
+        x, y, z = spot[1].position
+        twins = [twin for twin in spots if twin[1].position == (-x, y, z) and x]
+        return [f"Add {kind} {_at(each)}" for each in (spot, *twins[:1])]
     block = chance.choice(blocks)
     again = [f"Add {kind} to {block.step.parent} in {block.step.face_id}"]
     move = [f"Move {block.id} {_at(spot)}"]
@@ -83,13 +70,6 @@ def _offer(rule: Any, facts: Facts, geometry: Geometry, chance: random.Random) -
 
 def _at(spot: Spot) -> str:
     return f"to {spot[0].id} in {spot[1].face_id}"
-
-
-def _mirrored(kind: int, spot: Spot, spots: list[Spot]) -> list[str]:
-    """Add a block, and its like on the other side where there is a face for it."""
-    x, y, z = spot[1].position
-    twins = [twin for twin in spots if twin[1].position == (-x, y, z) and x]
-    return [f"Add {kind} {_at(each)}" for each in (spot, *twins[:1])]
 
 
 def _spots(where: str, geometry: Geometry) -> list[Spot]:
