@@ -1,0 +1,69 @@
+import json
+from pathlib import Path
+
+import pytest
+
+import agentflow.machine
+from agentflow.errors import UnknownNameError
+from agentflow.machine.blocks import Blade, Face, library, load_library
+
+ENTRIES = json.loads(
+    Path(agentflow.machine.__file__).with_name("blocks.json").read_text(encoding="utf-8")
+)
+
+
+def test_the_library_holds_27_core_and_8_extended_types() -> None:
+    assert len(library().core) == 27
+    assert library().extended == (4, 14, 26, 38, 39, 45, 51, 55)
+    assert list(library()) == sorted(library())
+
+
+def test_a_log() -> None:
+    log = library()[63]
+    assert (log.name, log.size, log.mass) == ("Log", (1.0, 1.0, 3.0), 1.0)
+    assert len(log.faces) == 13
+    assert log.faces[6] == Face(6, (0.5, 0.0, 2.5), "Right")
+
+
+def test_special_numbers() -> None:
+    assert library()[5].swing == ("Up", "Down")
+    assert library()[5].angle_deg == (-90.0, 90.0)
+    assert library()[14].thrust == 100.0
+    assert library()[26].blade == Blade(23.07, 0.015, 30)
+    assert library()[51].pitch_radius == 2.5
+    assert library()[27].grip_direction == "Front"
+    assert [kind for kind, block in library().items() if block.linear] == [7, 9, 45]
+    assert [kind for kind, block in library().items() if block.powered_wheel] == [2, 46]
+
+
+def test_finding_by_name_or_id() -> None:
+    assert library().find(63).type == 63
+    assert library().find(" 63 ").type == 63
+    assert library().find("large powered-wheel").type == 46
+
+
+def test_an_unknown_type_names_the_nearest() -> None:
+    with pytest.raises(UnknownNameError, match=r"^unknown block type '64'; known: 63 \(Log\), 60"):
+        library().find(64)
+    with pytest.raises(UnknownNameError, match=r"^unknown block type 'Logg'; known: Log, "):
+        library().find("Logg")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"size_xyz": None}, "block type 63: wrong or missing field"),
+        ({"mass": 0}, r"block type 63 \(Log\): mass must be positive"),
+        ({"faces": [{"id": 1, "position": [0, 0, 0], "direction": "Up"}]}, "face ids must count"),
+        ({"faces": [{"id": 0, "position": [0, 0, 0], "direction": "Top"}]}, "face directions are"),
+    ],
+)
+def test_a_wrong_entry_is_refused(change: dict[str, object], message: str) -> None:
+    entry = next(entry for entry in ENTRIES if entry["type"] == 63)
+    with pytest.raises(ValueError, match=message):
+        load_library([{**entry, **change}])
+
+
+def test_a_type_defined_twice_is_refused() -> None:
+    with pytest.raises(ValueError, match="block type 0 is defined twice"):
+        load_library([ENTRIES[0], ENTRIES[0]])

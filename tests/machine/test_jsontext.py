@@ -1,0 +1,111 @@
+import time
+
+import pytest
+
+from agentflow.machine import extract_json
+
+BLOCK = '{"type": 0, "id": 0, "parent": -1, "face_id": -1}'
+A, B = '[{"a": 1}]', '[{"b": 2}]'
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        (A, [{"a": 1}]),
+        (f"  {A}\n", [{"a": 1}]),
+        (f"```json\n{A}\n```", [{"a": 1}]),
+        (f"```JSON\n{A}\n```", [{"a": 1}]),
+        (f"```\n{A}\n```", [{"a": 1}]),
+        (f"~~~json\n{A}\n~~~", [{"a": 1}]),
+        (f"````json\n{A}\n````", [{"a": 1}]),
+        (f"```json {A} ```", [{"a": 1}]),
+        (f'```json title="machine"\n{A}\n```', [{"a": 1}]),
+        (f"Here it is:\n```json\n{A}\n```\nDoes [it] help?", [{"a": 1}]),
+        (f"```json\n{A}\n```\nno, rather\n```json\n{B}\n```", [{"b": 2}]),
+        (f"```json\n{A}\n```\nwith the command\n```\nAdd 1 to 2 in 3\n```", [{"a": 1}]),
+        (f'```json\n{A}\n```\n```json\n{{"c": 3}}\n```', [{"a": 1}]),
+        (f"```json\n{A}", [{"a": 1}]),
+        (f"I think of {A} here.", [{"a": 1}]),
+        (f"First {A}, then {B}.", [{"b": 2}]),
+        ("```json\n[]\n```", []),
+    ],
+)
+def test_strict_json_is_found_and_not_repaired(text: str, value: object) -> None:
+    found = extract_json(text, list)
+    assert (found.value, found.repaired, found.problem) == (value, False, "")
+
+
+@pytest.mark.parametrize(
+    "inner",
+    [
+        '[{"a": 1, "b": [2, 3]},]',
+        '[{"a": 1, "b": [2, 3],}]',
+        '[{"a": 1 "b": [2, 3]}]',
+        '[{"a": 1, // the first\n "b": [2, 3]} // all\n]',
+        "[{'a': 1, 'b': [2, 3]}]",
+        "[{a: 1, b: [2, 3]}]",
+        '[{"a": 1, "b": [2, 3]}',
+        'machine = [{"a": 1, "b": [2, 3],}]',
+        '[{"a": 1, "b": [2 3]}]',
+    ],
+)
+@pytest.mark.parametrize("around", ["```json\n{}\n```", "{}", "So:\n{}\n"])
+def test_what_models_really_send_is_repaired(inner: str, around: str) -> None:
+    found = extract_json(around.replace("{}", inner), list)
+    assert (found.value, found.repaired) == ([{"a": 1, "b": [2, 3]}], True)
+
+
+def test_strict_parsing_comes_before_repair() -> None:
+    found = extract_json(f"```json\n{A}\n```\n```json\n{B[:-1]},]\n```", list)
+    assert (found.value, found.repaired) == ([{"a": 1}], False)
+
+
+def test_what_accept_refuses_is_passed_over() -> None:
+    text = f"```json\n{A}\n```\n```json\n{B}\n```"
+    assert extract_json(text, list, lambda value: "a" in value[0]).value == [{"a": 1}]
+
+
+def test_objects() -> None:
+    assert extract_json('So: {"a": {"b": 1}} and [2].', dict).value == {"a": {"b": 1}}
+    assert extract_json("```json\n{'a': 1}\n```", dict).value == {"a": 1}
+
+
+@pytest.mark.parametrize(
+    "text", ["", "no", "```json\n```", "[", "]", "{}", "[1", "```", "NaN", '"']
+)
+def test_nothing_found_is_a_sentence(text: str) -> None:
+    found = extract_json(text, list, lambda value: value == "never")
+    assert found.value is None
+    assert found.problem == "no JSON list found; write it in full inside one ```json fence"
+    assert "JSON object" in extract_json("", dict).problem
+
+
+HOSTILE = (
+    "[" * 100_000,
+    "{" * 100_000,
+    '[{"a":' * 16_000,
+    '"' * 100_000,
+    "'" * 100_000,
+    "`" * 100_000,
+    "```json\n" * 12_000,
+    '[ it\'s a "word" of ' * 5_000,
+    " " * 100_000,
+    "[//" * 33_000,
+    "[/*" * 33_000,
+    '["' + "\\" * 100_000,
+    "[" + "1" * 100_000,
+    "[]" * 50_000,
+    "[{,]" * 25_000,
+    '[:":"' * 20_000,
+    BLOCK * 2_000,
+    f"[{BLOCK * 2_000}",
+    "[" + '{"type": 1 "id": 2} ' * 600,
+)
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_hostile_text_takes_linear_time(text: str) -> None:
+    start = time.process_time()
+    extract_json(text, list)
+    extract_json(text, dict)
+    assert time.process_time() - start < 1.0
