@@ -295,5 +295,4 @@ _RULES = (
     "carried, rolls, is pushed along or never leaves the machine scores 0.",
     f"The throw counts only when the Starting Block is not within {NEAR:.0%} of the distance of "
     "the boulder when it lands.",
-    "The machine must have exactly one boulder.",
 )
