@@ -11,15 +11,10 @@ import random
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.procedural.designing import design, plan
 from agentflow.llm.procedural.inspecting import inspect, query
+from agentflow.llm.procedural.mechanisms import data
 from agentflow.llm.procedural.reading import read_facts
 from agentflow.llm.procedural.refining import refine
 
-__all__ = ["ProceduralClient"]
-
-_APOLOGY = (
-    "Sorry, this prompt asks for nothing that I can do. I am a procedural designer and no language "
-    "model: I answer the prompts of the machine-design roles only."
-)
 _BUILDING = {"meta_designer": plan, "designer": design}
 _JUDGING = {"inspector": inspect, "querier": query, "refiner": refine}
 
@@ -35,7 +30,7 @@ class ProceduralClient:
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; what cannot be read is answered with an apology."""
-        facts, text = read_facts(request.messages), _APOLOGY
+        facts, text = read_facts(request.messages), str(data("replies.yaml")["apology"])
         told = [f"{message.role}\0{message.text}" for message in request.messages]
         key = "\0".join([str(self._seed), str(request.sampling.seed), request.label, *told])
         chance = random.Random(hashlib.sha256(key.encode(errors="replace")).digest())

@@ -29,21 +29,20 @@ def plan(facts: Facts, chance: random.Random) -> str:
     lacking = set(facts.brief.required).difference(*types.values())
     if lacking:
         types["Payload"] = sorted(lacking)[:MOST_TYPES]
-    design, structures = [], {}
+    told, structures, points = [], {}, [mechanism["idea"]]
     for name, kinds in types.items():
         part = parts.get(name, parts[LOOSE])
-        told = [f"{key} {chance.randint(a, (a + b) // 2)} to {chance.randint((a + b + 1) // 2, b)}"
+        dims = [f"{key} {chance.randint(a, (a + b) // 2)} to {chance.randint((a + b + 1) // 2, b)}"
                 for key, (a, b) in part["dims"].items()]  # fmt: skip
-        guidance = f"{part['guidance']} Counted in blocks: {', '.join(told)}."
+        words = part["guidance"]
+        told.append(
+            {"function_name": name, "description": words, "related_function_points": points}
+        )
+        guidance = f"{words} Counted in blocks: {', '.join(dims)}."
         structures[name] = {"type": kinds, "guidance": guidance}
-        design.append({"function_name": name, "description": part["guidance"]})
-    blueprint = {
-        "definition": f"{mechanism['name']}: {mechanism['idea']}",
-        "function_points": [mechanism["idea"]],
-        "design_structure": [{**d, "related_function_points": [mechanism["idea"]]} for d in design],
-        "build_order": list(types),
-        "machine_structure": structures,
-    }
+    definition = f"{mechanism['name']}: {mechanism['idea']}"
+    blueprint = {"definition": definition, "function_points": points, "design_structure": told,
+                 "build_order": list(types), "machine_structure": structures}  # fmt: skip
     return f"{mechanism['idea']}\n```json\n{json.dumps(blueprint, indent=1)}\n```"
 
 
@@ -58,12 +57,11 @@ def _types(slots: list[list[int]], facts: Facts, chance: random.Random) -> list[
 def design(facts: Facts, chance: random.Random) -> str:
     """The machine with one structure more, or with a whole mechanism."""
     parts = data("mechanisms.yaml")["parts"]
-    names = (
-        [_known(facts, parts)] if facts.structure else chance.choice(suited(facts.brief))["parts"]
-    )
+    whole = chance.choice(suited(facts.brief))["parts"]
+    names = [_known(facts, parts)] if facts.structure else whole
     start = len(facts.machine) if facts.machine else 1
     for attempt in range(TRIES):
-        growth = Growth(facts.machine, facts.types, facts.brief, chance)
+        growth = Growth(facts, chance)
         told = []
         for name in names:
             ranges = parts[name]["dims"].items()
@@ -97,5 +95,5 @@ def _drawn(name: str, own: tuple[int, int], guidance: str, chance: random.Random
 def _known(facts: Facts, parts: dict[str, Any]) -> str:
     """The part of the structure's name, else the one whose main types it has most of."""
     shared = {name: len(facts.types.intersection(part["slots"][0])) for name, part in parts.items()}
-    best = max(shared, key=lambda name: shared[name])
-    return facts.structure if facts.structure in parts else best if shared[best] else LOOSE
+    best = max(parts, key=lambda name: (shared[name], name == LOOSE))
+    return facts.structure if facts.structure in parts else best

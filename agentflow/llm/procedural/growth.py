@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
+from math import dist
 
+from agentflow.llm.procedural.reading import Facts
 from agentflow.machine.blocks import STARTING_BLOCK, library
-from agentflow.machine.brief import Brief
 from agentflow.machine.geometry import Geometry, PlacedFace, place
 from agentflow.machine.tree import ROOT, Machine, Step
 
@@ -17,13 +18,11 @@ from agentflow.machine.tree import ROOT, Machine, Step
 class Growth:
     """A machine that only ever grows, and only validly: what does not fit is not added."""
 
-    def __init__(
-        self, machine: Machine | None, types: frozenset[int], brief: Brief, chance: random.Random
-    ) -> None:
-        """Start from a machine, or from the root; only `types` are added."""
-        self.machine = machine or Machine((ROOT,))
+    def __init__(self, facts: Facts, chance: random.Random) -> None:
+        """Start from the machine of a prompt, or from the root; only its types are added."""
+        self.machine = facts.machine or Machine((ROOT,))
         self.geometry = place(self.machine)
-        self.types, self.chance, self._brief = types, chance, brief
+        self.types, self.chance, self._brief = facts.types, chance, facts.brief
 
     def choose(self, *wanted: Sequence[int]) -> int | None:
         """A usable type, by chance, of the first of these groups that has any."""
@@ -49,7 +48,7 @@ class Growth:
         """Hang a type on a face that looks `towards`, `skip` faces before the parent's far end."""
         back = self.geometry[parent].origin
         faces = free(self.geometry, parent, towards)
-        faces.sort(key=lambda face: -span(back, face.position))
+        faces.sort(key=lambda face: -dist(back, face.position))
         return self.add(kind, (parent, faces[min(skip, len(faces) - 1)].face_id)) if faces else None
 
     def chain(self, kind: int | None, parent: int, towards: str, count: int) -> int:
@@ -58,10 +57,6 @@ class Growth:
             added = self.hang(kind, parent, towards)
             parent = parent if added is None else added
         return parent
-
-    def last(self, *kinds: int) -> int:
-        """The latest block of these types; the root if there is none."""
-        return max((step.id for step in self.machine if step.type in kinds), default=0)
 
 
 def free(geometry: Geometry, block: int, towards: str = "") -> list[PlacedFace]:
@@ -83,8 +78,3 @@ def locked(geometry: Geometry) -> bool:
     """Whether a closed loop bridges a moving joint, which locks it."""
     group = clusters(geometry) if geometry.auto_connections else ()
     return any(group[loop.block] != group[loop.partner] for loop in geometry.auto_connections)
-
-
-def span(a: Sequence[float], b: Sequence[float]) -> float:
-    """Sum of the distances along x, y, z, m."""
-    return sum(abs(x - y) for x, y in zip(a, b, strict=True))

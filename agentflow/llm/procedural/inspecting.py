@@ -32,7 +32,7 @@ def inspect(facts: Facts, machine: Machine, chance: random.Random) -> str:  # no
     defects = [f"- blocks {', '.join(map(str, blocks))} | structure none | {text}"
                for blocks, text in _defects(geometry)]  # fmt: skip
     idle = [f"block {b} on block {machine[b].parent}" for b in _idle(geometry)]
-    return str(data("inspecting.yaml")["inspection"]).format(
+    return str(data("replies.yaml")["inspection"]).format(
         world="\n".join(f"{word}: {block.id}" for word, block in reach.items()),
         moving=_named(geometry, *JOINTS, SPRING, *WHEELS),
         special=_named(geometry, BALLAST, CONTAINER, BOULDER),
@@ -91,5 +91,5 @@ def query(facts: Facts, machine: Machine, chance: random.Random) -> str:
     queries = [{"id": b, "duration": [start, end], "properties": ["position", "velocity"]}
                for b, start, end in asked if b < len(machine)]  # fmt: skip
     thought = "What broke shows the weak place." if facts.broken else "Nothing is told to break."
-    reply = str(data("inspecting.yaml")["inquiry"])
+    reply = str(data("replies.yaml")["inquiry"])
     return reply.format(thought=thought, queries=json.dumps(queries))

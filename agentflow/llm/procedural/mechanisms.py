@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from itertools import product
+from math import hypot
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from agentflow.llm.procedural.growth import Growth, free, span
+from agentflow.llm.procedural.growth import Growth, free
 from agentflow.machine.blocks import BOULDER, CONTAINER, library
 from agentflow.machine.brief import Brief
 
@@ -32,9 +34,8 @@ def suited(brief: Brief) -> list[Any]:
     """The mechanisms that serve a task and can be built from its blocks; at least one."""
     book, blocks = data("mechanisms.yaml"), {*brief.blocks}
     main = {name: {*part["slots"][0]} for name, part in book["parts"].items()}
-    able = [
-        m for m in book["mechanisms"] if all(main[p] & blocks or not main[p] for p in m["parts"])
-    ]
+    fits = {name: not types or bool(types & blocks) for name, types in main.items()}
+    able = [m for m in book["mechanisms"] if all(fits[name] for name in m["parts"])]
     purposes = ("throw", "drive", "stand") if BOULDER in brief.required else ("drive", "stand")
     return next(filter(None, ([m for m in able if m["purpose"] == p] for p in purposes)))
 
@@ -62,15 +63,14 @@ def _hinge_tower(g: Growth, dims: Dims) -> None:
 
 def _pivot(g: Growth) -> int:
     """What the arm hangs on: the joint, or the spacer on its front."""
-    joint = g.last(*JOINTS)
+    joint = max((step.id for step in g.machine if step.type in JOINTS), default=0)
     spacers = [b for b in g.geometry.children(joint) if g.geometry[b].facing == "x+" and joint]
-    return spacers[0] if spacers else joint
+    return max(spacers, default=joint)
 
 
 def _arm(g: Growth, dims: Dims) -> None:
     pivot = _pivot(g)
-    if g.machine[pivot].type == HINGE:
-        g.hang(g.choose(BEAMS, SPARE), pivot, "z+")
+    g.chain(g.choose(BEAMS, SPARE), pivot, "z+", int(g.machine[pivot].type == HINGE))
     arm = g.chain(g.choose(BEAMS, SPARE), pivot, "z-", dims["segments"])
     mouth = "z-" if dims["container"] > 1 else "y+"
     box = g.hang(g.choose((CONTAINER,)), arm, mouth) if dims["container"] else None
@@ -78,8 +78,8 @@ def _arm(g: Growth, dims: Dims) -> None:
 
 
 def _counterweight(g: Growth, dims: Dims) -> None:
-    lever = g.hang(g.choose((CUBE, *BEAMS)), _pivot(g), "z+")
-    g.chain(g.choose((BALLAST,)), _pivot(g) if lever is None else lever, "z+", dims["weights"])
+    lever = g.chain(g.choose((CUBE, *BEAMS)), _pivot(g), "z+", 1)
+    g.chain(g.choose((BALLAST,)), lever, "z+", dims["weights"])
 
 
 def _springs(g: Growth, dims: Dims) -> None:
@@ -97,9 +97,8 @@ def _springs(g: Growth, dims: Dims) -> None:
 def _chassis(g: Growth, dims: Dims) -> None:
     beam = g.choose((*BEAMS, *SPARE))
     ends = [g.chain(beam, 0, "z+", dims["ahead"]), g.chain(beam, 0, "z-", dims["behind"])]
-    for end in ends:
-        g.chain(beam, end, "x+", dims["cross beams"])
-        g.chain(beam, end, "x-", dims["cross beams"])
+    for end, side in product(ends, ("x+", "x-")):
+        g.chain(beam, end, side, dims["cross beams"])
     for end in ends[: dims["ballast"]]:
         g.hang(g.choose((BALLAST,)), end, "y+")
 
@@ -109,7 +108,7 @@ def _wheels(g: Growth, dims: Dims) -> None:
     faces = [(b.id, f) for b in g.geometry.blocks for f in free(g.geometry, b.id, "x")]
     spots = {(f.position, f.facing): (b, f.face_id) for b, f in faces if abs(f.position[1]) < 0.6}
     wheel, axles = g.choose(WHEELS), 0
-    for (x, y, z), facing in sorted(spots, key=lambda spot: -span(spot[0], (0, 0, 0))):
+    for (x, y, z), facing in sorted(spots, key=lambda spot: -hypot(*spot[0])):
         twin = spots.get(((-x, y, z), "x-"))
         if facing == "x+" and twin and axles < dims["axles"]:
             right = g.add(wheel, spots[(x, y, z), facing])
@@ -123,8 +122,6 @@ def _anything(g: Growth, dims: Dims) -> None:
         g.add(g.choose(kinds), g.chance.choice(spots or [(0, 0)]))
 
 
-_PARTS = (
-    _base, _motor_tower, _hinge_tower, _arm, _counterweight, _springs, _chassis, _wheels, _anything
-)  # fmt: skip
-RULES = {rule.__name__[1:]: rule for rule in _PARTS}
+RULES = {rule.__name__[1:]: rule for rule in (_base, _motor_tower, _hinge_tower, _arm, _chassis,
+         _counterweight, _springs, _wheels, _anything)}  # fmt: skip
 """How a part is added to what stands, by the name in mechanisms.yaml."""

@@ -11,27 +11,22 @@ from dataclasses import dataclass
 
 from agentflow.llm.messages import Message
 from agentflow.machine.blocks import library
-from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.brief import Brief
 from agentflow.machine.parse import read_machine
-from agentflow.machine.tree import ROOT, Machine
+from agentflow.machine.tree import Machine
 
-_ASKED = {
-    "machine_structure": "meta_designer",
-    "<Three-Dimensional Perception of the World>": "inspector",
-    "<Required Feedback>": "querier",
-    "<Modification Steps>": "refiner",
-    "First the rationale": "designer",
-}
+_ASKED = {"machine_structure": "meta_designer", "First the rationale": "designer",
+          "<Three-Dimensional Perception of the World>": "inspector",
+          "<Required Feedback>": "querier", "<Modification Steps>": "refiner"}  # fmt: skip
 """Words of a demanded reply format -> role that is asked."""
-_NUMBER = r"(\d{1,6}(?:\.\d{1,6})?)"
+_NUMBER = r"(-?\d{1,6}(?:\.\d{1,6})?)"
 _HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
 _ROW = re.compile(r"^\| *([0-9]{1,6}) *\|", re.MULTILINE)
 _REQUIRED = re.compile(r"exactly (\w{1,9}) [^()\n]*\(type (\d{1,6})\)")
-_LIMIT = re.compile(rf"{_NUMBER} m along x, {_NUMBER} m along y and {_NUMBER} m along z")
 _BROKEN = re.compile(rf"block (\d{{1,6}}) \([^()\n]*\) off block (\d{{1,6}}) at {_NUMBER} s")
 _COMMAND = re.compile(r"(?:add|remove|move) ?[\d\[][\d\[\] toin]*", re.IGNORECASE)
 _ENTRY = re.compile(r"^(?:> ?)?\d{1,6}\. ", re.MULTILINE)
-_CHANGE = re.compile(rf"(-?){_NUMBER} -> (-?){_NUMBER}")
+_CHANGE = re.compile(rf"{_NUMBER} -> {_NUMBER}")
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six")
 
 
@@ -66,7 +61,7 @@ def read_facts(messages: Sequence[Message]) -> Facts | None:
     report = parts.get("Simulation feedback", "")
     return Facts(
         role=role,
-        brief=_brief(parts.get("Task", ""), types, "\n".join(m.text for m in messages)),
+        brief=_brief(parts.get("Task", ""), types),
         structure=_line(now, "Name"),
         guidance=now.partition("Guidance:")[2] + parts.get("Rationale to follow", ""),
         types=types & listed if now else types,
@@ -88,28 +83,20 @@ def _line(text: str, key: str) -> str:
     return found[1].strip() if found else ""
 
 
-def _brief(task: str, types: frozenset[int], text: str) -> Brief:
-    """As much of the brief as validity needs."""
-    limit = _LIMIT.search(text)
-    required = {
-        int(kind): _COUNTS.index(count)
-        for count, kind in _REQUIRED.findall(task)
-        if count in _COUNTS and int(kind) in types
-    }
-    size = (float(limit[1]), float(limit[2]), float(limit[3])) if limit else SIZE_LIMIT
-    blocks = tuple(sorted(types | {ROOT.type}))
-    return Brief(_line(task, "Task"), "", (), (), (), blocks, required, size)
+def _brief(task: str, types: frozenset[int]) -> Brief:
+    """As much of the brief as validity needs; the building volume is the same for all tasks."""
+    found = [(int(kind), count) for count, kind in _REQUIRED.findall(task) if count in _COUNTS]
+    required = {kind: _COUNTS.index(count) for kind, count in found if kind in types}
+    return Brief(_line(task, "Task"), "", (), (), (), (0, *sorted(types - {0})), required)
 
 
 def _failures(parts: Mapping[str, str], messages: Sequence[Message]) -> frozenset[str]:
     """Lines marked Error, and the scripts of edits that failed or did not raise the score."""
     told = [parts.get("Earlier attempts", ""), *(message.text for message in messages[2:])]
-    lines = [line for text in told for line in text.splitlines() if ": Error" in line]
-    failed = [plain(_COMMAND.findall(line)[:1]) for line in lines]
+    lines = "\n".join(told).splitlines()
+    failed = [plain(_COMMAND.findall(line)[:1]) for line in lines if ": Error" in line]
     for entry in _ENTRY.split(parts.get("Edit history", "")):
         change = _CHANGE.search(entry)
-        if "Error" in entry or (
-            change and float(change[3] + change[4]) <= float(change[1] + change[2])
-        ):
+        if "Error" in entry or (change and float(change[2]) <= float(change[1])):
             failed.append(plain(_COMMAND.findall(entry)))
     return frozenset(failed)

@@ -6,9 +6,10 @@ Seeing what is wrong before a simulation is inspecting.py's.
 from __future__ import annotations
 
 import random
+from math import dist
 from typing import Any
 
-from agentflow.llm.procedural.growth import clusters, locked, span
+from agentflow.llm.procedural.growth import clusters, locked
 from agentflow.llm.procedural.mechanisms import WHEELS, data
 from agentflow.llm.procedural.reading import Facts, plain
 from agentflow.machine.blocks import BOULDER, CONTAINER
@@ -24,21 +25,20 @@ LONG = 1.5  # least distance between the ends of a two-ended block, m
 
 def refine(facts: Facts, machine: Machine, chance: random.Random) -> str:
     """One or two changes that fit the symptoms."""
-    book, geometry = data("refining.yaml"), place(machine)
+    geometry = place(machine)
     purpose = "throw" if BOULDER in facts.brief.required else "drive"
-    rules = [rule for rule in book["rules"] if rule[purpose]]
+    rules = [rule for rule in data("refining.yaml") if rule[purpose]]
     weights = [rule[purpose] + 2 * sum(w in facts.told for w in rule["seen"]) for rule in rules]
     script: list[str] = []
     names: list[str] = []
     wanted = chance.choice((1, 1, 2))
-    for _ in range(TRIES):
-        rule = chance.choices(rules, weights)[0]
-        change = _offer(rule, facts, geometry, chance)
-        if len(names) < wanted and change and _works(facts, machine, [*script, *change]):
+    for rule in chance.choices(rules, weights, k=TRIES):
+        change = _offer(rule, facts, geometry, chance) if len(names) < wanted else []
+        if change and _works(facts, machine, [*script, *change]):
             script, names = [*script, *change], [*names, rule["name"]]
     edited = apply_script(machine, "\n".join(script), facts.brief).machine
     seen = {words for rule in rules for words in rule["seen"] if words in facts.told}
-    return str(book["reply"]).format(
+    return str(data("replies.yaml")["refinement"]).format(
         seen=", ".join(sorted(seen)) or "nothing I know of",
         names=", then ".join(names) or "nothing that works",
         body=f"```json\n{edited.to_text()}\n```" if facts.whole else "\n".join(script),
@@ -55,7 +55,7 @@ def _offer(rule: Any, facts: Facts, geometry: Geometry, chance: random.Random) -
     kind, spot = chance.choice(kinds), chance.choice(spots)
     if rule["do"] == "Join":
         foot = chance.choice(_spots("still", geometry))
-        far = span(spot[1].position, foot[1].position) > LONG
+        far = dist(spot[1].position, foot[1].position) > LONG
         return [f"Add {kind} {_at(spot)} {_at(foot)}"] if far else []
     if rule["do"] == "Add":  # and its like on the other side, where there is a face for it
         x, y, z = spot[1].position
