@@ -22,7 +22,8 @@ from agentflow.runs import Event, Listener
 
 Say = Callable[[str], None]
 BARS = "▁▂▃▄▅▆▇█"
-STAGES = ("initial", "blind_refinement", "env_feedback")
+BOOKKEEPING = {"refill", "beam", "candidate", "select", "expand", "node", "back_up", "query"}
+"""Events of the record that repeat, for a reader, what an attempt or an evaluation has said."""
 
 
 @contextmanager
@@ -143,9 +144,8 @@ def _first_line(text: str) -> str:
 
 
 def _print_event(event: Event) -> None:
-    line = _line(event)
-    if line:
-        print(line, file=sys.stderr, flush=True)
+    if event.kind not in BOOKKEEPING:
+        print(_line(event), file=sys.stderr, flush=True)
 
 
 def _line(event: Event) -> str:
