@@ -8,18 +8,14 @@ from __future__ import annotations
 import json
 import random
 import re
-from typing import Any
 
-from agentflow.llm.procedural.growth import Growth
-from agentflow.llm.procedural.mechanisms import RULES, data, suited
+from agentflow.llm.procedural.mechanisms import RULES, Growth, data, suited
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine.blocks import library
 from agentflow.machine.validity import check
 
 LOOSE = "Frame"  # the part that takes any types
-TRIES = 20  # drafts of a structure; the first valid one is the answer
-MOST_TYPES = 3  # per structure (spec 4.2)
-MOST_BLOCKS = 20  # greatest dimension that is taken from foreign guidance
+TRIES, MOST_TYPES, MOST_BLOCKS = 20, 3, 20  # drafts; per structure (spec 4.2); per dimension
 
 
 def plan(facts: Facts, chance: random.Random) -> str:
@@ -40,25 +36,26 @@ def plan(facts: Facts, chance: random.Random) -> str:
         )
         guidance = f"{words} Counted in blocks: {', '.join(dims)}."
         structures[name] = {"type": kinds, "guidance": guidance}
-    definition = f"{mechanism['name']}: {mechanism['idea']}"
-    blueprint = {"definition": definition, "function_points": points, "design_structure": told,
-                 "build_order": list(types), "machine_structure": structures}  # fmt: skip
+    blueprint = {"definition": f"{mechanism['name']}: {points[0]}", "function_points": points,
+                 "design_structure": told, "build_order": list(types),
+                 "machine_structure": structures}  # fmt: skip
     return f"{mechanism['idea']}\n```json\n{json.dumps(blueprint, indent=1)}\n```"
 
 
 def _types(slots: list[list[int]], facts: Facts, chance: random.Random) -> list[int]:
     """One allowed type per slot, at most three; the root's where nothing else is left."""
     blocks = [kind for kind in facts.brief.blocks if kind and not library()[kind].linear]
-    slots = slots if slots[0] else [blocks] * MOST_TYPES
-    fills = [[kind for kind in slot if kind in facts.brief.blocks] for slot in slots]
+    usable = slots if slots[0] else [blocks] * MOST_TYPES
+    fills = [[kind for kind in slot if kind in facts.brief.blocks] for slot in usable]
     return list(dict.fromkeys(chance.choice(fill) for fill in fills if fill)) or [0]
 
 
 def design(facts: Facts, chance: random.Random) -> str:
     """The machine with one structure more, or with a whole mechanism."""
     parts = data("mechanisms.yaml")["parts"]
-    whole = chance.choice(suited(facts.brief))["parts"]
-    names = [_known(facts, parts)] if facts.structure else whole
+    shared = {name: len(facts.types.intersection(part["slots"][0])) for name, part in parts.items()}
+    likely = max(parts, key=lambda name: (name == facts.structure, shared[name], name == LOOSE))
+    names = [likely] if facts.structure else chance.choice(suited(facts.brief))["parts"]
     start = len(facts.machine) if facts.machine else 1
     for attempt in range(TRIES):
         growth = Growth(facts, chance)
@@ -71,8 +68,7 @@ def design(facts: Facts, chance: random.Random) -> str:
             told.append(f"{name}: {', '.join(f'{key} {value}' for key, value in dims.items())}.")
         if _done(growth, [parts[name]["slots"][0] for name in names], start, facts):
             break
-    words = f"{len(growth.machine) - start} blocks more. {' '.join(told)}"
-    return f"{words}\n```json\n{growth.machine.to_text()}\n```"
+    return f"Counted in blocks: {' '.join(told)}\n```json\n{growth.machine.to_text()}\n```"
 
 
 def _done(growth: Growth, slots: list[list[int]], start: int, facts: Facts) -> bool:
@@ -90,10 +86,3 @@ def _drawn(name: str, own: tuple[int, int], guidance: str, chance: random.Random
     told = re.findall(pattern, guidance)[-1:]
     ends = sorted((int(told[0][0]), int(told[0][1] or told[0][0]))) if told else own
     return min(MOST_BLOCKS, chance.randint(*ends))
-
-
-def _known(facts: Facts, parts: dict[str, Any]) -> str:
-    """The part of the structure's name, else the one whose main types it has most of."""
-    shared = {name: len(facts.types.intersection(part["slots"][0])) for name, part in parts.items()}
-    best = max(parts, key=lambda name: (shared[name], name == LOOSE))
-    return facts.structure if facts.structure in parts else best

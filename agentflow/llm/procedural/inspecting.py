@@ -9,17 +9,11 @@ import json
 import random
 from collections.abc import Iterator
 
-from agentflow.llm.procedural.growth import clusters
-from agentflow.llm.procedural.mechanisms import BALLAST, JOINTS, RIGID, SPRING, WHEELS, data
+from agentflow.llm.procedural.mechanisms import JOINTS, LOADS, MOVERS, RIGID, WHEELS, clusters, data
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine.balance import centre_of_mass, stands, support_polygon
-from agentflow.machine.blocks import BOULDER, CONTAINER
 from agentflow.machine.geometry import Geometry, place
 from agentflow.machine.tree import Machine
-
-_EXTREMES = {"frontmost": (2, 1), "rearmost": (2, -1), "leftmost": (0, -1), "rightmost": (0, 1),
-             "topmost": (1, 1), "lowest": (1, -1)}  # fmt: skip
-"""Question -> axis and sign of the direction in which the block reaches farthest."""
 
 
 def inspect(facts: Facts, machine: Machine, chance: random.Random) -> str:  # noqa: ARG001
@@ -28,14 +22,15 @@ def inspect(facts: Facts, machine: Machine, chance: random.Random) -> str:  # no
     x, y, z = centre_of_mass(geometry)
     boxes = [block for block in geometry.blocks if not block.two_ended]
     reach = {word: max(boxes, key=lambda b: max(s * b.lo[axis], s * b.hi[axis]))
-             for word, (axis, s) in _EXTREMES.items()}  # fmt: skip
+             for word, (axis, s) in data("replies.yaml")["extremes"].items()}  # fmt: skip
     defects = [f"- blocks {', '.join(map(str, blocks))} | structure none | {text}"
                for blocks, text in _defects(geometry)]  # fmt: skip
+    names = [f"block {b.id} ({b.name}) facing {b.facing}" for b in geometry.blocks]
     idle = [f"block {b} on block {machine[b].parent}" for b in _idle(geometry)]
     return str(data("replies.yaml")["inspection"]).format(
         world="\n".join(f"{word}: {block.id}" for word, block in reach.items()),
-        moving=_named(geometry, *JOINTS, SPRING, *WHEELS),
-        special=_named(geometry, BALLAST, CONTAINER, BOULDER),
+        moving="; ".join(names[b.id] for b in geometry.blocks if b.type in MOVERS) or "None.",
+        special="; ".join(names[b.id] for b in geometry.blocks if b.type in LOADS) or "None.",
         mass=f"({x:.1f}, {y:.1f}, {z:.1f})",
         stands="stands" if stands(geometry) else "falls over before t = 0",
         idle="; ".join(idle) or "None.",
@@ -60,14 +55,12 @@ def _defects(geometry: Geometry) -> Iterator[tuple[list[int], str]]:
         yield ground, "the centre of mass is not above what stands on the ground: it tips"
     elif arms and max(depth) - min(depth) < geometry.size[1]:
         yield ground, "shorter on the ground than high: what swings tips it"
-    for wheel in wheels:
-        if geometry[wheel].facing[0] != "x":
-            yield [wheel], f"facing {geometry[wheel].facing} it does not drive to z+"
+    for wheel in (b for b in blocks if b.type in WHEELS and b.facing[0] != "x"):
+        yield [wheel.id], f"facing {wheel.facing} it does not drive to z+"
     if 0 < len(wheels) < 6:
         yield wheels, "too few wheels for a quick start"
-    for arm in arms:
-        if len(geometry.children(arm)) == 1:
-            yield [arm], "unbalanced: its load hangs on one side only"
+    for arm in (arm for arm in arms if len(geometry.children(arm)) == 1):
+        yield [arm], "unbalanced: its load hangs on one side only"
     for block in _idle(geometry):
         yield [block], "useless: it bears nothing and stands on nothing"
 
@@ -82,7 +75,7 @@ def _idle(geometry: Geometry) -> list[int]:
 
 def query(facts: Facts, machine: Machine, chance: random.Random) -> str:
     """Ask for what broke, around the moment; else for one moving block and the root."""
-    moving = [step.id for step in machine if step.type in (BOULDER, *JOINTS, *WHEELS)]
+    moving = [step.id for step in machine if step.type in MOVERS]
     asked = [(chance.choice(moving or [0]), 0.0, 1.0), (0, 0.0, 1.0)]
     for block, partner, time in facts.broken[:1]:
         asked = [
@@ -91,5 +84,5 @@ def query(facts: Facts, machine: Machine, chance: random.Random) -> str:
     queries = [{"id": b, "duration": [start, end], "properties": ["position", "velocity"]}
                for b, start, end in asked if b < len(machine)]  # fmt: skip
     thought = "What broke shows the weak place." if facts.broken else "Nothing is told to break."
-    reply = str(data("replies.yaml")["inquiry"])
-    return reply.format(thought=thought, queries=json.dumps(queries))
+    shape = str(data("replies.yaml")["inquiry"])
+    return shape.format(thought=thought, queries=json.dumps(queries))

@@ -5,23 +5,27 @@ No machine is stored: a part is a rule over drawn dimensions, and what does not 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import random
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import product
-from math import hypot
+from math import dist, hypot
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from agentflow.llm.procedural.growth import Growth, free
-from agentflow.machine.blocks import BOULDER, CONTAINER, library
+from agentflow.llm.procedural.reading import Facts
+from agentflow.machine.blocks import BOULDER, CONTAINER, STARTING_BLOCK, library
 from agentflow.machine.brief import Brief
+from agentflow.machine.geometry import Geometry, PlacedFace, place
+from agentflow.machine.tree import ROOT, Machine, Step
 
 Dims = Mapping[str, int]
 BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)
 HINGE, SPRING, CUBE, MOTOR, BALLAST, LOG = 5, 9, 15, 22, 35, 63
-JOINTS, RIGID = (MOTOR, HINGE), (*BEAMS, CUBE)
+JOINTS, RIGID, LOADS = (MOTOR, HINGE), (*BEAMS, CUBE), (BALLAST, CONTAINER, BOULDER)
+MOVERS = (*JOINTS, SPRING, *WHEELS)
 
 
 @cache
@@ -33,11 +37,69 @@ def data(name: str) -> Any:
 def suited(brief: Brief) -> list[Any]:
     """The mechanisms that serve a task and can be built from its blocks; at least one."""
     book, blocks = data("mechanisms.yaml"), {*brief.blocks}
-    main = {name: {*part["slots"][0]} for name, part in book["parts"].items()}
-    fits = {name: not types or bool(types & blocks) for name, types in main.items()}
-    able = [m for m in book["mechanisms"] if all(fits[name] for name in m["parts"])]
-    purposes = ("throw", "drive", "stand") if BOULDER in brief.required else ("drive", "stand")
+    main = {name: {*part["slots"][0]} or blocks for name, part in book["parts"].items()}
+    able = [m for m in book["mechanisms"] if all(main[name] & blocks for name in m["parts"])]
+    purposes = ("throw", "drive", "stand")[BOULDER not in brief.required :]
     return next(filter(None, ([m for m in able if m["purpose"] == p] for p in purposes)))
+
+
+class Growth:
+    """A machine that only ever grows, and only validly: what does not fit is not added."""
+
+    def __init__(self, facts: Facts, chance: random.Random) -> None:
+        """Start from the machine of a prompt, or from the root; only its types are added."""
+        self.machine = facts.machine or Machine((ROOT,))
+        self.geometry = place(self.machine)
+        self.types, self.chance, self._brief = facts.types, chance, facts.brief
+
+    def choose(self, *wanted: Sequence[int]) -> int | None:
+        """A usable type, by chance, of the first of these groups that has any."""
+        usable = ([kind for kind in group if kind in self.types] for group in wanted)
+        found = next(filter(None, usable), None)
+        return self.chance.choice(found) if found else None
+
+    def add(self, kind: int | None, *ends: tuple[int, int]) -> int | None:
+        """Hang a type on (block, face), or between two such ends; its id, None if not valid."""
+        full = kind is None or self.machine.count(kind) == self._brief.required.get(kind)
+        if kind is None or full or len(ends) != 1 + library()[kind].linear:
+            return None
+        step = Step(len(self.machine), kind, *(part for end in ends for part in end))
+        geometry = place(Machine((*self.machine.steps, step)))
+        limits = zip(geometry.size, self._brief.size_limit, strict=True)
+        if any(a > b for a, b in limits) or geometry.overlaps or locked(geometry):
+            return None
+        self.machine, self.geometry = Machine((*self.machine.steps, step)), geometry
+        return step.id
+
+    def chain(self, kind: int | None, at: int, towards: str, count: int = 1, skip: int = 0) -> int:
+        """Hang blocks in a row, each `skip` faces before its parent's far end; the last's id."""
+        for _ in range(count):
+            back, faces = self.geometry[at].origin, free(self.geometry, at, towards)
+            faces.sort(key=lambda face: -dist(back, face.position))
+            found = faces[min(skip, len(faces) - 1) :][:1]
+            at = (self.add(kind, (at, found[0].face_id)) if found else None) or at
+        return at
+
+
+def free(geometry: Geometry, block: int, towards: str = "") -> list[PlacedFace]:
+    """Free faces of a block, all or those that look `towards`."""
+    ids = geometry.free_faces(block)
+    return [f for f in geometry[block].faces if f.face_id in ids and f.facing.startswith(towards)]
+
+
+def clusters(geometry: Geometry) -> tuple[int, ...]:
+    """For each block the block at which its rigid cluster begins; 0 for what stands still."""
+    first: list[int] = []
+    for placed in geometry.blocks:
+        moves = library()[placed.type].non_stable or placed.type == STARTING_BLOCK
+        first.append(placed.id if moves or placed.two_ended else first[placed.step.parent])
+    return tuple(first)
+
+
+def locked(geometry: Geometry) -> bool:
+    """Whether a closed loop bridges a moving joint, which locks it."""
+    group = clusters(geometry) if geometry.auto_connections else ()
+    return any(group[loop.block] != group[loop.partner] for loop in geometry.auto_connections)
 
 
 def _base(g: Growth, dims: Dims) -> None:
@@ -45,19 +107,19 @@ def _base(g: Growth, dims: Dims) -> None:
     sides = {"z+": "ahead", "z-": "behind", "x+": "aside", "x-": "aside"}
     ends = [g.chain(beam, 0, side, dims[name]) for side, name in sides.items()]
     for end in list(filter(None, ends))[: dims["ballast"]]:
-        g.hang(g.choose((BALLAST,)), end, "y+")
+        g.chain(g.choose((BALLAST,)), end, "y+")
 
 
 def _motor_tower(g: Growth, dims: Dims) -> None:
     top = g.chain(g.choose(BEAMS, SPARE), 0, "y+", dims["storeys"])
-    motor = g.hang(g.choose((MOTOR,)), top, "x+", dims["below the top"])
-    g.chain(g.choose((CUBE,)), motor or 0, "x+", dims["spacer"] if motor else 0)
+    motor = g.chain(g.choose((MOTOR,)), top, "x+", skip=dims["below the top"])
+    g.chain(g.choose((CUBE,)), motor, "x+", dims["spacer"] * (motor != top))
 
 
 def _hinge_tower(g: Growth, dims: Dims) -> None:
     beam = g.choose(BEAMS, SPARE)
     top = g.chain(beam, 0, "y+", 1 if beam == LOG else dims["storeys"])  # room for the boulder
-    g.hang(g.choose((HINGE,)), top, "y+")
+    g.chain(g.choose((HINGE,)), top, "y+")
     g.chain(beam, top, "z-", dims["shelf"])
 
 
@@ -73,12 +135,12 @@ def _arm(g: Growth, dims: Dims) -> None:
     g.chain(g.choose(BEAMS, SPARE), pivot, "z+", int(g.machine[pivot].type == HINGE))
     arm = g.chain(g.choose(BEAMS, SPARE), pivot, "z-", dims["segments"])
     mouth = "z-" if dims["container"] > 1 else "y+"
-    box = g.hang(g.choose((CONTAINER,)), arm, mouth) if dims["container"] else None
-    g.hang(g.choose((BOULDER,)), box or arm, mouth if box else "y+")
+    box = g.chain(g.choose((CONTAINER,)), arm, mouth) if dims["container"] else arm
+    g.chain(g.choose((BOULDER,)), box, "y+" if box == arm else mouth)
 
 
 def _counterweight(g: Growth, dims: Dims) -> None:
-    lever = g.chain(g.choose((CUBE, *BEAMS)), _pivot(g), "z+", 1)
+    lever = g.chain(g.choose((CUBE, *BEAMS)), _pivot(g), "z+")
     g.chain(g.choose((BALLAST,)), lever, "z+", dims["weights"])
 
 
@@ -87,8 +149,7 @@ def _springs(g: Growth, dims: Dims) -> None:
     pivot, blocks = _pivot(g), g.geometry.blocks
     front = [b for b in g.geometry.children(pivot) if blocks[b].facing == "z+"]
     tops = [(b, f.face_id) for b in front for f in blocks[b].faces if f.facing != "y+"]
-    low = blocks[pivot].center[1] - 1.5
-    near = [block for block in blocks[:pivot] if block.center[2] > -1]
+    near, low = [b for b in blocks[:pivot] if b.center[2] > -1], blocks[pivot].center[1] - 1.5
     feet = [(b.id, f.face_id) for b in near for f in b.faces if f.position[1] < low]
     for _ in range(dims["springs"] if tops and feet else 0):
         g.add(g.choose((SPRING,)), g.chance.choice(tops), g.chance.choice(feet))
@@ -100,7 +161,7 @@ def _chassis(g: Growth, dims: Dims) -> None:
     for end, side in product(ends, ("x+", "x-")):
         g.chain(beam, end, side, dims["cross beams"])
     for end in ends[: dims["ballast"]]:
-        g.hang(g.choose((BALLAST,)), end, "y+")
+        g.chain(g.choose((BALLAST,)), end, "y+")
 
 
 def _wheels(g: Growth, dims: Dims) -> None:
@@ -111,8 +172,7 @@ def _wheels(g: Growth, dims: Dims) -> None:
     for (x, y, z), facing in sorted(spots, key=lambda spot: -hypot(*spot[0])):
         twin = spots.get(((-x, y, z), "x-"))
         if facing == "x+" and twin and axles < dims["axles"]:
-            right = g.add(wheel, spots[(x, y, z), facing])
-            axles += right is not None and g.add(wheel, twin) is not None
+            axles += bool(g.add(wheel, spots[(x, y, z), facing]) and g.add(wheel, twin))
 
 
 def _anything(g: Growth, dims: Dims) -> None:

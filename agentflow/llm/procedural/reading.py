@@ -92,9 +92,8 @@ def _brief(task: str, types: frozenset[int]) -> Brief:
 
 def _failures(parts: Mapping[str, str], messages: Sequence[Message]) -> frozenset[str]:
     """Lines marked Error, and the scripts of edits that failed or did not raise the score."""
-    told = [parts.get("Earlier attempts", ""), *(message.text for message in messages[2:])]
-    lines = "\n".join(told).splitlines()
-    failed = [plain(_COMMAND.findall(line)[:1]) for line in lines if ": Error" in line]
+    told = "\n".join([parts.get("Earlier attempts", ""), *(m.text for m in messages[2:])])
+    failed = [plain(_COMMAND.findall(line)[:1]) for line in told.splitlines() if ": Error" in line]
     for entry in _ENTRY.split(parts.get("Edit history", "")):
         change = _CHANGE.search(entry)
         if "Error" in entry or (change and float(change[2]) <= float(change[1])):

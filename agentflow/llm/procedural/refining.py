@@ -9,8 +9,7 @@ import random
 from math import dist
 from typing import Any
 
-from agentflow.llm.procedural.growth import clusters, locked
-from agentflow.llm.procedural.mechanisms import WHEELS, data
+from agentflow.llm.procedural.mechanisms import WHEELS, clusters, data, locked
 from agentflow.llm.procedural.reading import Facts, plain
 from agentflow.machine.blocks import BOULDER, CONTAINER
 from agentflow.machine.edits import apply_script
@@ -19,8 +18,7 @@ from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
 Spot = tuple[Placed, PlacedFace]
-TRIES = 200
-LONG = 1.5  # least distance between the ends of a two-ended block, m
+TRIES, LONG = 200, 1.5  # most tries; least length of a two-ended block, m
 
 
 def refine(facts: Facts, machine: Machine, chance: random.Random) -> str:
@@ -75,10 +73,8 @@ def _at(spot: Spot) -> str:
 def _spots(where: str, geometry: Geometry) -> list[Spot]:
     """Faces in a place of refining.yaml."""
     group, low = clusters(geometry), geometry.box_min[1] + 1.1
-    still = [b for b in geometry.blocks if group[b.id] == 0]
-    held = (*WHEELS, CONTAINER, BOULDER)
-    swung = [b for b in geometry.blocks if group[b.id] and b.type not in held]
-    blocks = swung if where in ("swung", "ahead") else still
+    moves, held = where in ("swung", "ahead"), (*WHEELS, CONTAINER, BOULDER)
+    blocks = [b for b in geometry.blocks if bool(group[b.id]) == moves and b.type not in held]
     spots = [(b, f) for b in blocks if where != "low" or b.box_min[1] < low for f in b.faces]
     if where == "ahead":
         return [(b, f) for b, f in spots if "z+" in (f.facing, b.facing)]
