@@ -38,13 +38,32 @@ class Constants:
         """The value for one block type: its own where it has one, else the general value."""
         return self.by_type.get(name, {}).get(block_type, self[name])
 
+    def changed(self, values: Mapping[str, float]) -> Constants:
+        """Other physics, for fitting and for experiments.
+
+        Args:
+            values: By name; a block type's own value is named with its type: "motor_speed.22".
+
+        Raises:
+            UnknownNameError: There is no constant of that name.
+        """
+        general = dict(self.values)
+        by_type = {name: dict(own) for name, own in self.by_type.items()}
+        for key, value in values.items():
+            name, _, kind = key.partition(".")
+            _ = self[name]
+            if kind:
+                by_type.setdefault(name, {})[int(kind)] = value
+            else:
+                general[name] = value
+        return Constants(general, by_type, _hash([self.digest, sorted(values.items())]))
+
 
 @cache
 def constants() -> Constants:
     """The constants of `constants.json`."""
     text = files("agentflow.env").joinpath("constants.json").read_text(encoding="utf-8")
     data = json.loads(text)
-    content = json.dumps(data, sort_keys=True, separators=(",", ":"))
     return Constants(
         values={name: float(entry["value"]) for name, entry in data.items()},
         by_type={
@@ -52,5 +71,10 @@ def constants() -> Constants:
             for name, entry in data.items()
             if "by_type" in entry
         },
-        digest=hashlib.sha256(content.encode()).hexdigest()[:16],
+        digest=_hash(data),
     )
+
+
+def _hash(data: object) -> str:
+    content = json.dumps(data, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(content.encode()).hexdigest()[:16]

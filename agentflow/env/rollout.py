@@ -11,7 +11,7 @@ from math import isfinite
 from time import perf_counter
 
 from agentflow.env.archive import load_npz, rollout_json, save_npz
-from agentflow.env.constants import constants
+from agentflow.env.constants import Constants, constants
 from agentflow.env.engines.assembly import assemble
 from agentflow.env.engines.base import Engine, TooLargeError
 from agentflow.env.engines.pybullet import PyBulletEngine
@@ -40,6 +40,7 @@ def simulate(
     interval: float | None = None,
     wall_limit: float = 60.0,
     engine: Engine | None = None,
+    physics: Constants | None = None,
 ) -> Rollout:
     """Try a machine at a task (spec 2.5). Never raises for what a machine does.
 
@@ -54,11 +55,13 @@ def simulate(
         interval: Seconds between samples; the constants' by default, at least one step.
         wall_limit: Wall-clock seconds after which the rollout ends as `timeout`.
         engine: Where to run it; by default one that this thread keeps.
+        physics: Other constants than those of `constants.json`, for fitting; give them to an
+            engine of your own as well.
     """
     report = check(machine, task.brief)
     if not report.task_valid:
         return invalid(report.problems)
-    value = constants()
+    value = physics or constants()
     try:
         run = _Run(
             machine,
@@ -68,6 +71,7 @@ def simulate(
             power,
             interval or value["sample_interval"],
             wall_limit,
+            value,
         )
     except TooLargeError as error:
         return invalid([Problem("too_many_parts", (), str(error))])
@@ -86,12 +90,13 @@ class _Run:
         power: bool,
         interval: float,
         wall_limit: float,
+        physics: Constants,
     ) -> None:
         self._began = perf_counter()
         self._machine, self._task, self._engine = machine, task, engine
         self._rate, self._power, self._wall_limit = rate, power, wall_limit
         self._every = max(1.0, interval * rate)
-        self._value = constants()
+        self._value = physics
         self._assembly = assemble(machine, place(machine), self._value)
         engine.build(self._assembly, task.scene(), rate)
         self._loads = Loads(self._assembly.joints, self._value["load_window"], 1.0 / rate)
@@ -179,7 +184,7 @@ class _Run:
         self._speeds = linear, angular = self._engine.top_speeds
         if not (linear <= self._value["speed_limit"] and isfinite(angular)):
             return "diverged"
-        broken = self._loads.update(self._engine.reactions, self._engine.below)
+        broken = self._loads.update(self._engine.reactions)
         self._giving = tuple(broken)
         for joint, load in broken.items():
             self._broken.append((self._steps, joint, load))

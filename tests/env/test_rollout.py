@@ -80,17 +80,17 @@ def test_the_published_machine_throws_backwards_and_breaks_at_its_tower_top(
     assert trace is not None
     assert trace.position[3, 13, 2] < -7.0
     assert trace.alive[1, 8]
-    assert not trace.alive[2, 8]
+    assert not trace.alive[3, 8]
     column = trace.connections.index((8, 7))
     assert trace.utilisation[1, column] < 1.0
-    assert np.isnan(trace.utilisation[2, column])
+    assert np.isnan(trace.utilisation[3, column])
 
 
 def test_with_its_ballast_it_follows_the_published_throw() -> None:
     rollout = simulate(BALLASTED, get_task("throwing"))
     assert rollout.trace is not None
     error = rollout.trace.position[:4, 13] - PUBLISHED
-    assert np.sqrt(np.square(error).mean()) < 0.62
+    assert np.sqrt(np.square(error).mean()) < 0.45
     assert rollout.broken[0].block == 8
     assert rollout.broken[0].time == pytest.approx(0.42, abs=0.03)
 

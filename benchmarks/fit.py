@@ -1,0 +1,66 @@
+"""Fits physical constants to the published throw: a grid over some, others as they are.
+
+    python benchmarks/fit.py motor_torque.22=1800:3000:400 motor_speed.22=7:10:1
+    python benchmarks/fit.py spring_force=200:1200:200
+
+Prints the misfit of every point, weighed over the machine with ballast and the one with springs
+too, the best ten first. Changing constants.json is a decision and stays with a person.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from statistics import fmean
+
+import numpy as np
+from published import Misfit, machines, misfit, throw
+
+from agentflow.env.constants import Constants, constants
+
+FITTED = ("with ballast", "with ballast and springs")
+SHOWN = 10
+
+
+def main() -> None:
+    """Walk the grid."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("axes", nargs="+", help="name=low:high:step, or name.type=...")
+    names, values = zip(*(_axis(text) for text in parser.parse_args().axes), strict=True)
+    rows = [(_misfits(constants()), "as shipped")]
+    for point in itertools.product(*values):
+        chosen = dict(zip(names, point, strict=True))
+        label = " ".join(f"{name}={value:g}" for name, value in chosen.items())
+        rows.append((_misfits(constants().changed(chosen)), label))
+    print("  cost  boulder rms m   rotor rms m     turn rms rad    after break m   break - 0.4 s")
+    for found, label in [rows[0], *sorted(rows[1:], key=_cost)[:SHOWN]]:
+        print(_row(found, label))
+
+
+def _axis(text: str) -> tuple[str, list[float]]:
+    name, _, span = text.partition("=")
+    low, high, step = (float(part) for part in span.split(":"))
+    return name, np.arange(low, high + step / 2, step).tolist()
+
+
+def _misfits(physics: Constants) -> list[Misfit]:
+    found = machines()
+    return [misfit(throw(found[name], physics)) for name in FITTED]
+
+
+def _cost(row: tuple[list[Misfit], str]) -> float:
+    return fmean(each.cost for each in row[0])
+
+
+def _row(found: list[Misfit], label: str) -> str:
+    columns = (
+        " / ".join(f"{getattr(each, name):5.2f}" for each in found)
+        for name in ("boulder", "rotor", "turn", "after", "first_break")
+    )
+    return f"{_cost((found, label)):6.2f}  " + "   ".join(columns) + f"   {label}"
+
+
+if __name__ == "__main__":
+    main()

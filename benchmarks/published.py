@@ -1,0 +1,133 @@
+"""Owns the published throw as the other benchmarks compare with it: machines, targets, misfit.
+
+The facts are in data/published_throw.json. Only the first moments can be compared: what follows the
+first impact and the first break is chaotic.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agentflow.env.constants import Constants, constants
+from agentflow.env.engines.pybullet import PyBulletEngine
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Array, Rollout
+from agentflow.machine.parse import read_machine
+from agentflow.machine.tree import Machine
+
+DATA = Path(__file__).parent / "data" / "published_throw.json"
+BOULDER, ROTOR, ROOT = 13, 10, 0
+LAST = 3
+"""Index of the last boulder sample that is compared: 0.6 s, just before it meets the wall."""
+BEFORE_BREAK = 2
+"""Index of the last sample of rotor and root that is compared: 0.4 s, when the tower breaks."""
+PLACE, TURN, MOMENT = 0.3, 0.1, 0.03
+"""Differences that weigh the same in a fit: m, rad, s."""
+AFTER = 1.0
+"""The same after the break, m: it multiplies every difference before it."""
+
+
+@cache
+def facts() -> dict[str, Any]:
+    """The data file."""
+    loaded: dict[str, Any] = json.loads(DATA.read_text(encoding="utf-8"))
+    return loaded
+
+
+def machines() -> dict[str, Machine]:
+    """The machine with ever more of its guessed blocks."""
+    printed, guessed = facts()["machine"], facts()["guessed"]
+    return {
+        "printed blocks": _read(printed),
+        "with ballast": _read([*printed, *guessed[:1]]),
+        "with ballast and springs": _read([*printed, *guessed]),
+    }
+
+
+def _read(steps: list[dict[str, int]]) -> Machine:
+    machine = read_machine(steps).machine
+    assert machine is not None
+    return machine
+
+
+def throw(machine: Machine, physics: Constants | None = None, window: float = 1.0) -> Rollout:
+    """Run one of the machines in the published yard, under other constants if need be."""
+    engine = PyBulletEngine(physics or constants())
+    try:
+        task = get_task("throwing", {"window": window})
+        return simulate(machine, task, engine=engine, physics=physics)
+    finally:
+        engine.close()
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far a rollout is from the published one."""
+
+    boulder: float
+    """Root mean square per coordinate of the boulder over 0 to 0.6 s, m."""
+    rotor: float
+    """The same of the rotating block at 0.2 and 0.4 s, m."""
+    after: float
+    """The same at 0.6 and 0.8 s, m: after the break only the springs still pull at the arm."""
+    turn: float
+    """Root mean square angle of rotating block and root at 0.2 and 0.4 s, rad."""
+    first_break: float
+    """Time of the first break minus the published one, s; nan when nothing breaks."""
+    right_block: bool
+    """Whether the first block that breaks off is the published one."""
+
+    @property
+    def cost(self) -> float:
+        """What a fit makes small."""
+        late = self.first_break if np.isfinite(self.first_break) else 1.0
+        return float(
+            (self.boulder / PLACE) ** 2
+            + (self.rotor / PLACE) ** 2
+            + (self.turn / TURN) ** 2
+            + (self.after / AFTER) ** 2
+            + (late / MOMENT) ** 2 / 4
+        )
+
+
+def misfit(rollout: Rollout) -> Misfit:
+    """Compare a rollout of at least 0.6 s."""
+    trace, data = rollout.trace, facts()
+    assert trace is not None
+    compared = slice(1, BEFORE_BREAK + 1)
+    turns = np.concatenate(
+        [
+            _angles(trace.rotation[compared, block], np.array(data[name][compared]))
+            for block, name in ((ROTOR, "rotor_rotation"), (ROOT, "root_rotation"))
+        ]
+    )
+    boulder = trace.position[: LAST + 1, BOULDER] - np.array(data["boulder"][: LAST + 1])
+    rotor = trace.position[compared, ROTOR] - np.array(data["rotor_position"][compared])
+    first = rollout.broken[0] if rollout.broken else None
+    after = slice(BEFORE_BREAK + 1, len(data["rotor_position"]))
+    late = trace.position[after, ROTOR] - np.array(data["rotor_position"][after])
+    return Misfit(
+        boulder=_rms(boulder),
+        rotor=_rms(rotor),
+        after=_rms(late),
+        turn=_rms(turns),
+        first_break=first.time - data["first_break"]["time"] if first else float("nan"),
+        right_block=first is not None and first.block == data["first_break"]["block"],
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _angles(a: Array, b: Array) -> Array:
+    """(T,) angles between (T, 4) quaternions, rad; the published ones are rounded."""
+    overlap = np.abs((a * b).sum(axis=1)) / np.linalg.norm(b, axis=1)
+    return np.asarray(2.0 * np.arccos(np.clip(overlap, 0.0, 1.0)))
