@@ -1,15 +1,17 @@
 """Owns what connections bear: the filtered loads, their share of the strength, what gives way.
 
-Measuring reactions and splitting bodies is the engine's.
+Measuring reactions and splitting bodies is the engine's; sharing load in loops is stiffness.py's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from agentflow.env.engines.base import Joint
+from agentflow.env.engines.stiffness import rings
+from agentflow.env.engines.tree import skeleton
 from agentflow.env.trace import Array
 
 
@@ -28,6 +30,7 @@ class Loads:
             window: Time constant of the filter, s.
             step: Time between readings, s.
         """
+        self._joints = joints
         self._blend = step / (step + window)
         self._level = np.zeros((len(joints), 6))
         strength = [
@@ -38,35 +41,83 @@ class Loads:
         self._broken = np.zeros(len(joints), dtype=bool)
         self.connections = [i for i, joint in enumerate(joints) if joint.strength]
         """Joint index of each connection."""
+        self._plan()
 
-    def update(self, reactions: Array, below: Sequence[int]) -> dict[int, float]:
+    def _plan(self) -> None:
+        """The spanning trees that the engine measures from the next step on, and their rings."""
+        joints = self._joints
+        count = 1 + max((max(joint.a, joint.b) for joint in joints), default=0)
+        plan = skeleton(count, joints, set(np.flatnonzero(self._broken).tolist()))
+        self._rings = rings(joints, plan)
+        self._up = {link.part: link for body in plan.bodies for link in body.links}
+        self._group = list(range(len(joints)))
+        for ring in self._rings:
+            for joint in ring.joints.tolist():
+                self._group[joint] = int(ring.joints[0])
+
+    def update(self, reactions: Array) -> dict[int, float]:
         """Take in one step's loads.
 
         Where an impact overloads several joints in a row, the one furthest from the root gives
         way and relieves those below it: what hung there no longer pulls at them, so this step
-        counts nothing for them.
+        counts nothing for them. Of joints that share load, the most loaded gives way, and from
+        the next step on the others share what it bore.
 
         Args:
-            reactions: (J, 6) force and torque through each joint.
-            below: (J,) the next joint towards the root; -1 where there is none.
+            reactions: (J, 6) force and torque through each joint of the spanning trees.
 
         Returns:
             The joints that give way with their load over strength, the most loaded first.
         """
+        if self._rings:
+            reactions = reactions.copy()
+            for ring in self._rings:
+                reactions[ring.joints] = ring.shared(reactions)
         before = self._level
         self._level = before + self._blend * (reactions - before)
         ratios = self._ratios()
         if not ratios.max(initial=0.0) >= 1.0:
             return {}
         share = np.sqrt(np.maximum(ratios[:, 0], ratios[:, 1]))
-        over = [int(i) for i in np.flatnonzero(share >= 1.0)]
-        relieved = {joint for start in over for joint in _path(start, below)}
-        for joint in relieved:
-            self._level[joint] = before[joint]
-        gone = sorted(set(over) - relieved, key=lambda joint: (-share[joint], joint))
+        gone = self._giving(share)
+        relieved = self._relieved(gone)
+        self._level[relieved] = before[relieved]
         self._level[gone] = 0.0
         self._broken[gone] = True
+        self._plan()
         return {joint: float(share[joint]) for joint in gone}
+
+    def release(self, joints: Sequence[int]) -> None:
+        """These joints were let go: from now on they bear nothing."""
+        self._level[list(joints)] = 0.0
+        self._broken[list(joints)] = True
+        self._plan()
+
+    def _giving(self, share: Array) -> list[int]:
+        """The overloaded joints that give way now."""
+        over = sorted(np.flatnonzero(share >= 1.0).tolist(), key=lambda i: (-share[i], i))
+        first: dict[int, int] = {}
+        for joint in over:
+            first.setdefault(self._group[joint], joint)
+        held = {group for joint in first.values() for group in self._carriers(joint)}
+        return [joint for group, joint in first.items() if group not in held]
+
+    def _carriers(self, joint: int) -> set[int]:
+        """The groups between a joint and the root of its body, its own apart."""
+        groups = set()
+        for part in (self._joints[joint].a, self._joints[joint].b):
+            while part in self._up:
+                link = self._up[part]
+                groups.add(self._group[link.joint])
+                part = link.parent
+        return groups - {self._group[joint]}
+
+    def _relieved(self, gone: Iterable[int]) -> list[int]:
+        """The joints for which this step counts nothing, as others gave way."""
+        groups = {self._group[joint] for joint in gone}
+        for joint in gone:
+            groups |= self._carriers(joint)
+        return [joint for joint, group in enumerate(self._group) if group in groups]
 
     def _ratios(self) -> Array:
         """(J, 2) squares of force and of torque over strength."""
@@ -79,9 +130,3 @@ class Loads:
         share: Array = np.sqrt(np.maximum(ratios[:, 0], ratios[:, 1]))
         share[self._broken[self.connections]] = np.nan
         return share
-
-
-def _path(joint: int, below: Sequence[int]) -> Iterator[int]:
-    """All joints between a joint and the root of its body."""
-    while (joint := below[joint]) >= 0:
-        yield joint
