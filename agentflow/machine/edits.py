@@ -23,7 +23,7 @@ from agentflow.machine.commands import (
 from agentflow.machine.geometry import Geometry, place_steps
 from agentflow.machine.parse import MAX_BLOCKS
 from agentflow.machine.problems import face_fault, listed, named, type_fault
-from agentflow.machine.tree import Machine, Step
+from agentflow.machine.tree import Machine, Step, renumbered
 from agentflow.machine.validity import spatial_problems
 
 __all__ = ["EditOutcome", "StepVerdict", "apply_script"]
@@ -138,19 +138,8 @@ class _Draft:
 
     def finish(self) -> tuple[Machine, dict[int, int | None]]:
         """The machine with its ids counted anew, and where the original ids went."""
-        new_ids = {old: new for new, old in enumerate(self.steps)}
-        steps = tuple(
-            Step(
-                new_ids[step.id],
-                step.type,
-                new_ids.get(step.parent, -1),
-                step.face_id,
-                None if step.parent_b is None else new_ids[step.parent_b],
-                step.face_id_b,
-            )
-            for step in self.steps.values()
-        )
-        return Machine(steps), {old: new_ids.get(old) for old in range(self.original)}
+        edited, new_ids = renumbered(self.steps.values())
+        return edited, {old: new_ids.get(old) for old in range(self.original)}
 
     def _add(self, command: Add) -> None:
         two_ended = len(command.ends) == 2

@@ -5,7 +5,7 @@ Judging what it finds is validity.py's. Exact: all arithmetic is on integers, in
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -35,6 +35,7 @@ __all__ = [
     "overlap_of",
     "overlapping",
     "place",
+    "place_step",
     "place_steps",
 ]
 
@@ -170,28 +171,30 @@ def place_steps(steps: Iterable[Step]) -> dict[int, Placed]:
     """Place steps by id; ids may have gaps, parents come before children and have the faces."""
     placed: dict[int, Placed] = {}
     for step in steps:
-        if step.parent_b is not None and step.face_id_b is not None:
-            a = _face_at(placed[step.parent], step.face_id)
-            b = _face_at(placed[step.parent_b], step.face_id_b)
-            lo = (min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2]))
-            hi = (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2]))
-            placed[step.id] = Placed(step, a, lo, hi, None, b)
-            continue
-        if step.parent < 0:
-            x, y, z = 0, 0, 0
-            turned = shape(step.type, "z+")
-        else:
-            parent = placed[step.parent]
-            assert parent.shape is not None
-            _, (dx, dy, dz), facing = parent.shape.faces[step.face_id]
-            x, y, z = parent.at
-            x, y, z = x + dx, y + dy, z + dz
-            turned = shape(step.type, facing.name)
-        _, (x0, y0, z0), (x1, y1, z1), _ = turned
-        placed[step.id] = Placed(
-            step, (x, y, z), (x + x0, y + y0, z + z0), (x + x1, y + y1, z + z1), turned
-        )
+        placed[step.id] = place_step(step, placed)
     return placed
+
+
+def place_step(step: Step, placed: Mapping[int, Placed]) -> Placed:
+    """Place one step on blocks that are placed already."""
+    if step.parent_b is not None and step.face_id_b is not None:
+        a = _face_at(placed[step.parent], step.face_id)
+        b = _face_at(placed[step.parent_b], step.face_id_b)
+        lo = (min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2]))
+        hi = (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2]))
+        return Placed(step, a, lo, hi, None, b)
+    if step.parent < 0:
+        x, y, z = 0, 0, 0
+        turned = shape(step.type, "z+")
+    else:
+        parent = placed[step.parent]
+        assert parent.shape is not None
+        _, (dx, dy, dz), facing = parent.shape.faces[step.face_id]
+        x, y, z = parent.at
+        x, y, z = x + dx, y + dy, z + dz
+        turned = shape(step.type, facing.name)
+    _, (x0, y0, z0), (x1, y1, z1), _ = turned
+    return Placed(step, (x, y, z), (x + x0, y + y0, z + z0), (x + x1, y + y1, z + z1), turned)
 
 
 def _face_at(parent: Placed, face_id: int) -> Units3:

@@ -18,6 +18,9 @@ Accept = Callable[[Any], bool]
 MAX_PLACES = 100
 """Most fences, or bracketed regions, of a reply that are tried, the last ones first."""
 
+_REPAIR_FAULTS = (ValueError, RecursionError, AssertionError, LookupError, TypeError)
+"""What json-repair raises, by mistake too, on text that it can make nothing of."""
+
 _FENCE = re.compile(r"`{3,}|~{3,}")
 _OPENING_LINE = re.compile(r"[^\n\[{]*")
 _BRACKET = re.compile(r"[\[\]{}]")
@@ -125,5 +128,5 @@ def _repair(text: str) -> Any:
 
     try:
         return repair_json(text, return_objects=True, skip_json_loads=True)
-    except (ValueError, RecursionError):
+    except _REPAIR_FAULTS:
         return None

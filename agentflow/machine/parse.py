@@ -20,9 +20,8 @@ MAX_BLOCKS = 1000
 
 _STANDARD = ("type", "id", "parent", "face_id")
 _TWO_ENDED = ("type", "id", "parent_a", "face_id_a", "parent_b", "face_id_b")
-_FORM = 'a JSON list of objects like {"type": 1, "id": 1, "parent": 0, "face_id": 4}'
-_NO_LIST = f"no JSON list found; write the whole machine as {_FORM} inside one ```json fence"
-_MISSING = object()
+FORM = 'a JSON list of objects like {"type": 1, "id": 1, "parent": 0, "face_id": 4}'
+MISSING = object()
 
 
 @dataclass(frozen=True)
@@ -44,26 +43,43 @@ def read_machine(source: object, blocks: Collection[int] | None = None) -> Readi
         source: any text whatever (spec 4.4), or JSON data.
         blocks: allowed block types; the core types when None.
     """
-    repaired = False
-    if isinstance(source, str):
-        source, repaired = _machine_in(source)
-        if source is None:
-            return Reading(None, problems=(Problem("not_json", (), _NO_LIST),))
-    if not isinstance(source, list):
-        message = f"the machine is {shown(source)}; write it as {_FORM}"
-        return Reading(None, repaired, problems=(Problem("not_a_list", (), message),))
-    if len(source) > MAX_BLOCKS:
-        message = f"the machine has {len(source)} blocks; at most {MAX_BLOCKS} are read"
-        return Reading(None, repaired, problems=(Problem("too_many_blocks", (), message),))
+    items, repaired, fault = find_items(source, FORM)
+    if fault is not None:
+        return Reading(None, repaired, problems=(fault,))
     notes: list[str] = []
     problems: list[Problem] = []
-    steps = [_read_step(item, index, notes, problems) for index, item in enumerate(source)]
+    steps = [_read_step(item, index, notes, problems) for index, item in enumerate(items)]
     problems += file_problems(steps, blocks)
     if problems:
         problems.sort(key=lambda problem: problem.blocks)
         return Reading(None, repaired, tuple(notes), tuple(problems))
     whole = tuple(step for step in steps if step is not None)
     return Reading(Machine(whole), repaired, tuple(notes))
+
+
+def find_items(source: object, form: str) -> tuple[list[object], bool, Problem | None]:
+    """The items of a machine's list, whether it was repaired, and what is wrong if there is none.
+
+    Args:
+        source: any text whatever, or JSON data.
+        form: how a machine is written, in words.
+    """
+    repaired = False
+    if isinstance(source, str):
+        source, repaired = _machine_in(source)
+        if source is None:
+            message = f"no JSON list found; write the whole machine as {form} inside one ```json"
+            return [], repaired, Problem("not_json", (), f"{message} fence")
+    if not isinstance(source, list):
+        message = f"the machine is {shown(source)}; write it as {form}"
+        return [], repaired, Problem("not_a_list", (), message)
+    if not source:
+        message = f"the machine is an empty list; write it as {form}"
+        return [], repaired, Problem("empty", (), message)
+    if len(source) > MAX_BLOCKS:
+        message = f"the machine has {len(source)} blocks; at most {MAX_BLOCKS} are read"
+        return [], repaired, Problem("too_many_blocks", (), message)
+    return source, repaired, None
 
 
 def _machine_in(text: str) -> tuple[object, bool]:
@@ -87,9 +103,9 @@ def _read_step(item: object, index: int, notes: list[str], problems: list[Proble
     keys = _TWO_ENDED if two_ended else _STANDARD
     values: list[int] = []
     for key in keys:
-        value = item.get(key, _MISSING)
+        value = item.get(key, MISSING)
         if type(value) is not int:
-            value = _whole_number(key, value, index, notes, problems)
+            value = whole_number(key, value, index, notes, problems)
         if isinstance(value, int):
             values.append(value)
     if len(values) < len(keys):
@@ -101,11 +117,14 @@ def _read_step(item: object, index: int, notes: list[str], problems: list[Proble
     return Step(block_id, kind, parent, face_id, *second)
 
 
-def _whole_number(
+def whole_number(
     key: str, value: object, index: int, notes: list[str], problems: list[Problem]
 ) -> int | None:
-    """The value as a whole number; None, with the problem noted, when it is none."""
-    if value is _MISSING:
+    """The value as a whole number; None, with the problem noted, when it is none.
+
+    `MISSING` stands for no value.
+    """
+    if value is MISSING:
         problems.append(Problem("missing_field", (index,), f"block {index} has no {key!r}"))
         return None
     if isinstance(value, str) and len(value) < 12:
@@ -128,7 +147,7 @@ def file_problems(
         blocks: allowed block types; the core types when None.
     """
     if not steps:
-        return [Problem("empty", (), f"the machine is an empty list; write it as {_FORM}")]
+        return [Problem("empty", (), f"the machine is an empty list; write it as {FORM}")]
     allowed = library().core if blocks is None else blocks
     problems: list[Problem] = []
     if steps[0] is not None and steps[0] != ROOT:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -93,3 +93,21 @@ class Machine:
     def count(self, block_type: int) -> int:
         """How many blocks of this type the machine has."""
         return sum(step.type == block_type for step in self.steps)
+
+
+def renumbered(steps: Iterable[Step]) -> tuple[Machine, dict[int, int]]:
+    """Steps whose ids have gaps, in their order, as a machine; and old id -> new id."""
+    kept = tuple(steps)
+    ids = {step.id: index for index, step in enumerate(kept)}
+    counted = (
+        Step(
+            ids[step.id],
+            step.type,
+            ids.get(step.parent, -1),
+            step.face_id,
+            None if step.parent_b is None else ids[step.parent_b],
+            step.face_id_b,
+        )
+        for step in kept
+    )
+    return Machine(tuple(counted)), ids

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from agentflow.machine.blocks import Vec3, library
 from agentflow.machine.brief import SIZE_LIMIT, Brief
-from agentflow.machine.geometry import Geometry, overlap_of, place
+from agentflow.machine.connect import Located
+from agentflow.machine.geometry import Geometry, overlap_of, place_steps
 from agentflow.machine.parse import Reading, file_problems, read_machine
 from agentflow.machine.problems import Problem, listed, named
-from agentflow.machine.tree import Machine
+from agentflow.machine.tree import Machine, Step
 
 __all__ = [
     "Problem",
@@ -67,14 +68,19 @@ class Report:
         }
 
 
-def check(source: Machine | Reading | str | Sequence[object], brief: Brief | None = None) -> Report:
+def check(
+    source: Machine | Reading | Located | str | Sequence[object], brief: Brief | None = None
+) -> Report:
     """Judge a machine, a reading, any text, or JSON data. Never raises (spec 1.5).
 
     Args:
-        source: what to judge. A `Reading` was read under the task's block list already.
+        source: what to judge. What was read was read under the task's block list already; text
+            and data are read as a construction tree.
         brief: the task, for its block list, size limit and required blocks; without one the core
             types and the standard building volume.
     """
+    if isinstance(source, Located):
+        return _check_located(source, brief)
     blocks = None if brief is None else brief.blocks
     if isinstance(source, Machine):
         faults = tuple(file_problems(source.steps, blocks))
@@ -85,28 +91,45 @@ def check(source: Machine | Reading | str | Sequence[object], brief: Brief | Non
     if machine is None:
         problems = reading.problems
         return Report(False, None, False, reading.repaired, problems, notes=reading.notes)
-    geometry = place(machine)
-    spatial = spatial_problems(geometry, SIZE_LIMIT if brief is None else brief.size_limit)
-    demanded = [] if brief is None else task_problems(machine, brief)
+    report = _check_space(machine.steps, (), brief)
+    return replace(report, repaired=reading.repaired, machine=machine, notes=reading.notes)
+
+
+def _check_located(located: Located, brief: Brief | None) -> Report:
+    """Judge what was read from positions; blocks that hang on nothing are spatially invalid."""
+    if located.problems:
+        problems = (*located.problems, *located.loose)
+        return Report(False, None, False, located.repaired, problems, notes=located.notes)
+    report = _check_space(located.steps, located.loose, brief)
+    machine = None if located.loose else located.machine
+    return replace(report, repaired=located.repaired, machine=machine, notes=located.notes)
+
+
+def _check_space(
+    steps: tuple[Step, ...], loose: tuple[Problem, ...], brief: Brief | None
+) -> Report:
+    """The verdict on file-valid steps, which may have gaps where blocks are loose."""
+    geometry = Geometry(tuple(place_steps(steps).values()))
+    limit = SIZE_LIMIT if brief is None else brief.size_limit
+    spatial = (*loose, *spatial_problems(geometry, limit))
+    demanded = () if brief is None else tuple(task_problems(steps, brief))
     return Report(
         file_valid=True,
         spatial_valid=not spatial,
         machine_valid=not spatial,
-        repaired=reading.repaired,
-        problems=(*spatial, *demanded),
+        repaired=False,
+        problems=spatial + demanded,
         overlaps=geometry.overlaps,
         size=geometry.size,
         task_valid=not spatial and not demanded,
-        machine=machine,
-        notes=reading.notes,
     )
 
 
-def task_problems(machine: Machine, brief: Brief) -> list[Problem]:
+def task_problems(steps: Sequence[Step], brief: Brief) -> list[Problem]:
     """What a complete machine lacks or has too much of for the task (`required_count`)."""
     problems = []
     for kind, count in brief.required.items():
-        found = tuple(step.id for step in machine if step.type == kind)
+        found = tuple(step.id for step in steps if step.type == kind)
         if len(found) != count:
             need = f"exactly {count} block{'' if count == 1 else 's'} of type"
             message = f"the task demands {need} {library()[kind].label}; this has {len(found)}"

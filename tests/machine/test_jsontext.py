@@ -80,6 +80,10 @@ def test_nothing_found_is_a_sentence(text: str) -> None:
     assert "JSON object" in extract_json("", dict).problem
 
 
+def test_a_fault_of_the_repairer_is_a_text_that_cannot_be_repaired() -> None:
+    assert extract_json('{\\"```json\n[```:', list).value is None
+
+
 HOSTILE = (
     "[" * 100_000,
     "{" * 100_000,
