@@ -195,13 +195,8 @@ class Engine(Protocol):
     @property
     def reactions(self) -> Array:
         """(J, 6) force (N) and torque (N m, about the pivot) that `a` exerts on `b` through each
-        joint in the last step, in the frame of the part that hangs on the other; 0 for joints
-        that carry nothing."""
-
-    @property
-    def below(self) -> Sequence[int]:
-        """(J,) for each joint that carries something the next one towards its body's root;
-        -1 for the others."""
+        joint of the spanning trees (tree.py) in the last step, 0 for the others; along the axes
+        of the part that hangs on the other, right-handed and z up."""
 
     @property
     def top_speeds(self) -> tuple[float, float]:
