@@ -82,10 +82,14 @@ class Loads:
         gone = self._giving(share)
         relieved = self._relieved(gone)
         self._level[relieved] = before[relieved]
-        self._level[gone] = 0.0
-        self._broken[gone] = True
-        self._plan()
+        self.release(gone)
         return {joint: float(share[joint]) for joint in gone}
+
+    def release(self, joints: Sequence[int]) -> None:
+        """These joints hold no longer, from the next step on."""
+        self._level[joints] = 0.0
+        self._broken[joints] = True
+        self._plan()
 
     def release(self, joints: Sequence[int]) -> None:
         """These joints were let go: from now on they bear nothing."""
