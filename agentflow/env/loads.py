@@ -86,12 +86,6 @@ class Loads:
         return {joint: float(share[joint]) for joint in gone}
 
     def release(self, joints: Sequence[int]) -> None:
-        """These joints hold no longer, from the next step on."""
-        self._level[joints] = 0.0
-        self._broken[joints] = True
-        self._plan()
-
-    def release(self, joints: Sequence[int]) -> None:
         """These joints were let go: from now on they bear nothing."""
         self._level[list(joints)] = 0.0
         self._broken[list(joints)] = True
