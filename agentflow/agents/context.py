@@ -13,6 +13,9 @@ from agentflow.machine.describe import describe_text
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import block_functions
 
+ROOT_TYPE = 0
+EXAMPLE = 15
+"""Block type of the examples of formats, where the task allows it."""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 
@@ -20,6 +23,7 @@ def task_context(brief: Brief) -> dict[str, object]:
     """Task, block table and what the rules about them need."""
     kinds = [library()[kind] for kind in brief.blocks]
     linear = [kind for kind in kinds if kind.linear]
+    plain = [kind.type for kind in kinds if not kind.linear and kind.type != ROOT_TYPE]
     x, y, z = (f"{limit:g}" for limit in brief.size_limit)
     return {
         "task": {
@@ -32,6 +36,8 @@ def task_context(brief: Brief) -> dict[str, object]:
         },
         "blocks": [block_row(kind) for kind in kinds],
         "types": list(brief.blocks),
+        "example_type": EXAMPLE if EXAMPLE in plain else plain[0],
+        "example_types": sorted({plain[0], EXAMPLE if EXAMPLE in plain else plain[-1]}),
         "two_ended": [f"{kind.name} {kind.type}" for kind in linear],
         "two_ended_type": linear[0].type if linear else None,
         "size_limit": f"{x} m along x, {y} m along y and {z} m along z",

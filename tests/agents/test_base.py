@@ -29,6 +29,7 @@ class Number(Role[str, int]):
         }
         return {
             "task": task,
+            "blocks": [],
             "types": [],
             "two_ended": [],
             "machine": "",
