@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from agentflow.errors import ConfigError, EndpointError
 from agentflow.llm import faults, wire
 from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.lanes import Lanes
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.quirks import Quirks
 from agentflow.llm.sse import Framing
@@ -25,7 +26,6 @@ _LARGEST_ANSWER = 64 * 2**20
 _LARGEST_REFUSAL = 2**16
 _DRAIN_S = 1.0
 """How long a stream may take to end after `[DONE]`, so that its connection can be used again."""
-_LOOPBACK = ("all://127.0.0.1", "all://localhost", "all://[::1]")
 
 
 class HttpSettings(BaseModel):
@@ -43,9 +43,6 @@ class HttpSettings(BaseModel):
 
 class OpenAIClient:
     """Asks one model of an OpenAI-compatible endpoint.
-
-    Proxies and certificates come from httpx's own reading of the environment; loopback addresses
-    are never proxied.
 
     Args:
         endpoint: Where requests go.
@@ -65,11 +62,9 @@ class OpenAIClient:
         self.streams: bool | None = None
         """Whether the endpoint streams; None before its first answer."""
         try:
-            self._http = httpx.AsyncClient(
-                auth=endpoint.auth,
-                timeout=httpx.Timeout(settings.idle_s, connect=settings.connect_s, pool=None),
-                limits=httpx.Limits(max_connections=None, max_keepalive_connections=64),
-                mounts=dict.fromkeys(_LOOPBACK),
+            self._lanes = Lanes(
+                endpoint.auth,
+                httpx.Timeout(settings.idle_s, connect=settings.connect_s, pool=None),
             )
         except (ImportError, OSError, ValueError) as problem:
             raise ConfigError(
@@ -102,7 +97,7 @@ class OpenAIClient:
 
     async def aclose(self) -> None:
         """Close all connections."""
-        await self._http.aclose()
+        await self._lanes.aclose()
 
     async def _attempt(self, body: dict[str, object]) -> Reply | faults.Refusal:
         """One exchange within the total time; connection failures become typed errors."""
@@ -139,7 +134,10 @@ class OpenAIClient:
         return faults.unreachable(self._endpoint, reason)
 
     async def _exchange(self, body: dict[str, object]) -> Reply | faults.Refusal:
-        async with self._http.stream("POST", self._endpoint.url, json=body) as response:
+        async with (
+            self._lanes.lane() as http,
+            http.stream("POST", self._endpoint.url, json=body) as response,
+        ):
             if response.status_code != 200:
                 start = await _at_most(response.aiter_bytes(), _LARGEST_REFUSAL)
                 return faults.read_refusal(response.status_code, response.headers, start)
