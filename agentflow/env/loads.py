@@ -6,6 +6,7 @@ Measuring reactions and splitting bodies is the engine's; sharing load in loops 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import exp
 
 import numpy as np
 
@@ -27,11 +28,11 @@ class Loads:
 
         Args:
             joints: All joints, as the engine numbers them.
-            window: Time constant of the filter, s.
+            window: Time constant of the filter, s; not 0.
             step: Time between readings, s.
         """
         self._joints = joints
-        self._blend = step / (step + window)
+        self._blend = round(1.0 - exp(-step / window), 12)  # the last digits depend on the libm
         self._level = np.zeros((len(joints), 6))
         strength = [
             (joint.strength.force, joint.strength.torque) if joint.strength else (np.inf, np.inf)

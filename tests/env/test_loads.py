@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import exp
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,8 @@ from agentflow.env.engines.base import Joint, Strength
 from agentflow.env.loads import Loads
 
 STEP = 1.0 / 120
-BLEND = STEP / (STEP + 0.02)
+BLEND = 1.0 - exp(-STEP / 0.02)
+SHORT = 1e-6
 
 
 def joints(count: int) -> list[Joint]:
@@ -30,7 +33,7 @@ def test_the_filter_starts_from_nothing_and_reaches_the_load() -> None:
 
 
 def test_force_and_torque_are_judged_apart() -> None:
-    loads = Loads(joints(1), 0.0, STEP)
+    loads = Loads(joints(1), SHORT, STEP)
     assert loads.update(pull(99.0, torque=49.0)) == {}
     assert loads.utilisation()[0] == pytest.approx(0.99)
     assert loads.update(pull(10.0, torque=51.0)) == {0: pytest.approx(1.02)}
@@ -49,7 +52,7 @@ def test_of_joints_in_a_row_the_furthest_gives_way_and_relieves_the_others() -> 
 
 def test_joints_in_different_branches_give_way_together_the_most_loaded_first() -> None:
     tree = [*joints(2), Joint(3, 1, 1, 3, strength=Strength(100.0, 50.0))]
-    loads = Loads(tree, 0.0, STEP)
+    loads = Loads(tree, SHORT, STEP)
     assert loads.update(pull(1.0, 120.0, 130.0)) == {
         2: pytest.approx(1.3),
         1: pytest.approx(1.2),
@@ -59,6 +62,6 @@ def test_joints_in_different_branches_give_way_together_the_most_loaded_first() 
 
 def test_joints_without_strength_are_no_connections() -> None:
     free = Joint(1, 0, 0, 1)
-    loads = Loads([free, *joints(1)], 0.0, STEP)
+    loads = Loads([free, *joints(1)], SHORT, STEP)
     assert loads.connections == [1]
     assert loads.update(pull(1e9, 1.0)) == {}
