@@ -154,7 +154,7 @@ class _Run:
         samples = 1
         while self._elapsed < last:
             while due and due[0][0] <= self._elapsed:
-                self._engine.switch(due.pop(0)[1], on=True)
+                self._switch(*due.pop(0)[1:])
             status = self._step()
             if status != "ok":
                 return status
@@ -168,12 +168,30 @@ class _Run:
                 break
         return "ok"
 
-    def _schedule(self) -> list[tuple[int, str]]:
-        """Step since t = 0 and name of each entry, in order; nothing with power off."""
+    def _schedule(self) -> list[tuple[int, str, float]]:
+        """Step since t = 0, entry and level of each switch, in order; nothing with power off."""
         if not self._power:
             return []
-        times = vars(self._task.schedule)
-        return sorted((round(time * self._rate), entry) for entry, time in times.items())
+        switches = self._task.schedule.switches()
+        return [(round(time * self._rate), entry, level) for time, entry, level in switches]
+
+    def _switch(self, entry: str, level: float) -> None:
+        """Do what the schedule asks for; decouplers let go of their parents."""
+        if entry != "decouplers":
+            self._engine.switch(entry, level)
+            return
+        gone = {joint for _, joint, _ in self._broken}
+        loose = [
+            i
+            for i, joint in enumerate(self._assembly.joints)
+            if joint.drive.starts == entry and i not in gone
+        ]
+        self._loads.release(loose)
+        self._giving = (*self._giving, *loose)
+        for joint in (self._assembly.joints[i] for i in loose):
+            self._recorder.lose(joint)
+            text = f"block {joint.block} let go of block {joint.partner}"
+            self._events.append(Event(self._elapsed / self._rate, "released", (joint.block,), text))
 
     def _step(self) -> Status:
         """One step. What it breaks comes apart before the next, so contacts can still be seen."""

@@ -6,8 +6,9 @@ The look and feel of each block type is in blockforms.py; spanning trees are tre
 from __future__ import annotations
 
 from agentflow.env.constants import Constants
-from agentflow.env.engines.base import Assembly, Joint, Part, Pull, Strength
+from agentflow.env.engines.base import Assembly, Drive, Joint, Part, Pull, Strength
 from agentflow.env.engines.blockforms import caster_parts, drive_of, end_parts, kind_of, whole_part
+from agentflow.env.engines.fittings import WINCH, fit
 from agentflow.env.engines.vectors import add
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks import BlockType, library
@@ -16,7 +17,6 @@ from agentflow.machine.tree import Machine
 
 BOULDER = 36
 SPRING = 9
-WINCH = 45
 CASTERS = frozenset({50, 86})
 
 
@@ -72,6 +72,9 @@ class _Assembler:
             centres=tuple(add(b.center, self.shift) for b in self.geometry.blocks),
             rotations=tuple(b.quaternion for b in self.geometry.blocks),
             spans=tuple(self.spans),
+            actors=fit(
+                self.geometry.blocks, self.blocks, (*self.joints, *self.closing), self.constants
+            ),
         )
 
     def _add(self, parts: list[Part]) -> tuple[int, ...]:
@@ -114,12 +117,21 @@ class _Assembler:
                 kind="revolute",
                 pivot=pivot,
                 axis=placed.front,
+                drive=drive_of(placed, kind, self.constants),
                 strength=self._strength(kind.type),
             )
         )
-        axle = placed.right
         self.joints.append(
-            Joint(placed.id, placed.id, first, second, kind="revolute", pivot=hub, axis=axle)
+            Joint(
+                placed.id,
+                placed.id,
+                first,
+                second,
+                kind="revolute",
+                pivot=hub,
+                axis=placed.right,
+                drive=Drive(friction=self.constants["axle_friction"]),
+            )
         )
 
     def _two_ended(self, placed: Placed, kind: BlockType) -> None:
@@ -136,9 +148,9 @@ class _Assembler:
             joints.append(
                 Joint(placed.id, partner, carrier, part, pivot=end.centre, strength=strength)
             )
-        if kind.type in (SPRING, WINCH):
+        if kind.type == SPRING:
             self.pulls.append(self._pull(placed.id, kind.type, first, second))
-        else:
+        elif kind.type != WINCH:
             self.joints.append(Joint(placed.id, placed.id, first, second, pivot=ends[1].centre))
 
     def _later(self, block_type: int) -> list[Joint]:

@@ -14,6 +14,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from agentflow.env.engines.actors import Actors
 from agentflow.env.scene import IDENTITY, Quat, Scene, Vec3
 from agentflow.env.tasks.base import Body
 from agentflow.env.trace import Array
@@ -74,8 +75,10 @@ class Drive:
     """Velocity target once it is switched on, rad/s about the joint's axis; 0 holds."""
     torque: float = 0.0
     """Most torque the motor gives, N m; without torque the joint turns freely."""
-    starts: Literal["motors", "steering_hinges"] = "motors"
-    """The schedule entry that switches it on."""
+    starts: Literal["motors", "steering_hinges", "decouplers"] = "motors"
+    """The schedule entry that switches it on; `decouplers` part a rigid joint."""
+    friction: float = 0.0
+    """Dry friction of a joint without motor, N m."""
     stiffness: float = 0.0
     """N/m, of a prismatic joint."""
     damping: float = 0.0
@@ -147,6 +150,8 @@ class Assembly:
     """Orientation of each block at rest."""
     spans: tuple[tuple[int, int, int], ...] = ()
     """(block, part, part) of each two-ended block: its id and its ends."""
+    actors: Actors = field(default_factory=Actors)
+    """What acts beside joints and springs."""
 
 
 @dataclass(frozen=True)
@@ -214,8 +219,14 @@ class Engine(Protocol):
             TooLargeError: The machine has more parts in one piece than the engine can hold.
         """
 
-    def switch(self, entry: str, on: bool) -> None:
-        """Start or hold what a schedule entry controls: motors, steering_hinges, springs."""
+    def switch(self, entry: str, level: float) -> None:
+        """Set what a schedule entry controls: 1 starts it, 0 holds it, -1 runs it backwards.
+
+        Args:
+            entry: `motors` (thrusters too), `steering_hinges`, `springs`, `winches` or
+                `grabbers`. Grabbers grip from the beginning and let go at 0; the others hold.
+            level: Share of the full speed or thrust.
+        """
 
     def step(self) -> None:
         """Advance by one step, then read everything once."""

@@ -20,6 +20,8 @@ TURNING = frozenset({13, 19, 22})
 """Joints that turn about their Front axis: round too, so that they clear their neighbours."""
 BALLS = frozenset({36, 44})
 CONTAINER = 30
+DECOUPLER = 4
+GRABBER = 27
 SUSPENSION = 16
 HINGE = 5
 STEERING_HINGE = 28
@@ -66,6 +68,9 @@ def drive_of(placed: Placed, kind: BlockType, constants: Constants) -> Drive:
     """Motor, spring-damper and stops of a block's joint, by spec 1.8, 2.1 and 2.2."""
     speed = constants.of("motor_speed", kind.type)
     torque = constants.of("motor_torque", kind.type)
+    friction = constants.of("joint_friction", kind.type)
+    if kind.type == DECOUPLER:
+        return Drive(starts="decouplers")
     if kind.type == SUSPENSION:
         return Drive(
             stiffness=constants["suspension_stiffness"],
@@ -73,12 +78,12 @@ def drive_of(placed: Placed, kind: BlockType, constants: Constants) -> Drive:
             stops=(constants["suspension_low"], constants["suspension_high"]),
         )
     if kind.type == HINGE:
-        return Drive(stops=(-pi / 2, pi / 2))
+        return Drive(stops=(-pi / 2, pi / 2), friction=friction)
     if kind.type == STEERING_HINGE:  # to its Left, which is a negative turn about Up
         return Drive(-speed, torque, starts="steering_hinges", stops=(-pi / 2, pi / 2))
     if kind.powered_wheel and placed.facing == "x-":
         return Drive(-speed, torque)
-    return Drive(speed, torque)
+    return Drive(speed, torque, friction=friction)
 
 
 def whole_part(placed: Placed, kind: BlockType, constants: Constants, shift: Vec3) -> Part:
@@ -214,6 +219,9 @@ def _shapes(placed: Placed, kind: BlockType, extents: Vec3, shrink: float) -> tu
         thin = placed.up if kind.type == HINGE else placed.right
         x, y, z = (HINGE_PLATE if axis else side for axis, side in zip(thin, small, strict=True))
         return (Shape("box", (x, y, z)),)
+    if kind.type == GRABBER:  # its front juts out to meet what was placed against it
+        longer = _turned_size(placed, (0.0, 0.0, 2 * shrink))
+        return (Shape("box", add(small, longer), scale(placed.front, shrink)),)
     return (Shape("box", small),)
 
 

@@ -159,8 +159,8 @@ class Workshop:
                 targetPosition=IDENTITY,
                 targetVelocity=(0.0, 0.0, 0.0),
                 positionGain=0.0,
-                velocityGain=0.0,
-                force=(0.0, 0.0, 0.0),
+                velocityGain=1.0,
+                force=(joint.drive.friction,) * 3,
                 physicsClientId=self.client,
             )
         if joint.drive.stops is not None:

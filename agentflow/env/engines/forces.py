@@ -40,6 +40,11 @@ class Members:
     offset: Array
     """(P, 3) from the leading part's centre to this part's, at rest, engine frame."""
 
+    def place(self, part: int) -> tuple[int, Vec3]:
+        """Row and offset of one part."""
+        x, y, z = self.offset[part].tolist()
+        return int(self.row[part]), (x, y, z)
+
 
 class Wrench(NamedTuple):
     """Force and torque on a cluster at its leading part's centre."""

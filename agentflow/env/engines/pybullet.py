@@ -6,7 +6,7 @@ in readings.py, forces computed in forces.py.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from math import sqrt
 
@@ -17,8 +17,11 @@ from agentflow.env.engines.base import Assembly, Camera, Drive, Image, State
 from agentflow.env.engines.bodies import Workshop
 from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.contacts import Contacts, group, stand
+from agentflow.env.engines.couplings import Couplings
+from agentflow.env.engines.flight import Blades, Thrusters
 from agentflow.env.engines.forces import Drag, Members, Springs, Wind, Wrench
 from agentflow.env.engines.frames import swap, swap_all, swap_quaternion
+from agentflow.env.engines.grip import Grips
 from agentflow.env.engines.kinematics import (
     POSITION,
     ROTATION,
@@ -34,8 +37,8 @@ from agentflow.env.engines.kinematics import (
 from agentflow.env.engines.layout import Built, lay_out
 from agentflow.env.engines.picture import take_picture
 from agentflow.env.engines.readings import Readings
+from agentflow.env.engines.ropes import Ropes
 from agentflow.env.engines.tree import Skeleton, skeleton
-from agentflow.env.engines.vectors import subtract
 from agentflow.env.scene import Quat, Scene, Vec3
 from agentflow.env.tasks.base import Body
 from agentflow.env.trace import Array
@@ -67,7 +70,7 @@ class PyBulletEngine:
         pybullet.setGravity(0.0, 0.0, -self._constants["gravity"], physicsClientId=self.client)
         self._assembly, self._scene = assembly, scene
         self._broken: set[int] = set()
-        self._on = {"motors": False, "steering_hinges": False, "springs": False}
+        self._on = dict.fromkeys(("motors", "steering_hinges", "springs", "winches"), 0.0)
         self._workshop = Workshop(self.client, visible)
         self._ground = self._workshop.ground()
         self._things = {thing.name: self._workshop.thing(thing) for thing in scene.things}
@@ -75,18 +78,26 @@ class PyBulletEngine:
         self._moving = tuple(thing for thing in scene.things if thing.mass > 0)
         self.reactions = np.zeros((len(assembly.joints), 6))
         self._built: tuple[Built, ...] = ()
+        self._couplings = Couplings(self.client)
+        self._ropes = Ropes(assembly.actors.ropes, self._on, 1.0 / rate)
+        moving = {thing.name: self._things[thing.name] for thing in self._moving}
+        self._grips = Grips(self.client, assembly.actors.grips, moving)
         self._raise(skeleton(len(assembly.parts), assembly.joints))
         self._read()
 
-    def switch(self, entry: str, on: bool) -> None:
-        """Start or hold motors, steering_hinges or springs."""
-        self._on[entry] = on
-        if entry != "springs":
+    def switch(self, entry: str, level: float) -> None:
+        """Set motors, steering_hinges, springs, winches or grabbers."""
+        self._on[entry] = float(level)
+        if entry == "grabbers":
+            self._grips.switch(level > 0)
+        elif entry not in ("springs", "winches"):
             self._drive(entry)
 
     def step(self) -> None:
         """Advance by one step, then read everything once."""
         self._push(self._drag(self._rows))
+        for act in self._acting:
+            self._push(act(self._rows))
         if self._wind is not None:
             self._push(self._wind(self._table))
         if self._on["springs"] and self._assembly.pulls:
@@ -95,6 +106,8 @@ class PyBulletEngine:
             self._cushion(uid, index, drive)
         pybullet.stepSimulation(self.client)
         self._read()
+        if self._grips:
+            self._grips.watch()
 
     def split(self, broken: Sequence[int]) -> None:
         """Remove joints and rebuild what they held, in place."""
@@ -190,7 +203,9 @@ class PyBulletEngine:
         self._index_joints()
         self._index_forces()
         group(self.client, plan, self._built)
-        self._bind_loops()
+        self._couplings.renew(self._assembly, plan, self._built)
+        if self._grips:
+            self._grips.bind(self._built)
         for entry in ("motors", "steering_hinges"):
             self._drive(entry)
 
@@ -216,6 +231,7 @@ class PyBulletEngine:
         inertia = swap_all(np.array([part.inertia for part in parts]).reshape(-1, 3))
         self._drag = Drag(parts, members, inertia)
         self._springs = Springs(self._assembly.pulls, members)
+        self._index_actors()
         self._wind: Wind | None = None
         if any(self._scene.wind):
             boxes = [part.extents for part in parts] + [thing.size for thing in self._moving]
@@ -231,24 +247,18 @@ class PyBulletEngine:
                 self._constants["wind_drag"],
             )
 
-    def _bind_loops(self) -> None:
-        """Moving joints that close a loop hold their two parts together at the pivot."""
-        at = {part: built for built in self._built for part in built.index}
-        parts = self._assembly.parts
-        for i in self._plan.loops:
-            joint = self._assembly.joints[i]
-            a, b = at[joint.a], at[joint.b]
-            pybullet.createConstraint(
-                a.uid,
-                a.index[joint.a],
-                b.uid,
-                b.index[joint.b],
-                pybullet.JOINT_POINT2POINT,
-                (0.0, 0.0, 0.0),
-                swap(subtract(joint.pivot, parts[joint.a].centre)),
-                swap(subtract(joint.pivot, parts[joint.b].centre)),
-                physicsClientId=self.client,
-            )
+    def _index_actors(self) -> None:
+        """Thrusters, blades and winches, where there are any."""
+        actors, members = self._assembly.actors, self._layout.members
+        acting: list[Callable[[Sequence[Row]], list[Wrench]]] = []
+        if actors.thrusts:
+            acting.append(Thrusters(actors.thrusts, members, self._on))
+        if actors.lifts:
+            acting.append(Blades(actors.lifts, members))
+        if self._ropes:
+            self._ropes.place(members)
+            acting.append(self._ropes)
+        self._acting = acting
 
     # --- forces -----------------------------------------------------------------------------
 
@@ -262,8 +272,8 @@ class PyBulletEngine:
                         built.uid,
                         built.index[link.part],
                         pybullet.VELOCITY_CONTROL,
-                        targetVelocity=joint.drive.speed if self._on[entry] else 0.0,
-                        force=joint.drive.torque,
+                        targetVelocity=joint.drive.speed * self._on[entry],
+                        force=joint.drive.torque or joint.drive.friction,
                         physicsClientId=self.client,
                     )
 

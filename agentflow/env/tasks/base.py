@@ -58,9 +58,23 @@ class Schedule:
     """Seconds since t = 0 at which actuators start."""
 
     motors: float = 0.0
-    """Wheels, rotating and steering blocks."""
+    """Wheels, rotating and steering blocks, powered cogs, flying blocks."""
     springs: float = 0.0
+    """Springs and winches."""
     steering_hinges: float = 0.0
+    more: tuple[tuple[float, str, float], ...] = ()
+    """Further switches: seconds, entry and level as `Engine.switch` takes them, or `decouplers`,
+    which let go. At equal times they come last."""
+
+    def switches(self) -> tuple[tuple[float, str, float], ...]:
+        """All switches as seconds, entry and level, in order."""
+        starts = (
+            (self.motors, "motors", 1.0),
+            (self.springs, "springs", 1.0),
+            (self.springs, "winches", 1.0),
+            (self.steering_hinges, "steering_hinges", 1.0),
+        )
+        return tuple(sorted((*starts, *self.more), key=lambda switch: switch[0]))
 
 
 class Parameters(BaseModel):

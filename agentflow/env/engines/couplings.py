@@ -1,0 +1,91 @@
+"""Owns constraints between the links of PyBullet bodies: joints that close loops, meshing cogs.
+
+Trees of joints are bodies.py's; a constraint carries what no tree can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agentflow.env.engines.base import Assembly, Joint
+from agentflow.env.engines.bullet import pybullet
+from agentflow.env.engines.frames import swap
+from agentflow.env.engines.layout import Built, Handle
+from agentflow.env.engines.tree import Skeleton
+from agentflow.env.engines.vectors import add, scale, subtract
+from agentflow.env.scene import Vec3
+
+STRONGEST = 1e6
+"""N or N m: more than anything that a machine can exert."""
+HALF_AXLE = 0.5
+"""Loops that turn are held at two points of their axis, this far from the pivot, m."""
+
+
+class Couplings:
+    """The constraints of one world."""
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+        self._ids: list[int] = []
+
+    def renew(self, assembly: Assembly, plan: Skeleton, built: Sequence[Built]) -> None:
+        """Make what the skeleton asks for, in place of what was."""
+        self._clear()
+        where = {part: (body.uid, index) for body in built for part, index in body.index.items()}
+        for i in plan.loops:
+            self._loop(assembly, assembly.joints[i], where)
+        carried = {link.joint: where[link.part] for body in plan.bodies for link in body.links}
+        for mesh in assembly.actors.meshes:
+            one, other = assembly.joints[mesh.a], assembly.joints[mesh.b]
+            if (
+                mesh.a in carried
+                and mesh.b in carried
+                and plan.cluster[one.a] == plan.cluster[other.a]
+            ):
+                self._mesh(carried[mesh.a], carried[mesh.b], mesh.ratio)
+
+    def _clear(self) -> None:
+        """PyBullet has removed by itself those of bodies that are gone."""
+        count = pybullet.getNumConstraints(self._client)
+        there = {pybullet.getConstraintUniqueId(i, self._client) for i in range(count)}
+        for constraint in self._ids:
+            if constraint in there:
+                pybullet.removeConstraint(constraint, self._client)
+        self._ids = []
+
+    def _loop(self, assembly: Assembly, joint: Joint, where: dict[int, Handle]) -> None:
+        """Hold the two parts of a joint together as the joint would."""
+        points: tuple[Vec3, ...] = (joint.pivot,)
+        kind = pybullet.JOINT_POINT2POINT
+        if joint.kind == "revolute":
+            half = scale(joint.axis, HALF_AXLE)
+            points = (add(joint.pivot, half), subtract(joint.pivot, half))
+        elif joint.kind == "prismatic":
+            kind = pybullet.JOINT_PRISMATIC
+        for point in points:
+            self._bind(
+                kind,
+                where[joint.a],
+                where[joint.b],
+                swap(joint.axis),
+                swap(subtract(point, assembly.parts[joint.a].centre)),
+                swap(subtract(point, assembly.parts[joint.b].centre)),
+            )
+
+    def _mesh(self, one: Handle, other: Handle, ratio: float) -> None:
+        """Couple the turns of two cogs on one carrier."""
+        nowhere = (0.0, 0.0, 0.0)
+        made = self._bind(pybullet.JOINT_GEAR, one, other, (0.0, 0.0, 1.0), nowhere, nowhere)
+        pybullet.changeConstraint(made, gearRatio=ratio, physicsClientId=self._client)
+
+    def _bind(
+        self, kind: int, one: Handle, other: Handle, axis: Vec3, at_one: Vec3, at_other: Vec3
+    ) -> int:
+        made = int(
+            pybullet.createConstraint(
+                *one, *other, kind, axis, at_one, at_other, physicsClientId=self._client
+            )
+        )
+        pybullet.changeConstraint(made, maxForce=STRONGEST, physicsClientId=self._client)
+        self._ids.append(made)
+        return made

@@ -1,0 +1,113 @@
+"""Owns which blocks act on a machine beside their joints: reads them off the placed blocks.
+
+What they do each step is flight.py's, ropes.py's, grip.py's and couplings.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, radians, sin
+
+from agentflow.env.constants import Constants
+from agentflow.env.engines.actors import Actors, Grip, Lift, Mesh, Rope, Thrust
+from agentflow.env.engines.base import Joint
+from agentflow.env.engines.vectors import add, dot, length, scale, subtract
+from agentflow.machine.blocks import BlockType, library
+from agentflow.machine.geometry import Placed
+
+GRABBER = 27
+WINCH = 45
+
+
+def fit(
+    placed: Sequence[Placed],
+    parts: Sequence[tuple[int, ...]],
+    joints: Sequence[Joint],
+    constants: Constants,
+) -> Actors:
+    """What acts in a machine.
+
+    Args:
+        placed: All blocks, by id.
+        parts: Part indices of each block.
+        joints: All joints, as the assembly numbers them.
+        constants: Of winches, grabbers and cogs; thrust and blades are the library's.
+    """
+    known = [(block, library()[block.type], parts[block.id]) for block in placed]
+    value = constants
+    return Actors(
+        thrusts=tuple(
+            Thrust(block.id, own[0], scale(block.front, kind.thrust))
+            for block, kind, own in known
+            if kind.thrust is not None
+        ),
+        lifts=tuple(
+            _lift(block, kind, own[0]) for block, kind, own in known if kind.blade is not None
+        ),
+        ropes=tuple(
+            Rope(
+                block=block.id,
+                a=own[0],
+                b=own[1],
+                speed=value["winch_speed"],
+                shortest=value["winch_shortest"],
+                stiffness=value["winch_stiffness"],
+                damping=value["winch_damping"],
+                force=value["winch_force"],
+            )
+            for block, kind, own in known
+            if kind.type == WINCH
+        ),
+        grips=tuple(
+            Grip(
+                block=block.id,
+                part=own[0],
+                front=block.front,
+                reach=length(subtract(block.center, block.origin)),
+                force=value.of("strength_force", GRABBER),
+            )
+            for block, kind, own in known
+            if kind.type == GRABBER
+        ),
+        meshes=meshes(placed, joints, value["cog_tolerance"]),
+    )
+
+
+def meshes(placed: Sequence[Placed], joints: Sequence[Joint], tolerance: float) -> tuple[Mesh, ...]:
+    """Pairs of cogs in one plane whose pitch circles touch within `tolerance`, m.
+
+    Speeds are equal and opposite where the circles touch, so positions go as the radii; cogs
+    that face each other's way count their turns in opposite senses.
+    """
+    turning = {joint.block: i for i, joint in enumerate(joints) if joint.kind == "revolute"}
+    cogs = [
+        (block, radius, turning[block.id])
+        for block in placed
+        if (radius := library()[block.type].pitch_radius) is not None
+    ]
+    found = []
+    for i, (one, radius, first) in enumerate(cogs):
+        for other, other_radius, second in cogs[i + 1 :]:
+            sense = dot(one.front, other.front)
+            line = subtract(other.center, one.center)
+            aside = dot(line, one.front)
+            apart = length(subtract(line, scale(one.front, aside)))
+            in_plane = abs(sense) > 0.5 and abs(aside) <= tolerance
+            if in_plane and abs(apart - radius - other_radius) <= tolerance + 1e-9:
+                found.append(Mesh(first, second, sense * other_radius / radius))
+    return tuple(found)
+
+
+def _lift(block: Placed, kind: BlockType, part: int) -> Lift:
+    """Blade law of `data/reference_physics.json`: the normal is Up turned about Front."""
+    blade = kind.blade
+    assert blade is not None
+    angle = radians(blade.lift_angle_deg)
+    return Lift(
+        block=block.id,
+        part=part,
+        push=block.up,
+        normal=add(scale(block.up, cos(angle)), scale(block.right, -sin(angle))),
+        drag=blade.axial_drag,
+        speed_cap=blade.speed_cap,
+    )

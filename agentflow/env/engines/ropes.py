@@ -1,0 +1,72 @@
+"""Owns what winches pull: ropes that are reeled in, and how long each is at the moment.
+
+A rope outlives splits of the machine, so it is set up once per world and then only moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from agentflow.env.engines.actors import Rope
+from agentflow.env.engines.forces import Members, Wrench
+from agentflow.env.engines.kinematics import Row
+from agentflow.env.engines.vectors import add, cross, dot, length, scale, subtract, turned
+from agentflow.env.scene import Vec3
+
+
+class Ropes:
+    """All ropes of one machine, on plain floats."""
+
+    def __init__(self, ropes: Sequence[Rope], levels: Mapping[str, float], step: float) -> None:
+        """Set up, with no rope strung yet.
+
+        Args:
+            ropes: All of them.
+            levels: How far each schedule entry is switched on; -1 gives rope out.
+            step: Time between calls, s.
+        """
+        self._ropes, self._levels, self._step = ropes, levels, step
+        self._left: list[float | None] = [None] * len(ropes)
+        """Length of each rope, m."""
+
+    def __bool__(self) -> bool:
+        return bool(self._ropes)
+
+    def place(self, members: Members) -> None:
+        """Take note of where the parts are since the last split."""
+        self._ends = [(members.place(rope.a), members.place(rope.b)) for rope in self._ropes]
+
+    def __call__(self, rows: Sequence[Row]) -> list[Wrench]:
+        """Reel, and what all ropes do in this step, about the leading centres."""
+        level = self._levels["winches"]
+        wrenches = []
+        for i, (rope, ends) in enumerate(zip(self._ropes, self._ends, strict=True)):
+            (arm_a, at_a, speed_a), (arm_b, at_b, speed_b) = (
+                _end(rows[row], offset) for row, offset in ends
+            )
+            line = subtract(at_b, at_a)
+            distance = max(length(line), 1e-9)
+            left = self._left[i]
+            if left is None:
+                if not level:
+                    continue
+                left = distance
+            left = max(left - level * rope.speed * self._step, min(left, rope.shortest))
+            left = self._left[i] = max(left, distance - rope.force / rope.stiffness)
+            if distance <= left:
+                continue
+            along = scale(line, 1.0 / distance)
+            parting = dot(subtract(speed_b, speed_a), along)
+            pull = rope.stiffness * (distance - left) + rope.damping * parting
+            force = scale(along, min(max(pull, 0.0), rope.force))
+            back = scale(force, -1.0)
+            wrenches.append(Wrench(ends[0][0], False, force, cross(arm_a, force)))
+            wrenches.append(Wrench(ends[1][0], False, back, cross(arm_b, back)))
+        return wrenches
+
+
+def _end(row: Row, offset: Vec3) -> tuple[Vec3, Vec3, Vec3]:
+    """Arm from the leading centre, place and velocity of a rope's end."""
+    px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = row
+    arm = turned((x, y, z, w), offset)
+    return arm, add((px, py, pz), arm), add((vx, vy, vz), cross((wx, wy, wz), arm))
