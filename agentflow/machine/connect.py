@@ -195,7 +195,7 @@ class _Joiner:
             nearest = min(fitting, key=lambda face: (math.dist(here, face.at), face))
             where = _told(add_floats(self.origin, to_metres(nearest.at)))
             carrier = named(nearest.block, self.placed[nearest.block].type)
-            message += f"; the nearest is face {nearest.face} of {carrier} at {where}"
+            message += f"; the nearest such face is {nearest.face} of {carrier} at {where}"
         return Problem("no_parent", (spot.index,), message)
 
     def _units(self, point: Vec3) -> Vec3:

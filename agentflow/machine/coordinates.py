@@ -10,7 +10,7 @@ from collections.abc import Collection
 from agentflow.machine.blocks import STARTING_BLOCK, library
 from agentflow.machine.connect import Located, Spot, connect
 from agentflow.machine.geometry import place
-from agentflow.machine.parse import MISSING, find_items, whole_number
+from agentflow.machine.parse import MAX_COORDINATE, MISSING, find_items, whole_number
 from agentflow.machine.pose import FACINGS, to_metres
 from agentflow.machine.problems import Problem, listed, shown, type_fault
 from agentflow.machine.tree import Machine
@@ -22,9 +22,6 @@ FORM = (
     'two-ended blocks with "end-position"'
 )
 """The form in words, for messages."""
-MAX_COORDINATE = 1e6
-"""Largest number that is read, in metres."""
-
 _END = "end-position"
 _KEYS = ("type", "Position", "Rotation")
 
@@ -81,7 +78,9 @@ def _spot(
         message = f"item {index} of the list is {shown(item)}; expected an object with "
         problems.append(Problem("not_an_object", (index,), message + listed(_KEYS)))
         return None
-    kind = whole_number("type", item.get("type", MISSING), index, notes, problems)
+    kind = item.get("type", MISSING)
+    if type(kind) is not int:
+        kind = whole_number("type", kind, index, notes, problems)
     two_ended = kind is not None and kind in library() and library()[kind].linear
     keys = (*_KEYS, _END) if two_ended else _KEYS
     sizes = {"Position": 3, "Rotation": 4, _END: 3}

@@ -17,6 +17,8 @@ __all__ = ["MAX_BLOCKS", "Extracted", "Reading", "extract_json", "file_problems"
 
 MAX_BLOCKS = 1000
 """Most blocks that are read; machines that fit the building volume are far smaller."""
+MAX_COORDINATE = 1e6
+"""Largest coordinate that is read, in metres."""
 
 _STANDARD = ("type", "id", "parent", "face_id")
 _TWO_ENDED = ("type", "id", "parent_a", "face_id_a", "parent_b", "face_id_b")
