@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+import io
 import json
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from agentflow.errors import UsageError
-from agentflow.machine import BlockType, Brief, Geometry, library, place
+from agentflow.machine import BlockType, Brief, library, place
 from agentflow.machine import check as judge
+from agentflow.machine.formats import Form, read_any
+
+UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+NO_MACHINE = ("not_json", "not_xml", "not_a_machine")
+"""Codes of problems that say that a text is something else."""
 
 
 def read_text(source: str) -> str:
-    """The text of a file, or of standard input for `-`.
+    """The text of a file, or of standard input for `-`; UTF-8, or UTF-16 with its mark.
 
     Raises:
         UsageError: There is no such file, or it is no text.
     """
     if source == "-":
-        return sys.stdin.read()
+        return _standard_input().read()
     try:
-        return Path(source).read_text(encoding="utf-8")
+        data = Path(source).read_bytes()
+        return data.decode("utf-16" if data.startswith(UTF_16_MARKS) else "utf-8-sig")
     except OSError as error:
         raise UsageError(f"cannot read {source}: {error.strerror}") from None
     except UnicodeDecodeError:
@@ -30,51 +37,60 @@ def read_text(source: str) -> str:
 
 
 def read_lines(source: str) -> Iterator[str]:
-    """The lines of a file or of standard input, one at a time, without blank ones.
+    """The lines of a file or of standard input, one at a time, blank ones too.
 
     Raises:
         UsageError: There is no such file.
     """
     if source == "-":
-        yield from (line for line in sys.stdin if line.strip())
+        yield from _standard_input()
         return
     try:
         with Path(source).open(encoding="utf-8", errors="replace") as lines:
-            yield from (line for line in lines if line.strip())
+            yield from lines
     except OSError as error:
         raise UsageError(f"cannot read {source}: {error.strerror}") from None
 
 
+def _standard_input() -> TextIO:
+    """Standard input as UTF-8; what is none of it is replaced."""
+    if isinstance(sys.stdin, io.TextIOWrapper):
+        sys.stdin.reconfigure(encoding="utf-8", errors="replace")
+    return sys.stdin
+
+
 def machine_text(source: str) -> str:
-    """The text of one machine, which must hold a JSON list somewhere.
+    """The text of one machine, in any form; a text that holds none at all is an error.
 
     Raises:
         UsageError: It holds none; names the file.
     """
     text = read_text(source)
-    problem = next((p for p in judge(text).problems if p.code == "not_json"), None)
+    problem = next((p for p in read_any(text).problems if p.code in NO_MACHINE), None)
     if problem is not None:
         place = "standard input" if source == "-" else source
         raise UsageError(f"{place} holds no machine: {problem.message}")
     return text
 
 
-def check(source: object, brief: Brief | None, geometry: bool) -> dict[str, Any]:
+def check(
+    source: object, brief: Brief | None, geometry: bool, form: Form = "auto"
+) -> dict[str, Any]:
     """The validity report of spec 1.12; `source` is any model text or JSON data."""
-    report = judge(source, brief)  # type: ignore[arg-type]
+    report = judge(read_any(source, form, None if brief is None else brief.blocks), brief)
     answer: dict[str, Any] = report.to_json()
     if geometry:
         machine = report.machine
-        answer["blocks"] = [] if machine is None else blocks_json(place(machine))
+        answer["blocks"] = [] if machine is None else place(machine).to_json()
     return answer
 
 
 def check_lines(
-    lines: Iterable[str], brief: Brief | None, geometry: bool
+    lines: Iterable[str], brief: Brief | None, geometry: bool, form: Form = "auto"
 ) -> Iterator[dict[str, Any]]:
     """One report per line, in order; a line that is no JSON is judged as model text."""
     for line in lines:
-        yield check(line_value(line), brief, geometry)
+        yield check(line_value(line), brief, geometry, form)
 
 
 def line_value(line: str) -> object:
@@ -83,30 +99,6 @@ def line_value(line: str) -> object:
         return json.loads(line)
     except (ValueError, RecursionError):
         return line
-
-
-def blocks_json(geometry: Geometry) -> list[dict[str, Any]]:
-    """Where every block is, with the keys of spec 1.12; metres, game frame."""
-    items: list[dict[str, Any]] = []
-    for block in geometry.blocks:
-        item: dict[str, Any] = {"id": block.id, "type": block.type}
-        if block.two_ended:
-            item |= {"end_a": block.end_a, "end_b": block.end_b}
-        else:
-            item |= {
-                "position": block.origin,
-                "center": block.center,
-                "orientation": block.facing,
-                "quaternion": block.quaternion,
-                "box_min": block.box_min,
-                "box_max": block.box_max,
-                "faces": [
-                    {"face_id": face.face_id, "position": face.position, "facing": face.facing}
-                    for face in block.faces
-                ],
-            }
-        items.append(item)
-    return items
 
 
 def block_list() -> list[dict[str, Any]]:

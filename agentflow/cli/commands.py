@@ -46,7 +46,8 @@ def common(
 
 
 def _print_json(value: Any) -> None:
-    print(json.dumps(value, ensure_ascii=False))
+    """One line of JSON, at once: who reads lines may wait for each. ASCII, for any terminal."""
+    print(json.dumps(value), flush=True)
 
 
 @commands.command(
@@ -121,6 +122,10 @@ def check(
     machine: Source,
     task: Task = None,
     knobs: Knobs = None,
+    form: Annotated[
+        Literal["auto", "tree", "coordinates", "bsg"],
+        typer.Option("--format", help="How the machine is written; auto finds out."),
+    ] = "auto",
     geometry: Annotated[bool, typer.Option("--geometry", help="Where every block is.")] = False,
     lines: Annotated[bool, typer.Option("--jsonl", help="One machine per line.")] = False,
     as_json: Json = False,
@@ -129,20 +134,72 @@ def check(
     from agentflow.app import machines
     from agentflow.cli.show import show_report
 
-    brief = None
-    if task is not None:
-        from agentflow.app.tasks import find_task
-
-        brief = find_task(task, knobs or ()).brief
+    brief = _brief(task, knobs)
     if lines:
-        for report in machines.check_lines(machines.read_lines(machine), brief, geometry):
+        source = machines.read_lines(machine)
+        for report in machines.check_lines(source, brief, geometry, form):
             _print_json(report)
         return
-    report = machines.check(machines.machine_text(machine), brief, geometry)
+    report = machines.check(machines.machine_text(machine), brief, geometry, form)
     if as_json:
         _print_json(report)
     else:
         show_report(report)
+
+
+def _brief(task: str | None, knobs: list[str] | None) -> Any:
+    from agentflow.app.tasks import find_task
+
+    return None if task is None else find_task(task, knobs or ()).brief
+
+
+@commands.command(
+    epilog="Example: agentflow edit machine.json --script changes.txt --task throwing"
+)
+def edit(
+    machine: Source,
+    script: Annotated[
+        str, typer.Option(help="File of commands; standard input when not given.")
+    ] = "-",
+    task: Task = None,
+    knobs: Knobs = None,
+    lines: Annotated[bool, typer.Option("--jsonl", help="Machine and script per line.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Change a machine by a script of Add, Remove and Move commands, all or nothing."""
+    from agentflow.app import edits, machines
+    from agentflow.cli.show import show_edit
+
+    brief = _brief(task, knobs)
+    if lines:
+        for outcome in edits.edit_lines(machines.read_lines(machine), brief):
+            _print_json(outcome)
+        return
+    outcome = edits.edit_file(machine, script, brief)
+    if as_json:
+        _print_json(outcome)
+    else:
+        show_edit(outcome)
+
+
+@commands.command(epilog="Example: agentflow convert machine.json machine.bsg")
+def convert(
+    source: Source,
+    out: Annotated[Path, typer.Argument(help="File to write: .json, .coords.json or .bsg.")],
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse a machine when a block must be left out.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Write a machine in another form. Blocks that cannot be taken over are named and left out."""
+    from agentflow.app.convert import convert as rewrite
+    from agentflow.cli.show import show_conversion
+
+    result = rewrite(source, out, strict=strict)
+    if as_json:
+        _print_json(result)
+    else:
+        show_conversion(result)
 
 
 @commands.command(epilog="Example: agentflow simulate machine.json --task movement --json")

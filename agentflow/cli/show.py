@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -42,8 +43,10 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
         table.add_row(row["name"], *counts, number(row["mean"]), number(row["max"]))
     console.print(table)
+    cost = result.get("cost")
     console.print(
         f"model: {result['model']}; {result['calls']} calls, {result['tokens']} tokens, "
+        f"cost {'unknown' if cost is None else format(cost, '.4g')}, "
         f"{result['rollouts']} rollouts, {result['seconds']:.1f} s"
     )
     console.print(f"run: {result['run']}")
@@ -68,6 +71,28 @@ def show_report(report: Data) -> None:
             console.print(
                 f"block {block['id']}: at {block['position']} facing {block['orientation']}"
             )
+
+
+def show_edit(outcome: Data) -> None:
+    """What became of a script, and the new machine when it succeeded."""
+    console = _out()
+    for step in outcome["steps"]:
+        console.print(f"{step['verdict']}: {step['text']}")
+        if step["reason"]:
+            console.print(f"  {step['code']}: {step['reason']}")
+    console.print(outcome["outcome"])
+    if outcome["outcome"] == "success":
+        console.print(json.dumps(outcome["machine"]))
+
+
+def show_conversion(result: Data) -> None:
+    """What was written, and what was not."""
+    console = _out()
+    for problem in result["left_out"]:
+        console.print(f"left out: {problem['message']}")
+    for note in result["notes"]:
+        console.print(f"note: {note}")
+    console.print(f"{result['out']}: {result['blocks']} blocks")
 
 
 def show_rollout(result: Data) -> None:
