@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from agentflow.env.engines.assembly import BOULDER
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine, Step
 
 Row = tuple[int, ...]
@@ -40,3 +46,19 @@ CRADLE = machine(
     (0, -1, -1), (35, 0, 0), (35, 0, 1), (35, 0, 2), (35, 0, 3), (30, 0, 4), (36, 5, 0)
 )
 """A boulder in an upright container on a heavy cross."""
+
+FOLDER = Path(__file__).parent.parent / "machines"
+SHIPPED = tuple(sorted(path.stem for path in FOLDER.glob("*.json")))
+"""Names of the machines that are kept as files."""
+
+
+def shipped(name: str) -> Machine:
+    """A machine that is kept as a file."""
+    reading = read_machine((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    assert reading.machine is not None, reading.problems
+    return reading.machine
+
+
+def task_of(tree: Machine, **knobs: object) -> Task:
+    """The task that a machine is made for: throwing if it has a boulder, else movement."""
+    return get_task("throwing" if tree.count(BOULDER) else "movement", knobs)
