@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -16,24 +16,48 @@ from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.budget import BudgetSettings
 from agentflow.llm.build import EndpointSettings
 from agentflow.llm.messages import Sampling
+from agentflow.llm.prices import Price
 from agentflow.workflows.settings import WorkflowSettings
 
 PROCEDURAL = "procedural"
 """The embedded model: rules and chance, no language model, no endpoint."""
 
 
+KEY_VARIABLE = "OPENAI_API_KEY"
+
+
+class RoleModel(BaseModel):
+    """Who answers for one role instead of the run's model."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str = Field(min_length=1, description="model name at the endpoint")
+    base_url: str | None = Field(None, description="None is the run's endpoint, with its key")
+    key_variable: str | None = Field(
+        None, description="environment variable of the key; None with a base_url sends no key"
+    )
+    sampling: Sampling | None = Field(None, description="None is the run's")
+
+
 class ModelConfig(BaseModel):
-    """Who answers, and how answers are drawn."""
+    """Who answers, and how answers are drawn. Keys come from the environment alone."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
 
     name: str = Field(PROCEDURAL, min_length=1, description="model name at the endpoint")
     base_url: str | None = Field(None, description="what precedes /chat/completions")
+    key_variable: str = Field(KEY_VARIABLE, description="environment variable of the key")
+    roles: dict[str, RoleModel] = Field({}, description="roles that another model answers for")
+    prices: dict[str, Price] = Field(
+        {}, description="model name: input, output and cached, per million tokens"
+    )
     sampling: Sampling = Field(Sampling(), description="temperature, top_p, max_tokens ...")
     endpoint: EndpointSettings = Field(
         EndpointSettings(), description="time limits, retries, rate limits"
     )
-    budget: BudgetSettings = Field(BudgetSettings(), description="most calls and tokens of a run")
+    budget: BudgetSettings = Field(
+        BudgetSettings(), description="most calls, tokens and money of a run"
+    )
 
 
 class DesignConfig(BaseModel):
@@ -143,7 +167,14 @@ def _names_beside(place: list[str]) -> list[str]:
     """The keys that exist where an unknown one was given."""
     kind: type[BaseModel] = DesignConfig
     for part in place[:-1]:
-        inner = kind.model_fields[part].annotation
-        assert isinstance(inner, type)
-        kind = inner
+        if part in kind.model_fields:  # not so the keys of mappings
+            kind = _model_in(kind.model_fields[part].annotation) or kind
     return [".".join([*place[:-1], name]) for name in kind.model_fields]
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The group of keys that an annotation allows: plain, optional, or as values of a mapping."""
+    for kind in (annotation, *get_args(annotation)):
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            return kind
+    return None

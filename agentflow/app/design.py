@@ -7,7 +7,7 @@ import json
 import platform
 import subprocess
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -15,7 +15,8 @@ from typing import Any
 
 from agentflow import __version__
 from agentflow.agents.base import Desk
-from agentflow.app.models import open_model, shown
+from agentflow.app.models import Models, answerers, open_models, replaying, shown
+from agentflow.app.remarks import REMARK, Remarks, Say
 from agentflow.config import DesignConfig, build
 from agentflow.env.constants import constants
 from agentflow.env.pool import RolloutPool
@@ -25,8 +26,6 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.errors import EndpointError, InterruptedRunError
 from agentflow.laboratory import PhysicsLaboratory
 from agentflow.llm.budget import Budget
-from agentflow.llm.client import Client
-from agentflow.llm.record import ReplayClient
 from agentflow.llm.tape import Tape
 from agentflow.prompts.render import PromptSet
 from agentflow.runs import (
@@ -40,9 +39,6 @@ from agentflow.runs import (
 from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import workflow
 from agentflow.workflows.statistics import row
-
-Say = Callable[[str], None]
-"""Takes one line of text for the user: waits, refused parameters, dropped half lines."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +55,10 @@ class Plan:
 
         Raises:
             UnknownNameError: One of them does not exist.
-            ConfigError: A knob is unknown or out of range.
+            ConfigError: A knob is unknown or out of range, or a price is missing.
         """
         workflow(config.workflow)
+        answerers(config.model)
         return cls(config, get_task(config.task, config.knobs), PromptSet(config.prompts))
 
 
@@ -111,8 +108,7 @@ def replay(path: Path, say: Say) -> str | None:
     memory = Memory()
     with Tape(path / "calls.jsonl", say, writable=False) as tape:
         cut = recorded["stopped"] == "budget"
-        client = ReplayClient(tape, recorded["model"], cut=cut)
-        outcome = asyncio.run(_conduct(plan, client, memory))
+        outcome = asyncio.run(_conduct(plan, replaying(plan.config, tape, cut=cut), memory))
     return first_difference(read_events(path), memory.events) or _result_differs(
         recorded, _answer(plan, outcome)
     )
@@ -139,6 +135,8 @@ def first_difference(
     rest = dict(repeated)
     event: Event
     for event in recorded:
+        if event.kind == REMARK:
+            continue
         again = rest.pop((event.kind, event.label), None)
         if again is None:
             return f"{event.kind} {event.label}: recorded, but not in the repetition"
@@ -169,23 +167,26 @@ class Conducted:
     laboratory: PhysicsLaboratory
 
 
-async def _conduct(plan: Plan, client: Client, record: Record) -> Conducted:
+async def _conduct(plan: Plan, models: Models, record: Record) -> Conducted:
     config = plan.config
-    desk = Desk(client, plan.prompts, config.model.sampling, config.max_retry)
-    record.event("run", "start", task=plan.task.name, workflow=config.workflow, model=client.name)
+    record.event("run", "start", task=plan.task.name, workflow=config.workflow, model=models.name)
+
+    def desk(role: str) -> Desk:
+        return Desk(models.clients[role], plan.prompts, models.samplings[role], config.max_retry)
+
     try:
         async with RolloutPool(config.workers) as pool:
             laboratory = PhysicsLaboratory(plan.task, pool, config.seed)
             result = await workflow(config.workflow)(
                 plan.task.brief,
-                lambda _role: desk,
+                desk,
                 laboratory,
                 config.settings,
                 record,
                 config.seed,
             )
     finally:
-        await client.aclose()
+        await models.aclose()
     return Conducted(result, laboratory)
 
 
@@ -193,16 +194,19 @@ def _carry_out(
     plan: Plan, run: RunDirectory, say: Say, listener: Listener | None
 ) -> dict[str, Any]:
     started = time.monotonic()
+    remarks = Remarks(run, say)
     if listener is not None:
-        run.listeners.append(listener)
+        run.listeners.append(lambda event: None if event.kind == REMARK else listener(event))
     budget = Budget(plan.config.model.budget)
     try:
-        with Tape(run.tape, say) as tape:
+        with Tape(run.tape, remarks.tell) as tape:
             try:
-                client = open_model(plan.config, tape, budget, say)
-                conducted = asyncio.run(_conduct(plan, client, run))
-            except EndpointError:
-                if not len(tape):
+                models = open_models(plan.config, tape, budget, remarks.tell)
+                conducted = asyncio.run(_conduct(plan, models, run))
+            except EndpointError as error:
+                if len(tape):
+                    remarks.keep(str(error))
+                else:
                     run.discard()
                 raise
             except KeyboardInterrupt:
@@ -211,9 +215,10 @@ def _carry_out(
                 ) from None
         result = {
             **_answer(plan, conducted),
-            "model": client.name,
+            "model": models.name,
             "calls": budget.calls,
             "tokens": budget.usage.total,
+            "cost": None if budget.cost is None else round(budget.cost, 6),
             "seconds": round(time.monotonic() - started, 2),
             "run": str(run.path),
         }

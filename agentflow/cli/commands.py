@@ -26,6 +26,11 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else 
 Seed = Annotated[int, typer.Option(help="Of everything left to chance.")]
 Source = Annotated[str, typer.Argument(help="Machine file, or - for standard input.")]
 Run = Annotated[Path, typer.Argument(help="Run directory.")]
+Config = Annotated[Path | None, typer.Option(help="YAML file with any of the keys.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="key=value of the configuration, or knob=value of the task."),
+]
 Power = Annotated[Literal["on", "off"], typer.Option(help="off: nothing is ever switched on.")]
 
 
@@ -62,11 +67,8 @@ def design(
     base_url: Annotated[
         str | None, typer.Option(help="OpenAI-compatible endpoint; the key is OPENAI_API_KEY.")
     ] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file with any of the keys.")] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="key=value of the configuration, or knob=value of the task."),
-    ] = None,
+    config: Config = None,
+    settings: Settings = None,
     seed: Annotated[int | None, typer.Option(help="Of everything left to chance.")] = None,
     out: Annotated[Path, typer.Option(help="Folder that holds run directories.")] = Path("runs"),
     workers: Annotated[int | None, typer.Option(help="Processes for rollouts.")] = None,
@@ -297,3 +299,29 @@ def blocks(
     else:
         block = find_block(name)
         _print_json(block) if as_json else show_block(block)
+
+
+@commands.command(
+    epilog="Example: agentflow doctor --model qwen3 --base-url http://127.0.0.1:8000/v1"
+)
+def doctor(
+    model: Annotated[str | None, typer.Option(help="Model name; or AGENTFLOW_MODEL.")] = None,
+    base_url: Annotated[str | None, typer.Option(help="Endpoint; or OPENAI_BASE_URL.")] = None,
+    config: Config = None,
+    settings: Settings = None,
+    role: Annotated[
+        str, typer.Option(help="Whose model, where roles have their own.")
+    ] = "designer",
+    as_json: Json = False,
+) -> None:
+    """Send one tiny request to a model's endpoint and report what it can do."""
+    from agentflow.app.doctor import examine
+    from agentflow.app.models import configured
+    from agentflow.cli.show import show_diagnosis
+    from agentflow.errors import EndpointError
+
+    options = {"model.name": model, "model.base_url": base_url}
+    found = examine(configured(config, settings or (), options), role).model_dump()
+    _print_json(found) if as_json else show_diagnosis(found)
+    if found["problem"]:
+        raise EndpointError(found["problem"])

@@ -163,3 +163,25 @@ def _size(block: Data) -> str:
     if block["size"] is None:
         return "two-ended"
     return " x ".join(f"{extent:g}" for extent in block["size"])
+
+
+def show_diagnosis(found: Data) -> None:
+    """What `agentflow doctor` found; what went wrong is told on standard error."""
+    console = _out()
+    console.print(f"endpoint: {found['base_url']}")
+    name = found["answered_as"]
+    console.print(f"model: {found['model']}" + (f" (answers as {name})" if name else ""))
+    for key in ("reachable", "authorised", "model_exists", "streaming", "usage", "reasoning"):
+        words = {True: "yes", False: "no", None: "not known"}[found[key]]
+        console.print(f"{_DIAGNOSED.get(key, key)}: {words}")
+    for parameter, action in found["refused"].items():
+        console.print(f"refuses {parameter}: {action}")
+    if found["latency_s"] is not None:
+        console.print(f"latency: {found['latency_s']:.2f} s")
+
+
+_DIAGNOSED = {
+    "model_exists": "model exists",
+    "usage": "reports tokens",
+    "reasoning": "returns reasoning",
+}

@@ -12,9 +12,10 @@ from pydantic import BaseModel, ConfigDict
 
 from agentflow.llm.budget import Budget, BudgetClient
 from agentflow.llm.client import Client
-from agentflow.llm.endpoint import DEFAULT_BASE_URL, Endpoint
+from agentflow.llm.endpoint import Endpoint
 from agentflow.llm.http import HttpSettings, OpenAIClient
-from agentflow.llm.limits import LimitedClient, LimitSettings
+from agentflow.llm.limits import LimitedClient, Limiter, LimitSettings
+from agentflow.llm.prices import Price
 from agentflow.llm.record import RecordingClient
 from agentflow.llm.retry import RetryClient, RetrySettings
 from agentflow.llm.tape import Tape
@@ -31,41 +32,45 @@ class EndpointSettings(BaseModel):
 
 
 def open_client(
+    endpoint: Endpoint,
     *,
-    model: str,
-    base_url: str | None = None,
-    api_key: str | None = None,
-    key_variable: str = "OPENAI_API_KEY",
     settings: EndpointSettings | None = None,
     tape: Tape | None = None,
     budget: Budget | None = None,
+    price: Price | None = None,
+    limiter: Limiter | None = None,
     warn: Callable[[str], None],
     on_wait: Callable[[str], None] = lambda _line: None,
 ) -> Client:
     """A client for one model of an OpenAI-compatible endpoint, complete.
 
     Args:
-        model: The model's name as the endpoint knows it.
-        base_url: What precedes `/chat/completions`; None or empty is OpenAI's.
-        api_key: None or empty sends no key.
-        key_variable: Where the key comes from, for messages.
+        endpoint: Which model, where, and with which key.
         settings: Time limits, repetition, rate limits.
         tape: Record of the run's calls; its opener closes it.
         budget: Shared by all clients of the run.
+        price: Of this model; None is unknown.
+        limiter: Shared by all clients of this endpoint; None makes one of the settings.
         warn: Gets one line for each parameter that the endpoint turns out to refuse.
         on_wait: Gets one line for each wait before a repetition.
 
     Raises:
-        ConfigError: Base URL, key, proxy or certificate settings are unusable.
+        ConfigError: The environment's proxy or certificate settings are unusable.
     """
     settings = settings or EndpointSettings()
-    endpoint = Endpoint(model, base_url or DEFAULT_BASE_URL, api_key, key_variable)
     http = OpenAIClient(endpoint, settings.http, warn)
     retry = RetryClient(http, settings.retry, random.Random(), on_wait)
-    return wrap(LimitedClient(retry, settings.limits), tape=tape, budget=budget)
+    limited = LimitedClient(retry, limiter or Limiter(settings.limits))
+    return wrap(limited, tape=tape, budget=budget, price=price)
 
 
-def wrap(inner: Client, *, tape: Tape | None = None, budget: Budget | None = None) -> Client:
+def wrap(
+    inner: Client,
+    *,
+    tape: Tape | None = None,
+    budget: Budget | None = None,
+    price: Price | None = None,
+) -> Client:
     """The record and the budget around any client (also a procedural or scripted one)."""
     recorded: Client = RecordingClient(inner, tape) if tape is not None else inner
-    return BudgetClient(recorded, budget) if budget is not None else recorded
+    return BudgetClient(recorded, budget, price) if budget is not None else recorded

@@ -15,13 +15,22 @@ from agentflow.errors import (
 from agentflow.llm.endpoint import Endpoint
 from agentflow.llm.faults import TransientFault
 from agentflow.llm.http import HttpSettings, OpenAIClient
-from agentflow.llm.messages import Message, Reply, Request, Sampling
+from agentflow.llm.messages import JsonSchema, Message, Reply, Request, Sampling
 
+_FORM = JsonSchema(
+    name="answer",
+    content={
+        "type": "object",
+        "properties": {"ok": {"type": "boolean"}},
+        "required": ["ok"],
+        "additionalProperties": False,
+    },
+)
 _QUESTION = Request(
     role="doctor",
     label="doctor",
     messages=(Message(role="user", text='Reply with the JSON object {"ok": true}.'),),
-    sampling=Sampling(max_tokens=256, seed=1, stop=("###",), response_format="json_object"),
+    sampling=Sampling(max_tokens=256, seed=1, stop=("###",), response_format=_FORM),
 )
 """Uses every optional parameter, so that a refusal of any shows."""
 

@@ -39,6 +39,11 @@ _WORD_STATUS = {
 }
 """Error types and codes of vendors that come with status 200 or inside a stream."""
 
+_UNKNOWN_MODEL = re.compile(
+    r"(?i)(?:invalid|unknown|no such) model|model\b.{0,80}\b(?:does not exist|not found)"
+)
+"""Wordings of gateways that answer 400 where others answer 404."""
+
 
 class TransientFault(EndpointError):
     """A failure that may pass; `error` is what it becomes when it does not."""
@@ -132,9 +137,10 @@ def error_for(endpoint: Endpoint, refusal: Refusal) -> EndpointError:
     said = shown(endpoint, refusal.message)
     if status in (401, 403):
         return UnauthorisedError(_unauthorised(endpoint, status, said))
-    if status == 404:
+    if status == 404 or (status == 400 and _UNKNOWN_MODEL.search(refusal.message)):
         return ModelNotFoundError(
-            f"no model {endpoint.model!r} at {where} (404: {said}); check --model and --base-url"
+            f"no model {endpoint.model!r} at {where} ({status}: {said}); "
+            "check --model and --base-url"
         )
     if status in TRANSIENT_STATUSES:
         error = RefusedError(f"{where} cannot answer now ({status}: {said})")

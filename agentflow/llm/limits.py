@@ -13,9 +13,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Reply, Request
 
-_CHARS_PER_TOKEN = 4
-"""A usual ratio for English and JSON; only used until the true count is known."""
-
 
 class LimitSettings(BaseModel):
     """Limits of one endpoint over the whole run; None is no limit."""
@@ -76,20 +73,26 @@ class Window:
         return max(self._entries[0].begun + self._period_s - now, 0.001)
 
 
-class LimitedClient:
-    """Holds calls back until the limits allow them.
+class Limiter:
+    """The limits of one endpoint, shared by all clients that ask it.
 
     Args:
-        inner: The client whose calls are held back.
         settings: The limits.
         period_s: What "per minute" means, in seconds.
     """
 
-    def __init__(self, inner: Client, settings: LimitSettings, period_s: float = 60.0) -> None:
+    def __init__(self, settings: LimitSettings, period_s: float = 60.0) -> None:
+        self.slots = asyncio.Semaphore(settings.concurrent) if settings.concurrent else None
+        self.calls = Window(settings.rpm, period_s) if settings.rpm else None
+        self.tokens = Window(settings.tpm, period_s) if settings.tpm else None
+
+
+class LimitedClient:
+    """Holds calls back until the limits allow them."""
+
+    def __init__(self, inner: Client, limiter: Limiter) -> None:
         self._inner = inner
-        self._slots = asyncio.Semaphore(settings.concurrent) if settings.concurrent else None
-        self._calls = Window(settings.rpm, period_s) if settings.rpm else None
-        self._tokens = Window(settings.tpm, period_s) if settings.tpm else None
+        self._limiter = limiter
 
     @property
     def name(self) -> str:
@@ -98,15 +101,16 @@ class LimitedClient:
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request as soon as the limits allow; see `Client`."""
+        limits = self._limiter
         async with AsyncExitStack() as stack:
-            if self._slots:
-                await stack.enter_async_context(self._slots)
-            if self._calls:
-                await self._calls.take(1)
-            booked = await self._tokens.take(_estimate(request)) if self._tokens else None
+            if limits.slots:
+                await stack.enter_async_context(limits.slots)
+            if limits.calls:
+                await limits.calls.take(1)
+            booked = await limits.tokens.take(_estimate(request)) if limits.tokens else None
             reply = await self._inner.complete(request)
-            if self._tokens and booked and reply.usage.total:
-                self._tokens.correct(booked, reply.usage.total)
+            if limits.tokens and booked and reply.usage.total:
+                limits.tokens.correct(booked, reply.usage.total)
             return reply
 
     async def aclose(self) -> None:
@@ -116,5 +120,4 @@ class LimitedClient:
 
 def _estimate(request: Request) -> int:
     """Tokens that a call will probably use, before it is made."""
-    chars = sum(len(message.text) for message in request.messages)
-    return chars // _CHARS_PER_TOKEN + (request.sampling.max_tokens or 0) + 1
+    return request.estimated_tokens + (request.sampling.max_tokens or 0) + 1

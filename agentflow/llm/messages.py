@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
 Finish = Literal["stop", "length", "empty", "content_filter"]
 """Why a reply ended. Only `stop` is a whole answer."""
+CHARS_PER_TOKEN = 4
+"""A usual ratio for English and JSON; only used where the true count is not known."""
 
 
 class _Frozen(BaseModel):
@@ -22,6 +25,14 @@ class Message(_Frozen):
     images: tuple[str, ...] = ()
 
 
+class JsonSchema(_Frozen):
+    """A form that a reply must have; endpoints that know none are asked for any JSON object."""
+
+    name: str
+    content: Mapping[str, Any]
+    """The schema itself."""
+
+
 class Sampling(_Frozen):
     """How a reply is drawn. Defaults as published: temperature 0.7, top-p 0.95."""
 
@@ -31,7 +42,7 @@ class Sampling(_Frozen):
     """Most output tokens; None leaves it to the endpoint."""
     seed: int | None = None
     stop: tuple[str, ...] = ()
-    response_format: Literal["text", "json_object"] = "text"
+    response_format: Literal["text", "json_object"] | JsonSchema = "text"
 
 
 class Request(_Frozen):
@@ -45,6 +56,11 @@ class Request(_Frozen):
     label: str
     messages: tuple[Message, ...]
     sampling: Sampling = Sampling()
+
+    @property
+    def estimated_tokens(self) -> int:
+        """Prompt tokens that this will probably be."""
+        return -(-sum(len(message.text) for message in self.messages) // CHARS_PER_TOKEN)
 
 
 class Usage(_Frozen):

@@ -30,6 +30,8 @@ _UNSUPPORTED = re.compile(
 )
 _EITHER_OR = re.compile(r"(?i)cannot both be|only one of|use only one|not both")
 _STATUSES = (400, 415, 422, 501)
+_INSTEAD = {"max_tokens": "max_completion_tokens", "json_schema": "json_object"}
+"""What is sent in place of a refused parameter or response format."""
 
 
 class Quirks:
@@ -51,6 +53,9 @@ class Quirks:
             adapted["max_completion_tokens"] = adapted["max_tokens"]
         for name in self.refused:
             adapted.pop(name, None)
+        if "response_format" in adapted:
+            form = self._form(adapted.pop("response_format"))
+            adapted |= {"response_format": form} if form else {}
         if "stream" not in adapted:
             adapted.pop("stream_options", None)
         return adapted
@@ -66,11 +71,27 @@ class Quirks:
         name = _refused_parameter(refusal, sent)
         if name is None:
             return False
+        instead = _INSTEAD.get(name)
+        if name == "response_format":
+            kind = _kind(sent[name])
+            name, instead = f"{name} {kind}", _INSTEAD.get(kind)
         if name not in self.refused:
-            action = "max_completion_tokens is sent instead" if name == "max_tokens" else "left out"
+            action = f"{instead} is sent instead" if instead else "left out"
             self.refused[name] = action
             self._warn(f"the endpoint refuses {name}: {action} from now on ({said})")
         return True
+
+    def _form(self, wanted: object) -> object:
+        """The response format wanted or the next one that is not refused; None without any."""
+        kind: str | None = _kind(wanted)
+        while kind and f"response_format {kind}" in self.refused:
+            kind = _INSTEAD.get(kind)
+            wanted = {"type": kind} if kind else None
+        return wanted
+
+
+def _kind(form: object) -> str:
+    return str(form["type"]) if isinstance(form, Mapping) else ""
 
 
 def _refused_parameter(refusal: Refusal, sent: Mapping[str, object]) -> str | None:

@@ -90,4 +90,5 @@ class RetryClient:
     def _announce(self, state: RetryCallState) -> None:
         fault = state.outcome.exception() if state.outcome else None
         wait = state.next_action.sleep if state.next_action else 0.0
-        self._on_wait(f"{fault}; again in {wait:.1f} s")
+        request: Request = state.args[0]
+        self._on_wait(f"{request.label}: {fault}; again in {wait:.1f} s")

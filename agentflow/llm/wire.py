@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agentflow.llm.messages import Finish, Message, Reply, Request, Usage
+from agentflow.llm.messages import Finish, JsonSchema, Message, Reply, Request, Usage
 
 _THOUGHT = re.compile(r"<think>(.*?)(?:</think>|\Z)", re.DOTALL)
 _FINISH: dict[str, Finish] = {
@@ -57,8 +57,11 @@ def request_body(request: Request, model: str) -> dict[str, object]:
         body["seed"] = sampling.seed
     if sampling.stop:
         body["stop"] = list(sampling.stop)
-    if sampling.response_format != "text":
-        body["response_format"] = {"type": sampling.response_format}
+    if isinstance(form := sampling.response_format, JsonSchema):
+        schema = {"name": form.name, "schema": form.content}
+        body["response_format"] = {"type": "json_schema", "json_schema": schema}
+    elif form != "text":
+        body["response_format"] = {"type": form}
     return body
 
 

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from agentflow.errors import BudgetSpentError
 from agentflow.llm.budget import Budget, BudgetClient, BudgetSettings
 from agentflow.llm.messages import Reply, Usage
+from agentflow.llm.prices import FREE, Price
 from agentflow.llm.scripted import ScriptedClient
 from tests.llm.helpers import ask
 
@@ -44,6 +45,49 @@ async def test_without_limits_it_only_counts() -> None:
     await client.complete(ask())
     await client.aclose()
     assert (client.name, budget.calls, budget.usage.total) == ("scripted", 1, 50)
+
+
+PRICE = Price(input=2.0, output=10.0, cached=0.5)
+
+
+async def test_money() -> None:
+    # 30 prompt tokens at 2, 20 completion tokens at 10 per million: 0.00026 a call.
+    budget = Budget(BudgetSettings(money=0.0005))
+    client = BudgetClient(scripted(), budget, PRICE)
+    await client.complete(ask())
+    await client.complete(ask())
+    assert budget.cost == pytest.approx(0.00052)
+    with pytest.raises(BudgetSpentError, match=r"^the budget of 0\.0005 in money is spent$"):
+        await client.complete(ask())
+
+
+def test_cached_tokens_have_their_own_price() -> None:
+    usage = Usage(prompt=1_000_000, cached=400_000, completion=100_000, reasoning=90_000)
+    assert PRICE.of(usage) == pytest.approx(0.6 * 2 + 0.4 * 0.5 + 0.1 * 10)
+    assert Price(input=2, output=10).of(usage) == pytest.approx(2 + 1)
+    assert PRICE.of(Usage(prompt=5, cached=50)) == pytest.approx(5 * 0.5 / 1e6)
+
+
+async def test_the_cost_is_unknown_once_a_call_has_no_price() -> None:
+    budget = Budget()
+    assert budget.cost == 0
+    await BudgetClient(scripted(), budget, PRICE).complete(ask())
+    await BudgetClient(scripted(), budget).complete(ask())
+    await BudgetClient(scripted(), budget, PRICE).complete(ask())
+    assert budget.cost is None
+
+
+async def test_limits_hold_where_no_tokens_are_reported_but_nothing_is_made_up() -> None:
+    budget = Budget(BudgetSettings(tokens=12))
+    client = BudgetClient(ScriptedClient(["x" * 16, "y"]), budget, PRICE)
+    await client.complete(ask("12345678"))  # 2 tokens asked, 4 answered, by estimate
+    await client.complete(ask("1" * 20))
+    with pytest.raises(BudgetSpentError, match="12 tokens"):
+        await client.complete(ask())
+    assert (budget.usage, budget.cost) == (Usage(), None)
+    free = Budget()
+    await BudgetClient(ScriptedClient(["x"]), free, FREE).complete(ask())
+    assert free.cost == 0
 
 
 def test_a_budget_of_nothing_is_refused() -> None:

@@ -15,7 +15,6 @@ import pytest
 
 from agentflow.errors import (
     BudgetSpentError,
-    ConfigError,
     ModelNotFoundError,
     RefusedError,
     UnauthorisedError,
@@ -24,6 +23,7 @@ from agentflow.errors import (
 from agentflow.llm.budget import Budget, BudgetSettings
 from agentflow.llm.build import EndpointSettings, open_client, wrap
 from agentflow.llm.client import Client
+from agentflow.llm.endpoint import Endpoint
 from agentflow.llm.messages import Reply
 from agentflow.llm.record import ReplayClient
 from agentflow.llm.scripted import ScriptedClient
@@ -45,9 +45,7 @@ async def opened(
     on_wait: Callable[[str], None] = lambda _line: None,
 ) -> AsyncIterator[Client]:
     client = open_client(
-        model=model,
-        base_url=base_url,
-        api_key=KEY,
+        Endpoint(model, base_url, KEY),
         settings=settings,
         tape=tape,
         budget=budget,
@@ -89,8 +87,8 @@ async def test_a_busy_server_is_asked_again(stub_url: str) -> None:
         reply = await client.complete(ask("are you busy"))
     assert (reply.text, reply.retries) == ("now I have time", 2)
     assert waits == [
-        f"{stub_url} cannot answer now (429: slow down); again in 0.0 s",
-        f"{stub_url} cannot answer now (503: restarting); again in 0.0 s",
+        f"a/1: {stub_url} cannot answer now (429: slow down); again in 0.0 s",
+        f"a/1: {stub_url} cannot answer now (503: restarting); again in 0.0 s",
     ]
 
 
@@ -201,14 +199,3 @@ async def test_parts_are_put_around_any_client(tmp_path: Path) -> None:
             assert await client.complete(ask()) == Reply(text="one", model="scripted")
         with pytest.raises(BudgetSpentError):
             await client.complete(ask())
-
-
-async def test_without_a_base_url_it_is_openai() -> None:
-    client = open_client(model="m", base_url="", warn=pytest.fail)
-    assert client.name == "m"
-    await client.aclose()
-
-
-def test_a_wrong_base_url_is_refused_at_once() -> None:
-    with pytest.raises(ConfigError):
-        open_client(model="m", base_url="localhost:8000", warn=pytest.fail)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 
-from agentflow.llm.limits import LimitedClient, LimitSettings
+from agentflow.llm.limits import LimitedClient, Limiter, LimitSettings
 from agentflow.llm.messages import Reply, Request, Usage
 from tests.llm.helpers import ask
 
@@ -33,7 +33,7 @@ class Slow:
 
 
 async def run(inner: Slow, calls: int, settings: LimitSettings, period_s: float = 60.0) -> float:
-    client = LimitedClient(inner, settings, period_s)
+    client = LimitedClient(inner, Limiter(settings, period_s))
     started = time.monotonic()
     await asyncio.gather(*[client.complete(ask("12345678")) for _ in range(calls)])
     await client.aclose()
@@ -52,6 +52,13 @@ async def test_concurrent() -> None:
     assert inner.most == 3
 
 
+async def test_clients_of_one_endpoint_share_its_limits() -> None:
+    inner, limiter = Slow(), Limiter(LimitSettings(concurrent=2))
+    clients = [LimitedClient(inner, limiter) for _ in range(4)]
+    await asyncio.gather(*[client.complete(ask()) for client in clients])
+    assert inner.most == 2
+
+
 async def test_no_period_holds_more_calls_than_allowed() -> None:
     inner = Slow(0)
     assert 0.4 <= await run(inner, 12, LimitSettings(rpm=5), period_s=0.2) < 0.8
@@ -63,7 +70,7 @@ async def test_no_period_holds_more_calls_than_allowed() -> None:
 async def test_tokens_are_counted_as_used_not_as_estimated() -> None:
     # Each call is estimated at 3 tokens and uses 40: two calls fill a period of 50.
     inner = Slow(0.01, tokens=40)
-    client = LimitedClient(inner, LimitSettings(tpm=50), period_s=0.3)
+    client = LimitedClient(inner, Limiter(LimitSettings(tpm=50), period_s=0.3))
     for _ in range(3):
         await client.complete(ask("12345678"))
     assert inner.begun[1] - inner.begun[0] < 0.1
@@ -72,7 +79,7 @@ async def test_tokens_are_counted_as_used_not_as_estimated() -> None:
 
 async def test_a_call_larger_than_the_limit_still_runs_alone() -> None:
     inner = Slow(0, tokens=1)
-    client = LimitedClient(inner, LimitSettings(tpm=1), period_s=0.1)
+    client = LimitedClient(inner, Limiter(LimitSettings(tpm=1), period_s=0.1))
     await client.complete(ask("x" * 4000))
     await client.complete(ask("x" * 4000))
     assert 0.09 < inner.begun[1] - inner.begun[0] < 0.3
@@ -80,7 +87,7 @@ async def test_a_call_larger_than_the_limit_still_runs_alone() -> None:
 
 async def test_a_cancelled_call_gives_its_slot_back() -> None:
     inner = Slow(30)
-    client = LimitedClient(inner, LimitSettings(concurrent=1))
+    client = LimitedClient(inner, Limiter(LimitSettings(concurrent=1)))
     task = asyncio.create_task(client.complete(ask()))
     await asyncio.sleep(0.01)
     task.cancel()

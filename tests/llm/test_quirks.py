@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentflow.llm.faults import Refusal, read_refusal
+from agentflow.llm.messages import JsonSchema
 from agentflow.llm.quirks import Quirks
 from agentflow.llm.wire import request_body
 from tests.llm.helpers import ask
@@ -64,7 +65,8 @@ def test_wordings(name: str, message: str, param: str) -> None:
     warnings: list[str] = []
     quirks = Quirks(warnings.append)
     assert quirks.learn(Refusal(400, message, param), FULL, "said")
-    assert set(quirks.refused) == {name}
+    known_as = "response_format json_object" if name == "response_format" else name
+    assert set(quirks.refused) == {known_as}
     assert len(warnings) == 1
     assert name not in quirks.adapt(FULL)
 
@@ -116,3 +118,33 @@ def test_a_known_refusal_is_dropped_again_without_a_warning() -> None:
 
 def test_other_statuses_teach_nothing() -> None:
     assert not Quirks(lambda _line: None).learn(Refusal(500, "unsupported", "seed"), FULL, "")
+
+
+def test_a_schema_becomes_an_object_then_nothing() -> None:
+    schema = JsonSchema(name="reply", content={"type": "object"})
+    body = request_body(ask(response_format=schema), "m")
+    assert body["response_format"] == {
+        "type": "json_schema",
+        "json_schema": {"name": "reply", "schema": {"type": "object"}},
+    }
+    warnings: list[str] = []
+    quirks = Quirks(warnings.append)
+    said = "This response_format type is unavailable now"
+    assert quirks.learn(Refusal(400, said), body, "no")
+    adapted = quirks.adapt(body)
+    assert adapted["response_format"] == {"type": "json_object"}
+    assert quirks.learn(Refusal(400, said), adapted, "no")
+    assert "response_format" not in quirks.adapt(body)
+    assert warnings == [
+        "the endpoint refuses response_format json_schema: json_object is sent instead "
+        "from now on (no)",
+        "the endpoint refuses response_format json_object: left out from now on (no)",
+    ]
+
+
+def test_who_refuses_an_object_may_still_take_a_schema() -> None:
+    quirks = Quirks(lambda _line: None)
+    assert quirks.learn(Refusal(400, "'response_format.type' must be 'json_schema'"), FULL, "")
+    assert "response_format" not in quirks.adapt(FULL)
+    body = request_body(ask(response_format=JsonSchema(name="x", content={})), "m")
+    assert quirks.adapt(body)["response_format"] == body["response_format"]

@@ -7,7 +7,7 @@ import resource
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agentflow.errors import RunError
@@ -57,6 +57,7 @@ def test_entries_are_found_again_by_another_process(tmp_path: Path) -> None:
         assert "other" not in tape
 
 
+@settings(deadline=None)
 @given(st.text(), st.text())
 def test_any_text_survives(tmp_path_factory: pytest.TempPathFactory, text: str, label: str) -> None:
     path = tmp_path_factory.mktemp("tape") / "calls.jsonl"

@@ -1,0 +1,35 @@
+"""Owns the examination of a configured endpoint, for `agentflow doctor`."""
+
+from __future__ import annotations
+
+import asyncio
+
+from agentflow.app.models import answerers
+from agentflow.config import DesignConfig
+from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.llm.doctor import Diagnosis, diagnose
+
+_IDLE_S, _TOTAL_S = 60.0, 120.0
+"""Nobody waits longer than this for one tiny answer, whatever a run would wait."""
+
+
+def examine(config: DesignConfig, role: str) -> Diagnosis:
+    """Send one tiny question to who answers for a role.
+
+    Raises:
+        UnknownNameError: There is no such role.
+        ConfigError: No endpoint is configured for it, or base URL or key cannot be used.
+    """
+    found = answerers(config.model)
+    if role not in found:
+        raise UnknownNameError("role", role, found)
+    if found[role].procedural:
+        raise ConfigError(
+            "the procedural model has no endpoint to examine; name a model with --model or "
+            "AGENTFLOW_MODEL"
+        )
+    http = config.model.endpoint.http
+    settings = http.model_copy(
+        update={"idle_s": min(http.idle_s, _IDLE_S), "total_s": min(http.total_s, _TOTAL_S)}
+    )
+    return asyncio.run(diagnose(found[role].endpoint(), settings))
