@@ -5,15 +5,23 @@ Implements the workflows' `Laboratory`; what a rollout is belongs to env, what i
 
 from __future__ import annotations
 
+import asyncio
+import base64
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 
 from agentflow.env.pool import RolloutPool
 from agentflow.env.query import answer
+from agentflow.env.render import render_png
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Rollout
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import Trial
+
+PICTURE = (640, 480)
+"""Width and height of the pictures that models are shown, in pixels."""
 
 
 class PhysicsLaboratory:
@@ -26,6 +34,7 @@ class PhysicsLaboratory:
         self._seed = seed
         self.rollouts: dict[str, Rollout] = {}
         """Every finished rollout by machine digest."""
+        self._pictures: dict[str, asyncio.Task[str]] = {}
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:  # noqa: ARG002
         """Simulate a machine."""
@@ -43,3 +52,18 @@ class PhysicsLaboratory:
     async def query(self, machine: Machine, queries: Sequence[object]) -> str:
         """Answer queries on a machine that has been evaluated."""
         return answer(machine, self.rollouts[machine.digest], queries).text
+
+    async def views(self, machine: Machine) -> tuple[str, ...]:
+        """Draw a machine as built, once; beside the event loop, which goes on meanwhile."""
+        drawn = self._pictures.setdefault(
+            machine.digest, asyncio.ensure_future(asyncio.to_thread(picture_url, machine))
+        )
+        return (await asyncio.shield(drawn),)
+
+
+def picture_url(machine: Machine) -> str:
+    """A picture of a machine as a PNG data URL."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "machine.png"
+        render_png(machine, path, size=PICTURE)
+        return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()

@@ -77,6 +77,10 @@ class Role(ABC, Generic[In, Out]):
     def variables(self, given: In) -> Mapping[str, object]:
         """What the templates may use."""
 
+    def images(self, given: In) -> tuple[str, ...]:  # noqa: ARG002
+        """PNG data URLs that go with the user prompt; most roles see none."""
+        return ()
+
     @abstractmethod
     def parse(self, text: str, given: In) -> Parsed[Out]:
         """Read a whole reply; never raises, whatever the text."""
@@ -112,7 +116,10 @@ async def ask(role: Role[In, Out], given: In, desk: Desk, label: str) -> Outcome
         ReplayMissError: A replaying client has no record of the request.
     """
     system, user = desk.prompts.render(role.name, role.variables(given))
-    conversation = [Message(role="system", text=system), Message(role="user", text=user)]
+    conversation = [
+        Message(role="system", text=system),
+        Message(role="user", text=user, images=role.images(given)),
+    ]
     attempts: list[Attempt[Out]] = []
     for number in range(1, desk.max_retry + 1):
         request = Request(

@@ -25,6 +25,8 @@ class MetaDesignerInput:
     """What the meta-designer is asked about."""
 
     brief: Brief
+    detailed: bool = False
+    """Whether the guidance is to tell the construction step by step."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +84,8 @@ class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
     name: ClassVar[str] = "meta_designer"
 
     def variables(self, given: MetaDesignerInput) -> Mapping[str, object]:
-        """Task and block table."""
-        return task_context(given.brief)
+        """Task and block table, and how detailed the plan is to be."""
+        return {**task_context(given.brief), "detailed": given.detailed}
 
     def parse(self, text: str, given: MetaDesignerInput) -> Parsed[Blueprint]:
         """Read the last JSON object of the reply that is a blueprint."""

@@ -55,6 +55,8 @@ class RefinerInput:
     """Whether 3D information is shown."""
     format: Literal["steps", "whole_machine"] = "steps"
     """Whether edit commands or a whole machine are asked for."""
+    images: tuple[str, ...] = ()
+    """Views of the machine as it is built, as PNG data URLs."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,12 @@ class Refiner(Role[RefinerInput, Refinement]):
             "queried": given.queried,
             "earlier": given.earlier,
             "format": given.format,
+            "views": len(given.images),
         }
+
+    def images(self, given: RefinerInput) -> tuple[str, ...]:
+        """Its views, if it was given any."""
+        return given.images
 
     def parse(self, text: str, given: RefinerInput) -> Parsed[Refinement]:
         """Read the sections, make the new machine and check it."""

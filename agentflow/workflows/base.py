@@ -46,6 +46,9 @@ class Laboratory(Protocol):
     async def query(self, machine: Machine, queries: Sequence[object]) -> str:
         """Answer queries on the states of an evaluated machine, as text for a model."""
 
+    async def views(self, machine: Machine) -> tuple[str, ...]:
+        """Pictures of a machine as built, as PNG data URLs; the same bytes whenever asked."""
+
 
 class Record(Protocol):
     """Where everything that happens goes.

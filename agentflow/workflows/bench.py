@@ -110,6 +110,10 @@ class Bench:
         )
         return answer
 
+    async def views(self, machine: Machine) -> tuple[str, ...]:
+        """Pictures of a machine for a refiner; none when vision is switched off."""
+        return await self._laboratory.views(machine) if self.settings.vision else ()
+
     def begin(self, name: StageName) -> None:
         """Open a stage; calls, tokens and rollouts count for it from here on."""
         self._stage = name

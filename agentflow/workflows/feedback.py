@@ -90,6 +90,8 @@ class Trajectory:
         """Label of a version -> refused refinements of it, of all its expansions."""
         self._history = History()
         """Of the node under expansion."""
+        self._views: tuple[str, ...] = ()
+        """Pictures of its machine."""
 
     async def evaluate(self, version: Version, label: str) -> Evaluation:
         """Simulate a version."""
@@ -105,6 +107,7 @@ class Trajectory:
         """
         if not earlier:
             self._history = self._history_of(node)
+            self._views = await self._bench.views(node.candidate.machine)
             if self._bench.settings.asks_querier and node.id not in self._queried:
                 self._queried[node.id] = await self._inquire(node)
         given = self._given(node, earlier)
@@ -149,6 +152,7 @@ class Trajectory:
             earlier=tuple(attempt.note for attempt in earlier if attempt.candidate is None),
             spatial=settings.spatial,
             format=settings.refinement,
+            images=self._views,
         )
 
     def _history_of(self, node: Node[Version]) -> History:

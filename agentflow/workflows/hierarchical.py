@@ -41,7 +41,8 @@ async def hierarchical(
 
 async def _plan(bench: Bench) -> tuple[Blueprint | None, str]:
     """The blueprint, or why there is none."""
-    outcome = await bench.ask(MetaDesigner(), MetaDesignerInput(bench.brief), "meta_designer")
+    given = MetaDesignerInput(bench.brief, detailed=bench.settings.meta_designer == "detailed")
+    outcome = await bench.ask(MetaDesigner(), given, "meta_designer")
     if outcome is None or outcome.output is None:
         return None, f"no valid blueprint: {failure_of(outcome)}"
     bench.record.event("blueprint", "meta_designer", **outcome.output.to_json())

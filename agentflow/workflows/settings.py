@@ -18,8 +18,13 @@ class WorkflowSettings(BaseModel):
     candidates: int = Field(
         1, ge=1, description="designs per structure and trajectory (hierarchical)"
     )
-    meta_designer: Literal["modules", "off"] = Field(
-        "modules", description="modules: structure by structure; off: whole machines (hierarchical)"
+    meta_designer: Literal["modules", "detailed", "off"] = Field(
+        "modules",
+        description="plan for the structures: modules, detailed (construction step by step), or "
+        "off: whole machines (hierarchical)",
+    )
+    rationales: tuple[str, ...] = Field(
+        (), description="plans that designers are to follow, one per trajectory and round again"
     )
     inspector: bool = Field(True, description="criticise machines before the blind refinement")
     querier: bool = Field(True, description="ask for states of single blocks (feedback active)")
@@ -28,6 +33,7 @@ class WorkflowSettings(BaseModel):
     )
     history: bool = Field(True, description="tell refiners the earlier edits")
     spatial: bool = Field(True, description="tell designers and refiners the 3D information")
+    vision: bool = Field(False, description="show refiners pictures of the machine")
     refinement: Literal["steps", "whole_machine"] = Field(
         "steps", description="refiners write edit commands or a whole machine"
     )
@@ -40,6 +46,11 @@ class WorkflowSettings(BaseModel):
     def _off(cls, value: object) -> object:
         """YAML reads a bare `off` as false."""
         return "off" if value is False else value
+
+    def rationale(self, trajectory: int) -> str:
+        """The plan that the designers of a trajectory (1, 2, ...) are to follow; "" for none."""
+        plans = self.rationales
+        return plans[(trajectory - 1) % len(plans)] if plans else ""
 
     @property
     def asks_querier(self) -> bool:

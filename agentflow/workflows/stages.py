@@ -42,7 +42,11 @@ async def whole_machines(bench: Bench) -> list[Candidate]:
     """One designer per trajectory, each for a whole machine; simulated."""
 
     async def design(trajectory: int) -> Candidate:
-        given = DesignerInput(bench.brief, spatial=bench.settings.spatial)
+        given = DesignerInput(
+            bench.brief,
+            spatial=bench.settings.spatial,
+            rationale=bench.settings.rationale(trajectory),
+        )
         outcome = await bench.ask(Designer(), given, f"designer/traj-{trajectory}")
         first = first_of(outcome)
         if outcome is None or outcome.output is None:
@@ -89,6 +93,7 @@ async def refined_blindly(
             critique=critique,
             spatial=bench.settings.spatial,
             format=bench.settings.refinement,
+            images=await bench.views(candidate.machine),
         )
         label = f"refiner/blind/traj-{candidate.trajectory}"
         outcome = await bench.ask(Refiner(), given, label)

@@ -1,4 +1,5 @@
 import random
+import re
 
 import pytest
 
@@ -15,6 +16,7 @@ from tests.workflows.world import (
     edit,
     fenced,
     machine,
+    machine_in,
     steps,
 )
 
@@ -186,6 +188,41 @@ async def test_switches(switch: str, value: object, gone: str) -> None:
     assert ("inspector" in roles) == (switch != "inspector")
     assert ("querier" in roles) == (switch not in ("querier", "feedback"))
     assert ("meta_designer" in roles) == (switch != "meta_designer")
+
+
+async def test_vision_shows_refiners_the_machine_they_refine() -> None:
+    run = Run(Author(refused=0.0), {**SMALL, "vision": True})
+    await run()
+    for request in run.client.requests:
+        images = request.messages[1].images
+        assert ("## Views" in request.messages[1].text) == bool(images)
+        assert bool(images) == (request.role == "refiner")
+        if images:
+            shown = machine_in(request.messages[1].text).digest
+            assert images == (f"data:image/png;base64,{shown}",)
+
+
+async def test_a_detailed_plan_sees_faces_and_is_told_step_by_step() -> None:
+    for setting in ("modules", "detailed"):
+        run = Run(Author(refused=0.0), {**SMALL, "meta_designer": setting})
+        await run()
+        system, user = (message.text for message in run.client.requests[0].messages)
+        assert ("step by step" in system) == (setting == "detailed")
+        assert ("0:Front@" in user) == (setting == "detailed")
+        assert ("# Geometry" in system) == (setting == "detailed")
+
+
+@pytest.mark.parametrize("name", ["hierarchical", "single"])
+async def test_designers_follow_the_rationale_of_another_run(name: str) -> None:
+    """Two plans for three trajectories: the first, the second, the first again."""
+    run = Run(Author(refused=0.0), {**SMALL, "rationales": ["long arm", "short arm"]})
+    await run(name)
+    for request in run.client.requests:
+        prompt = request.messages[1].text
+        number = int(re.search(r"traj-(\d)", request.label)[1]) if "traj" in request.label else 0
+        plan = ("long arm", "short arm")[(number - 1) % 2]
+        expected = f"## Rationale to follow\n> {plan}\n"
+        assert (expected in prompt) == (request.role == "designer")
 
 
 async def test_whole_machine_refinements() -> None:

@@ -23,6 +23,12 @@ def test_a_bare_off_of_yaml_is_off() -> None:
         WorkflowSettings.model_validate({"meta_designer": True})
 
 
+def test_rationales_go_round() -> None:
+    settings = WorkflowSettings(rationales=("a", "b"))
+    assert [settings.rationale(number) for number in (1, 2, 3)] == ["a", "b", "a"]
+    assert WorkflowSettings().rationale(1) == ""
+
+
 @pytest.mark.parametrize(
     ("querier", "feedback", "asks"),
     [(True, "active", True), (False, "active", False), (True, "basic", False)],

@@ -189,6 +189,9 @@ class Shelf:
         assert found.digest in self.tried
         return f"{len(queries)} tables."
 
+    async def views(self, found: Machine) -> tuple[str, ...]:
+        return (f"data:image/png;base64,{found.digest}",)
+
 
 class Notes:
     """A record in memory; events must be unique and plain JSON data."""
@@ -252,6 +255,13 @@ class Run:
 
 def _step(number: int, kind: int, parent: int, face: int) -> dict[str, int]:
     return {"type": kind, "id": number, "parent": parent, "face_id": face}
+
+
+def machine_in(prompt: str) -> Machine:
+    """The current machine of a prompt."""
+    read = read_machine(_current(prompt)).machine
+    assert read is not None
+    return read
 
 
 def _current(prompt: str) -> list[dict[str, int]]:
