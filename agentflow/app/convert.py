@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines import machine_text
+from agentflow.env.gltf import machine_glb
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Problem, library
 from agentflow.machine.bsg import to_bsg
@@ -24,7 +25,7 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
 
     Args:
         source: file, or `-` for standard input.
-        out: file to write, `.json` (tree), `.coords.json` or `.bsg`.
+        out: file to write, `.json` (tree), `.coords.json`, `.bsg` or `.glb` (only to look at).
         strict: refuse a machine when a block must be left out or a parent is ambiguous.
 
     Raises:
@@ -64,6 +65,7 @@ WRITERS: Mapping[str, Callable[[Machine], bytes]] = {
     ".coords.json": _coordinates,
     ".json": lambda machine: (machine.to_text() + "\n").encode(),
     ".bsg": lambda machine: to_bsg(machine).encode(),
+    ".glb": machine_glb,
 }
 """Ending of a file -> what it holds; the first that fits counts."""
 

@@ -1,4 +1,4 @@
-"""Owns the pictures of a machine and of its rollout, for a run or a machine file."""
+"""Owns the pictures, films and three-dimensional files of a run or a machine file."""
 
 from __future__ import annotations
 
@@ -7,16 +7,26 @@ from typing import Any
 
 from agentflow.app.machines import machine_text
 from agentflow.config import build
-from agentflow.env.render import render_gif, render_png
+from agentflow.env.film import save_film
+from agentflow.env.gltf import rollout_glb
+from agentflow.env.render import render_png
+from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import RunError, UsageError
+from agentflow.env.trace import Rollout
+from agentflow.errors import RunError, UnknownNameError, UsageError
 from agentflow.machine import Machine, check, read_machine
 from agentflow.runs import read_document, read_result
 
+STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"
+SAMPLES = {GIF: 10, MP4: 20, GLB: 20}
+"""Samples per second of what moves."""
+NAMES = {STILL: "picture", GIF: "film", MP4: "film", GLB: "model"}
+SIZES = {GIF: (480, 360), MP4: (640, 480)}
 
-def render_run(path: Path) -> dict[str, str]:
-    """Write best.png and best.gif of a finished run into its folder.
+
+def render_run(path: Path, out: Path | None = None, view: str = "three-quarter") -> dict[str, str]:
+    """Draw and film what a finished run found: `out`, or best.png and best.gif in its folder.
 
     Raises:
         RunError: The run is unfinished, or found no valid machine.
@@ -26,26 +36,50 @@ def render_run(path: Path) -> dict[str, str]:
     machine = read_machine(result["machine"], range(1000)).machine
     if machine is None:
         raise RunError(f"{path} found no valid machine to draw")
-    return _render(machine, get_task(config.task, config.knobs), config.seed, path / "best")
+    task = get_task(config.task, config.knobs)
+    return _render(machine, task, config.seed, out or path / "best", view)
 
 
-def render_file(source: str, task: Task, seed: int, stem: Path) -> dict[str, str]:
-    """Write `stem`.png and `stem`.gif of a machine file.
+def render_file(source: str, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
+    """Draw or film the machine of a file; the ending of `out` says which, without one both.
 
     Raises:
         UsageError: The machine cannot be built; names the first problem.
     """
-    report = check(machine_text(source), task.brief)
-    if report.machine is None or not report.task_valid:
+    report = check(machine_text(source))
+    if report.machine is None or not report.machine_valid:
         raise UsageError(f"{source} cannot be built: {report.problems[0].message}")
-    return _render(report.machine, task, seed, stem)
+    return _render(report.machine, task, seed, out, view)
 
 
-def _render(machine: Machine, task: Task, seed: int, stem: Path) -> dict[str, str]:
-    picture, film = stem.with_suffix(".png"), stem.with_suffix(".gif")
+def _render(machine: Machine, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
+    files = [out] if out.suffix else [out.with_suffix(STILL), out.with_suffix(GIF)]
     try:
-        render_png(machine, picture)
-        render_gif(machine, task, film, seed=seed)
+        for file in files:
+            _write(machine, task, seed, file, view)
     except OSError as error:
-        raise UsageError(f"cannot write {stem}.*: {error.strerror}") from None
-    return {"picture": str(picture), "film": str(film)}
+        raise UsageError(f"cannot write {file}: {error.strerror}") from None
+    return {NAMES[file.suffix]: str(file) for file in files}
+
+
+def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> None:
+    kind = file.suffix
+    if kind == STILL:
+        render_png(machine, file, view=view)
+    elif kind in SAMPLES:
+        rollout = _rollout(machine, task, seed, 1.0 / SAMPLES[kind])
+        if kind == GLB:
+            file.write_bytes(rollout_glb(machine, task, rollout))
+        else:
+            save_film(machine, task, rollout, file, size=SIZES[kind])
+    else:
+        raise UnknownNameError("kind of picture", kind, (STILL, *SAMPLES))
+
+
+def _rollout(machine: Machine, task: Task, seed: int, interval: float) -> Rollout:
+    """The machine at work, which any rollout with the same seed repeats."""
+    rollout = simulate(machine, task, seed=seed, interval=interval)
+    if rollout.trace is None:
+        why = "; ".join(str(problem["message"]) for problem in rollout.problems)
+        raise UsageError(f"nothing to film, the rollout ended as {rollout.status}: {why}")
+    return rollout

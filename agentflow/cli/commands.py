@@ -187,7 +187,7 @@ def edit(
 @commands.command(epilog="Example: agentflow convert machine.json machine.bsg")
 def convert(
     source: Source,
-    out: Annotated[Path, typer.Argument(help="File to write: .json, .coords.json or .bsg.")],
+    out: Annotated[Path, typer.Argument(help="File to write: .json, .coords.json, .bsg or .glb.")],
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse a machine when a block must be left out.")
     ] = False,
@@ -247,22 +247,32 @@ def simulate(
         show_rollout(result)
 
 
-@commands.command(epilog="Example: agentflow render machine.json --task throwing --out best")
+@commands.command(epilog="Example: agentflow render car.json --task movement --out car.mp4")
 def render(
     source: Annotated[str, typer.Argument(help="Run directory or machine file.")],
     task: Task = None,
     knobs: Knobs = None,
     seed: Seed = 0,
-    out: Annotated[Path, typer.Option(help="Name of the files, without ending.")] = Path("machine"),
+    out: Annotated[
+        Path | None,
+        typer.Option(help=".png, .gif, .mp4 or .glb; without ending, both .png and .gif."),
+    ] = None,
+    view: Annotated[
+        str, typer.Option(help="front, back, left, right, top, three-quarter or sheet (all six).")
+    ] = "three-quarter",
 ) -> None:
-    """Draw a machine (.png) and film its rollout (.gif)."""
+    """Draw a machine (.png), film its rollout (.gif, .mp4), or keep it in three dimensions (.glb).
+
+    The projectile's or the root's path is marked, broken blocks are red.
+    """
     from agentflow.app.pictures import render_file, render_run
     from agentflow.app.tasks import find_task
 
     if Path(source).is_dir():
-        files = render_run(Path(source))
+        files = render_run(Path(source), out, view)
     else:
-        files = render_file(source, find_task(task or "movement", knobs or ()), seed, out)
+        level = find_task(task or "movement", knobs or ())
+        files = render_file(source, level, seed, out or Path("machine"), view)
     for path in files.values():
         print(path)
 

@@ -1,41 +1,37 @@
 """Owns the ground of a picture: lines that show distance, shadows that show height.
 
-They are painted flat wherever the renderer drew bare ground, which costs far less than solids and
-looks better.
+Both are flat outlines on a plane, painted before the solids.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFilter, ImageFont
+from PIL import Image, ImageDraw, ImageFont
 
-from agentflow.env.engines.base import Camera
+from agentflow.env.raster import CORNERS, SUN
 from agentflow.env.rotations import rotate
 from agentflow.env.scene import Thing
 from agentflow.env.trace import Array
-from agentflow.env.views import project
+from agentflow.env.views import Camera, axes_of, project
 
-SUN = (-4.0, 12.0, -7.0)
-"""Direction towards the light; near the one that shades the solids."""
 LAND = (214, 219, 208)
 LINE = (190, 197, 184)
 INK = (118, 126, 114)
+DARK = (30, 36, 30)
 SHADE = 90
-"""Darkness of a shadow, of 255."""
+"""How much of the dark a shadow has, of 255."""
 LINES = 25
 """Lines on either side of z = 0."""
 SIDE_REACH, PIECES = 60.0, 49
 """How far a line goes in x, m, and of how many points it is made."""
 LABEL_X = 3.5
 """Where along a line its label stands, m."""
-SIGNS = np.array(list(product((-0.5, 0.5), repeat=3)))
-QUADS = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
-"""Corner indices of a box's six sides."""
-HUE_TOLERANCE = 0.03
+_TURNS = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
+"""Points of a circle of diameter 1."""
 
 
 def backdrop(camera: Camera, solids: Sequence[Thing], spacing: float) -> Image.Image:
@@ -48,20 +44,10 @@ def backdrop(camera: Camera, solids: Sequence[Thing], spacing: float) -> Image.I
     shadow = ImageDraw.Draw(shade)
     for outline in _shadows(camera, solids):
         shadow.polygon(outline, fill=SHADE)
-    shade = shade.filter(ImageFilter.GaussianBlur(camera.height / 400))
-    picture.paste((30, 36, 30), (0, 0, *size), shade)
+    area = shade.getbbox()
+    if area is not None:
+        picture.paste(DARK, area, shade.crop(area))
     return picture
-
-
-def bare_ground(pixels: NDArray[np.uint8], ground: NDArray[np.uint8]) -> Image.Image:
-    """Mask of the pixels that have the hue of the ground, lit or in shadow, or are sky."""
-    colour = pixels.astype(np.float32)
-    total = colour.sum(axis=2)
-    wanted = ground.astype(np.float32) / max(1.0, float(ground.sum()))
-    off = np.abs(colour - total[:, :, None] * wanted)
-    near = np.maximum(np.maximum(off[:, :, 0], off[:, :, 1]), off[:, :, 2]) < HUE_TOLERANCE * total
-    sky = total == 3 * 255
-    return Image.fromarray(((near | sky) * 255).astype(np.uint8), "L")
 
 
 def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float) -> None:
@@ -89,19 +75,42 @@ def _near(places: Array, camera: Camera) -> NDArray[np.bool_]:
 
 
 def _shadows(camera: Camera, solids: Sequence[Thing]) -> Iterator[list[tuple[float, float]]]:
-    """Polygons in the picture that together cover the solids' shadows."""
+    """The shadow of each solid in the picture; all solids are convex."""
     sun = np.asarray(SUN)
     for thing in solids:
-        corners = rotate(np.tile(thing.rotation, (8, 1)), SIGNS * _extents(thing)) + thing.position
-        fallen = corners - sun * (corners[:, 1:2] / sun[1])
-        places = project(fallen, camera)
-        if not _near(places, camera).all():
-            continue
-        for quad in QUADS:
-            yield [(float(places[i, 0]), float(places[i, 1])) for i in quad]
+        points = _silhouette(thing)
+        places = project(points - sun * (points[:, 1:2] / sun[1]), camera)
+        if _near(places, camera).all():
+            yield _hull(places)
 
 
-def _extents(thing: Thing) -> Array:
-    """Full extents of the box that casts a thing's shadow."""
-    size = np.asarray(thing.size)
-    return 0.8 * np.repeat(size[0], 3) if thing.shape == "sphere" else size
+def _silhouette(thing: Thing) -> Array:
+    """Points of a solid between which its shadow lies."""
+    if thing.shape == "sphere":
+        across, upwards, _ = axes_of(np.asarray(SUN))
+        points: Array = CIRCLE[:, :1] * across + CIRCLE[:, 1:] * upwards
+        return points * thing.size[0] + thing.position
+    corners = CORNERS
+    if thing.shape != "box":
+        rim = np.insert(CIRCLE, 1, -0.5, axis=1)
+        top = rim * ((1, -1, 1) if thing.shape == "cylinder" else (0, -1, 0))
+        corners = np.concatenate([rim, top])
+    turned = rotate(np.tile(thing.rotation, (len(corners), 1)), corners * thing.size)
+    return turned + thing.position
+
+
+def _hull(places: Array) -> list[tuple[float, float]]:
+    """The outline around points of the plane, by Andrew's monotone chain."""
+    points = sorted((float(x), float(y)) for x, y in places)
+    outline: list[tuple[float, float]] = []
+    for way in (points, points[::-1]):
+        start = len(outline)
+        for x, y in way:
+            while len(outline) > start + 1:
+                (x0, y0), (x1, y1) = outline[-2:]
+                if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > 0:
+                    break
+                outline.pop()
+            outline.append((x, y))
+        outline.pop()
+    return outline

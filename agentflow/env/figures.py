@@ -1,20 +1,19 @@
 """Owns what a picture holds: the coloured solids of a machine at one moment of a trace.
 
-They are plain scene things, so that any engine can draw them; cameras are views.py's, files are
-render.py's.
+They are plain scene things, so that anything can draw them; cameras are views.py's, files are
+render.py's, film.py's and gltf.py's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from math import cos, pi, sin, tan
 
 import numpy as np
 
 from agentflow.env.constants import constants
 from agentflow.env.engines.assembly import assemble
-from agentflow.env.engines.base import Assembly, Color
+from agentflow.env.engines.base import Assembly, Color, Shape
 from agentflow.env.engines.vectors import upright_to
 from agentflow.env.rotations import chain, inverse, rotate
 from agentflow.env.scene import Quat, Thing, Vec3
@@ -27,14 +26,10 @@ BROKEN: Color = (0.85, 0.1, 0.1, 1.0)
 CONTAINER_COLOR: Color = (0.52, 0.38, 0.22, 1.0)
 """Unlike the boulder's, which lies in it."""
 SPOKE: Color = (0.75, 0.72, 0.62, 1.0)
-SIDES = 12
-"""Of the prisms that wheels are drawn as."""
-GAP = 0.03
-"""By which boxes are drawn smaller, so that every block shows its outline, m."""
+SPOKE_WIDTH, SPOKE_RISE = 0.14, 0.02
+"""Of the bar on a wheel that shows how it turns, m."""
 ROD_DIAMETER = 0.18
 """Of what two-ended blocks are drawn as, m."""
-TINTS = (1.0, 0.9, 1.08, 0.95)
-"""Brightness of neighbouring blocks, so that their edges show."""
 
 
 @dataclass(frozen=True)
@@ -50,94 +45,89 @@ class Pose:
 
 
 class Figures:
-    """The shapes of one machine, ready to be put into any pose."""
+    """The shapes of one machine, ready to be put into any pose.
+
+    `solids` holds those of each block in the block's own frame, from its centre; two-ended blocks
+    have none there, because they stretch.
+    """
 
     def __init__(self, machine: Machine) -> None:
         geometry = place(machine)
+        assembly = assemble(machine, geometry, constants())
         self._machine = machine
-        self._assembly = assemble(machine, geometry, constants())
-        self._ends = _ends(geometry, self._assembly)
-
-    @property
-    def rest(self) -> Pose:
+        centres, rotations = np.asarray(assembly.centres), np.asarray(assembly.rotations)
+        self.rest = Pose(centres, rotations, range(len(machine)))
         """As built: standing on the ground, not settled."""
-        shape = np.asarray(self._assembly.centres), np.asarray(self._assembly.rotations)
-        return Pose(*shape, alive=range(len(self._machine)))
+        self.solids = tuple(
+            () if step.two_ended else tuple(self._solids(step.id, assembly)) for step in machine
+        )
+        self._colors = [assembly.parts[parts[0]].color for parts in assembly.blocks]
+        self._ends = {
+            block: tuple(
+                rotate(inverse(rotations[parent]), end - centres[parent])
+                for parent, end in zip(machine[block].parents, ends, strict=True)
+            )
+            for block, ends in _ends(geometry, centres[0]).items()
+        }
 
     def things(self, pose: Pose, red: Collection[int] = ()) -> list[Thing]:
-        """The machine's solids; blocks in `red` are drawn in red."""
-        rest = self.rest
-        turn = chain(pose.rotation, inverse(rest.rotation))
-        found = []
+        """The machine's solids, named by block; blocks in `red` are drawn in red."""
+        found: list[Thing] = []
         for step in self._machine:
-            tint = TINTS[step.id % len(TINTS)]
-            solids: Iterable[Thing] = ()
-            if not step.two_ended:
-                solids = self._solids(step.id, pose.centre[step.id], turn[step.id], rest)
-            elif step.id in pose.alive:
-                solids = self._rod(step.id, step.parents, pose, turn)
-            for index, solid in enumerate(solids):
-                color = BROKEN if step.id in red else _tinted(solid.color, tint)
-                found.append(replace(solid, name=f"block {step.id}.{index}", color=color))
+            if step.two_ended:
+                solids = [self.rod(step.id, pose)] if step.id in pose.alive else []
+            else:
+                centre, rotation = pose.centre[step.id], pose.rotation[step.id]
+                solids = [posed(solid, centre, rotation) for solid in self.solids[step.id]]
+            found += (replace(s, color=BROKEN) for s in solids) if step.id in red else solids
         return found
 
-    def _solids(self, block: int, centre: Array, turn: Array, rest: Pose) -> Iterator[Thing]:
-        own = CONTAINER_COLOR if self._machine[block].type == CONTAINER else None
-        for part in (self._assembly.parts[index] for index in self._assembly.blocks[block]):
-            for shape in part.shapes:
-                offset = np.add(part.centre, shape.offset) - rest.centre[block]
-                position = _vec3(centre + rotate(turn, offset))
-                rotation = chain(turn, np.asarray(shape.rotation))
-                color = own or part.color
-                if shape.kind == "cylinder":
-                    yield from _prism(shape.size, position, rotation, color)
-                else:
-                    size = _shrunk(shape.size) if shape.kind == "box" else shape.size
-                    yield Thing("", shape.kind, size, position, _quat(rotation), color=color)
-
-    def _rod(
-        self, block: int, parents: tuple[int, ...], pose: Pose, turn: Array
-    ) -> Iterator[Thing]:
-        rest = self.rest
+    def rod(self, block: int, pose: Pose) -> Thing:
+        """A two-ended block, from one of its ends to the other."""
         a, b = (
-            pose.centre[parent] + rotate(turn[parent], end - rest.centre[parent])
-            for parent, end in zip(parents, self._ends[block], strict=True)
+            pose.centre[parent] + rotate(pose.rotation[parent], end)
+            for parent, end in zip(self._machine[block].parents, self._ends[block], strict=True)
         )
-        length = float(np.linalg.norm(b - a))
-        if length > ROD_DIAMETER:
-            color = self._assembly.parts[self._assembly.blocks[block][0]].color
-            along = upright_to(_vec3(b - a))
-            size = (ROD_DIAMETER, length, ROD_DIAMETER)
-            yield Thing("", "cylinder", size, _vec3((a + b) / 2), along, color=color)
+        length = max(float(np.linalg.norm(b - a)), 1e-3)
+        along = upright_to(_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)
+        size = (ROD_DIAMETER, length, ROD_DIAMETER)
+        color = self._colors[block]
+        return Thing(f"block {block}", "cylinder", size, _vec3((a + b) / 2), along, color=color)
+
+    def _solids(self, block: int, assembly: Assembly) -> Iterator[Thing]:
+        own = CONTAINER_COLOR if self._machine[block].type == CONTAINER else None
+        back = inverse(self.rest.rotation[block])
+        for part in (assembly.parts[index] for index in assembly.blocks[block]):
+            for shape in part.shapes:
+                offset = np.add(part.centre, shape.offset) - self.rest.centre[block]
+                rotation = _quat(chain(back, np.asarray(shape.rotation)))
+                position = _vec3(rotate(back, offset))
+                name, color = f"block {block}", own or part.color
+                yield Thing(name, shape.kind, shape.size, position, rotation, color=color)
+                if shape.kind == "cylinder":
+                    yield Thing(name, "box", _spoke(shape), position, rotation, color=SPOKE)
 
 
-def _ends(geometry: Geometry, assembly: Assembly) -> dict[int, tuple[Array, Array]]:
-    """End points of the two-ended blocks as built, in the world."""
-    shift = np.subtract(assembly.centres[0], geometry.blocks[0].center)
+def posed(thing: Thing, centre: Array, rotation: Array) -> Thing:
+    """A thing of a block's own frame, in the world."""
+    position = _vec3(centre + rotate(rotation, thing.position))
+    return replace(
+        thing, position=position, rotation=_quat(chain(rotation, np.asarray(thing.rotation)))
+    )
+
+
+def _spoke(wheel: Shape) -> Vec3:
+    return (0.8 * wheel.size[0], wheel.size[1] + SPOKE_RISE, SPOKE_WIDTH)
+
+
+def _ends(geometry: Geometry, root: Array) -> dict[int, tuple[Array, Array]]:
+    """End points of the two-ended blocks as built, in the world where the root stands at `root`."""
+    shift = root - geometry.blocks[0].center
     return {
         placed.id: (np.asarray(placed.end_a) + shift, np.asarray(placed.end_b) + shift)
         for placed in geometry.blocks
         if placed.two_ended
     }
-
-
-def _prism(size: Vec3, position: Vec3, rotation: Array, color: Color) -> Iterator[Thing]:
-    """A cylinder about its y as crossed boxes, whose flat faces show, with a spoke that turns."""
-    diameter, length, _ = size
-    width = diameter * tan(pi / SIDES)
-    spoke = Thing(
-        "", "box", (0.8 * diameter, length + 0.02, 0.14), position, _quat(rotation), color=SPOKE
-    )
-    for index in range(SIDES // 2):
-        half = pi * index / SIDES
-        turned = chain(rotation, np.array([0.0, sin(half), 0.0, cos(half)]))
-        across = (diameter, length, width)
-        yield Thing("", "box", across, position, _quat(turned), color=color)
-    yield spoke
-
-
-def _shrunk(size: Vec3) -> Vec3:
-    return (size[0] - GAP, size[1] - GAP, size[2] - GAP) if min(size) > 3 * GAP else size
 
 
 def _quat(rotation: Array) -> Quat:
@@ -147,8 +137,3 @@ def _quat(rotation: Array) -> Quat:
 
 def _vec3(values: Array) -> Vec3:
     return (float(values[0]), float(values[1]), float(values[2]))
-
-
-def _tinted(color: Color, tint: float) -> Color:
-    r, g, b, a = color
-    return (min(1.0, r * tint), min(1.0, g * tint), min(1.0, b * tint), a)

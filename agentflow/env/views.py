@@ -1,16 +1,17 @@
 """Owns cameras: where to stand so that everything is in the picture, and where a point appears.
 
-Game frame: left-handed, y up. What is in the picture is render.py's.
+Game frame: left-handed, y up. What is in the picture is render.py's and film.py's.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import radians, tan
 
 import numpy as np
 
-from agentflow.env.engines.base import Camera
+from agentflow.env.scene import Vec3
 from agentflow.env.trace import Array
 
 Size = tuple[int, int]
@@ -20,6 +21,37 @@ THREE_QUARTER = (0.72, 0.42, -0.62)
 things fly and drive) leads into the picture and to the right."""
 SIDE = (0.9, 0.3, -0.35)
 """From further right: distance along z+ shows as width."""
+VIEWS: dict[str, Vec3] = {
+    "front": (0.0, 0.0, 1.0),
+    "back": (0.0, 0.0, -1.0),
+    "left": (-1.0, 0.0, 0.0),
+    "right": (1.0, 0.0, 0.0),
+    "top": (0.0, 1.0, -1e-6),
+    "three-quarter": THREE_QUARTER,
+}
+"""From the middle of a machine towards the eye; the top view has z+ at its upper edge."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A view of the world, game frame."""
+
+    eye: Vec3
+    target: Vec3
+    width: int = 640
+    height: int = 480
+    field_of_view: float = 45.0
+    """Vertical, degrees."""
+
+    @cached_property
+    def axes(self) -> tuple[Array, Array, Array]:
+        """Unit vectors to the right, to the top and towards the eye."""
+        return axes_of(np.subtract(self.eye, self.target))
+
+    @property
+    def focal_length(self) -> float:
+        """How many pixels one metre takes that is one metre ahead."""
+        return self.height / 2 / tan(radians(self.field_of_view) / 2)
 
 
 @dataclass(frozen=True)
@@ -77,12 +109,10 @@ def camera_at(target: Array, distance: float, view: View) -> Camera:
 
 def project(points: Array, camera: Camera) -> Array:
     """(K, 2) pixels of (K, 3) points; nan behind the camera."""
-    eye, target = np.asarray(camera.eye), np.asarray(camera.target)
-    right, up, towards = axes_of(eye - target)
-    seen = points - eye
+    right, up, towards = camera.axes
+    seen = points - np.asarray(camera.eye)
     depth = -(seen @ towards)
     depth = np.where(depth > 0.01, depth, np.nan)
-    focal = camera.height / 2 / tan(radians(camera.field_of_view) / 2)
-    x = camera.width / 2 + focal * (seen @ right) / depth
-    y = camera.height / 2 - focal * (seen @ up) / depth
+    x = camera.width / 2 + camera.focal_length * (seen @ right) / depth
+    y = camera.height / 2 - camera.focal_length * (seen @ up) / depth
     return np.stack([x, y], axis=1)

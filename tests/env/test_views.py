@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.engines.base import Camera
-from agentflow.env.views import View, axes_of, camera_at, fit, project
+from agentflow.env.views import Camera, View, axes_of, camera_at, fit, project
 
 COORDINATE = st.floats(-40.0, 40.0)
 POINTS = st.lists(st.tuples(COORDINATE, COORDINATE, COORDINATE), min_size=1, max_size=12)

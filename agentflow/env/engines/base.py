@@ -11,9 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from agentflow.env.engines.actors import Actors
 from agentflow.env.scene import IDENTITY, Quat, Scene, Vec3
 from agentflow.env.tasks.base import Body
@@ -26,7 +23,6 @@ class TooLargeError(UsageError):
 
 
 Color = tuple[float, float, float, float]
-Image = NDArray[np.uint8]
 JointKind = Literal["fixed", "revolute", "prismatic", "spherical"]
 
 
@@ -178,18 +174,6 @@ class State:
     """(M, 3) m/s."""
 
 
-@dataclass(frozen=True)
-class Camera:
-    """A view of the world."""
-
-    eye: Vec3
-    target: Vec3
-    width: int = 640
-    height: int = 480
-    field_of_view: float = 45.0
-    """Vertical, degrees."""
-
-
 class Engine(Protocol):
     """One world at a time. Everything is deterministic, bit by bit, for equal calls."""
 
@@ -212,8 +196,8 @@ class Engine(Protocol):
     def locked(self) -> tuple[int, ...]:
         """Moving joints that cannot move because rigid connections bridge them."""
 
-    def build(self, assembly: Assembly, scene: Scene, rate: float, visible: bool = False) -> None:
-        """Make a fresh world; `visible` prepares it for `render`.
+    def build(self, assembly: Assembly, scene: Scene, rate: float) -> None:
+        """Make a fresh world.
 
         Raises:
             TooLargeError: The machine has more parts in one piece than the engine can hold.
@@ -249,6 +233,3 @@ class Engine(Protocol):
     def momentum(self) -> Mapping[str, Array]:
         """Total `linear` and `angular` momentum (about the world's origin) and kinetic `energy`
         of the machine."""
-
-    def render(self, camera: Camera) -> Image:
-        """(height, width, 3) picture of the world as it is."""

@@ -13,7 +13,7 @@ from math import sqrt
 import numpy as np
 
 from agentflow.env.constants import Constants, constants
-from agentflow.env.engines.base import Assembly, Camera, Drive, Image, State
+from agentflow.env.engines.base import Assembly, Drive, State
 from agentflow.env.engines.bodies import Workshop
 from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.contacts import Contacts, group, stand
@@ -35,7 +35,6 @@ from agentflow.env.engines.kinematics import (
     turn_back,
 )
 from agentflow.env.engines.layout import Built, lay_out
-from agentflow.env.engines.picture import take_picture
 from agentflow.env.engines.readings import Readings
 from agentflow.env.engines.ropes import Ropes
 from agentflow.env.engines.tree import Skeleton, skeleton
@@ -178,10 +177,6 @@ class PyBulletEngine:
     def momentum(self) -> Mapping[str, Array]:
         """Total momentum and kinetic energy of the machine."""
         return self._readings.momentum(self._table)
-
-    def render(self, camera: Camera) -> Image:
-        """(height, width, 3) picture of the world as it is."""
-        return take_picture(self.client, camera)
 
     # --- building ---------------------------------------------------------------------------
 

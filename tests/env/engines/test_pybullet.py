@@ -7,7 +7,7 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.engines.assembly import assemble
-from agentflow.env.engines.base import Assembly, Camera, Part, Shape
+from agentflow.env.engines.base import Assembly, Part, Shape
 from agentflow.env.engines.pybullet import PyBulletEngine
 from agentflow.env.scene import IDENTITY, Scene, Thing
 from agentflow.machine.blocks import library
@@ -268,10 +268,3 @@ def test_a_brace_takes_over_when_the_tree_breaks(engine: PyBulletEngine) -> None
 def test_a_brace_across_a_hinge_locks_it(engine: PyBulletEngine) -> None:
     assembly = start(engine, machine((0, -1, -1), (5, 0, 0), (63, 1, 0), (7, 0, 4, 2, 9)))
     assert [assembly.joints[i].block for i in engine.locked] == [1]
-
-
-def test_pictures_show_the_machine(engine: PyBulletEngine) -> None:
-    engine.build(assemble(CAR, place(CAR), constants()), Scene(), 120.0, visible=True)
-    picture = engine.render(Camera((6.0, 5.0, -8.0), (0.0, 1.0, 0.0), 160, 120))
-    assert picture.shape == (120, 160, 3)
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
