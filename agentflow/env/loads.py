@@ -33,12 +33,13 @@ class Loads:
         """
         self._joints = joints
         self._blend = round(1.0 - exp(-step / window), 12)  # the last digits depend on the libm
-        self._level = np.zeros((len(joints), 6))
         strength = [
             (joint.strength.force, joint.strength.torque) if joint.strength else (np.inf, np.inf)
             for joint in joints
         ]
-        self._weakness = 1.0 / np.square(np.array(strength).reshape(-1, 2))
+        self._weakness = np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
+        self._level = np.zeros((len(joints), 6))
+        """Filtered load over strength."""
         self._broken = np.zeros(len(joints), dtype=bool)
         self.connections = [i for i, joint in enumerate(joints) if joint.strength]
         """Joint index of each connection."""
@@ -75,11 +76,11 @@ class Loads:
             for ring in self._rings:
                 reactions[ring.joints] = ring.shared(reactions)
         before = self._level
-        self._level = before + self._blend * (reactions - before)
-        ratios = self._ratios()
-        if not ratios.max(initial=0.0) >= 1.0:
+        self._level = before + self._blend * (reactions * self._weakness - before)
+        squares = self._squares()
+        if not squares.max(initial=0.0) >= 1.0:
             return {}
-        share = np.sqrt(np.maximum(ratios[:, 0], ratios[:, 1]))
+        share = np.sqrt(squares.max(axis=1))
         gone = self._giving(share)
         relieved = self._relieved(gone)
         self._level[relieved] = before[relieved]
@@ -118,14 +119,13 @@ class Loads:
             groups |= self._carriers(joint)
         return [joint for joint, group in enumerate(self._group) if group in groups]
 
-    def _ratios(self) -> Array:
+    def _squares(self) -> Array:
         """(J, 2) squares of force and of torque over strength."""
-        square = (self._level * self._level).reshape(-1, 2, 3)
-        return np.asarray((square[:, :, 0] + square[:, :, 1] + square[:, :, 2]) * self._weakness)
+        level = self._level
+        return np.asarray(np.add.reduce((level * level).reshape(-1, 2, 3), axis=2))
 
     def utilisation(self) -> Array:
         """(E,) load over strength of each connection; nan where it broke."""
-        ratios = self._ratios()[self.connections]
-        share: Array = np.sqrt(np.maximum(ratios[:, 0], ratios[:, 1]))
+        share: Array = np.sqrt(self._squares()[self.connections].max(axis=1))
         share[self._broken[self.connections]] = np.nan
         return share
