@@ -102,7 +102,6 @@ def test_a_chain_bears_what_hangs_below(engine: PyBulletEngine) -> None:
         assert force(found[ball + 1, ball]) == near(((3 - link) * 0.8 - 0.5) * G)
 
 
-@pytest.mark.xfail(reason="springs push the part that leads their cluster, not the one they hold")
 def test_a_spring_adds_its_pull(engine: PyBulletEngine) -> None:
     """A spring from the middle of an arm down to the foot of its post."""
     rows = (*FOOT, (63, 0, 4), (63, 5, 0), (63, 6, 6))

@@ -1,4 +1,4 @@
-"""Owns the forces that engines must apply by hand: drag, wind, springs (spec 2.1, 2.2).
+"""Owns the forces of the air, which engines must apply by hand: drag and wind (spec 2.1).
 
 Works on cluster rows (see kinematics.py) in any right-handed frame; applying is the engine's.
 Drag runs on plain floats: a machine has few clusters, and arrays only pay for many.
@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.engines.base import Part, Pull
+from agentflow.env.engines.base import Part
 from agentflow.env.engines.kinematics import (
-    POSITION,
     ROTATION,
+    SPIN,
     VELOCITY,
     Row,
-    carried,
     cross,
     matrices,
     turn,
@@ -55,6 +54,15 @@ class Wrench(NamedTuple):
     force: Vec3
     torque: Vec3 | None
     """None where there is none."""
+
+
+class Push(NamedTuple):
+    """Force at the centre of one part, for the connections between it and its cluster to bear."""
+
+    part: int
+    force: Vec3
+    at: Vec3 | None
+    """Where the centre is, in the engine's axes as the force; None: in the part's own axes."""
 
 
 class Drag:
@@ -156,52 +164,21 @@ class Wind:
         """
         self._members, self._wind, self._drag = members, wind, drag
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
+        self._entry = (6 * members.row[:, None] + np.arange(6)).ravel()
 
     def __call__(self, rows: Array) -> list[Wrench]:
         """What the wind does to every cluster."""
-        row, offset = self._members.row, self._members.offset
+        row = self._members.row
         rotation = matrices(rows[:, ROTATION])[row]
-        moved = carried(rows[row], offset)
-        along = turn_back(rotation, self._wind - moved[:, VELOCITY])
+        arms = turn(rotation, self._members.offset)
+        velocity = rows[row, VELOCITY] + cross(rows[row, SPIN], arms)
+        along = turn_back(rotation, self._wind - velocity)
         facing = self._areas * np.abs(along)
         strength = self._drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
         force = turn(rotation, strength[:, None] * along)
-        torque = cross(turn(rotation, offset), force)
-        columns = [
-            np.bincount(row, side[:, axis], len(rows)).tolist()
-            for side in (force, torque)
-            for axis in range(3)
-        ]
+        acting = np.concatenate([force, cross(arms, force)], axis=1)
+        sums = np.bincount(self._entry, acting.ravel(), 6 * len(rows)).reshape(-1, 6)
         return [
             Wrench(i, False, (x, y, z), (p, q, r))
-            for i, (x, y, z, p, q, r) in enumerate(zip(*columns, strict=True))
+            for i, (x, y, z, p, q, r) in enumerate(sums.tolist())
         ]
-
-
-class Springs:
-    """The pulls of all springs."""
-
-    def __init__(self, pulls: Sequence[Pull], members: Members) -> None:
-        self._a = np.array([pull.a for pull in pulls], dtype=np.intp)
-        self._b = np.array([pull.b for pull in pulls], dtype=np.intp)
-        self._members = members
-        self._natural = np.array([pull.natural for pull in pulls])
-        self._ramp = np.array([pull.ramp for pull in pulls])
-        self._force = np.array([pull.force for pull in pulls])
-        self._damping = np.array([pull.damping for pull in pulls])
-
-    def __call__(self, rows: Array) -> tuple[Array, Array, Array]:
-        """Force on each end a, (L, 3); ends b get the opposite. Then the ends' places."""
-        row, offset = self._members.row, self._members.offset
-        end_a = carried(rows[row[self._a]], offset[self._a])
-        end_b = carried(rows[row[self._b]], offset[self._b])
-        line = end_b[:, POSITION] - end_a[:, POSITION]
-        square = line * line
-        distance = np.maximum(np.sqrt(square[:, 0] + square[:, 1] + square[:, 2]), 1e-9)
-        direction = line / distance[:, None]
-        parting = direction * (end_b[:, VELOCITY] - end_a[:, VELOCITY])
-        rate = parting[:, 0] + parting[:, 1] + parting[:, 2]
-        stretch = np.clip((distance - self._natural) / self._ramp, 0.0, 1.0)
-        pull = np.where(stretch > 0.0, self._force * stretch + self._damping * rate, 0.0)
-        force = np.maximum(pull, 0.0)[:, None] * direction
-        return force, end_a[:, POSITION], end_b[:, POSITION]

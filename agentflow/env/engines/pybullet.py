@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from math import sqrt
+from operator import itemgetter
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.contacts import Contacts, group, stand
 from agentflow.env.engines.couplings import Couplings
 from agentflow.env.engines.flight import Blades, Thrusters
-from agentflow.env.engines.forces import Drag, Members, Springs, Wind, Wrench
+from agentflow.env.engines.forces import Drag, Members, Push, Wind, Wrench
 from agentflow.env.engines.frames import swap, swap_all, swap_quaternion
 from agentflow.env.engines.grip import Grips
 from agentflow.env.engines.kinematics import (
@@ -37,12 +38,15 @@ from agentflow.env.engines.kinematics import (
 from agentflow.env.engines.layout import Built, lay_out
 from agentflow.env.engines.readings import Readings
 from agentflow.env.engines.ropes import Ropes
+from agentflow.env.engines.springs import Springs
 from agentflow.env.engines.tree import Skeleton, skeleton
 from agentflow.env.scene import Quat, Scene, Vec3
 from agentflow.env.tasks.base import Body
 from agentflow.env.trace import Array
 
 CENTRE = (0.0, 0.0, 0.0)
+_FORCES = itemgetter(2)
+"""Force and torque in what PyBullet tells of a joint."""
 
 
 class PyBulletEngine:
@@ -95,12 +99,12 @@ class PyBulletEngine:
     def step(self) -> None:
         """Advance by one step, then read everything once."""
         self._push(self._drag(self._rows))
+        for uid in self._stale:
+            pybullet.getLinkState(uid, 0, 0, 1, self.client)
         for act in self._acting:
-            self._push(act(self._rows))
+            self._shove(act(self._rows))
         if self._wind is not None:
             self._push(self._wind(self._table))
-        if self._on["springs"] and self._assembly.pulls:
-            self._pull()
         for uid, index, drive in self._buffers:
             self._cushion(uid, index, drive)
         pybullet.stepSimulation(self.client)
@@ -207,14 +211,21 @@ class PyBulletEngine:
     def _index_joints(self) -> None:
         """Which links sense which joints, and which of them are spring-dampers."""
         joints = self._assembly.joints
+        links = [
+            (built, link)
+            for built in self._built
+            for link in sorted(built.body.links, key=lambda link: link.joint)
+        ]
         self._sensors = [
-            (built.uid, [built.index[link.part] for link in built.body.links])
+            (built.uid, [built.index[link.part] for owner, link in links if owner is built])
             for built in self._built
             if built.body.links
         ]
-        links = [(built, link) for built in self._built for link in built.body.links]
-        self._carrying = np.array([link.joint for _, link in links], dtype=np.intp)
+        self._carrying = [link.joint for _, link in links]
+        in_order = self._carrying == list(range(len(joints)))
+        self._sensed = slice(None) if in_order else np.array(self._carrying, dtype=np.intp)
         self._sign = np.array([[-1.0 if link.reversed else 1.0] for _, link in links])
+        self._turned = any(link.reversed for _, link in links)
         self._buffers = [
             (built.uid, built.index[link.part], joints[link.joint].drive)
             for built, link in links
@@ -225,7 +236,6 @@ class PyBulletEngine:
         parts, members, layout = self._assembly.parts, self._layout.members, self._layout
         inertia = swap_all(np.array([part.inertia for part in parts]).reshape(-1, 3))
         self._drag = Drag(parts, members, inertia)
-        self._springs = Springs(self._assembly.pulls, members)
         self._index_actors()
         self._wind: Wind | None = None
         if any(self._scene.wind):
@@ -243,17 +253,25 @@ class PyBulletEngine:
             )
 
     def _index_actors(self) -> None:
-        """Thrusters, blades and winches, where there are any."""
+        """Springs, thrusters, blades and winches, where there are any."""
         actors, members = self._assembly.actors, self._layout.members
-        acting: list[Callable[[Sequence[Row]], list[Wrench]]] = []
+        acting: list[Callable[[Sequence[Row]], list[Push]]] = []
+        if self._assembly.pulls:
+            acting.append(Springs(self._assembly.pulls, members, self._on))
         if actors.thrusts:
-            acting.append(Thrusters(actors.thrusts, members, self._on))
+            acting.append(Thrusters(actors.thrusts, self._on))
         if actors.lifts:
             acting.append(Blades(actors.lifts, members))
         if self._ropes:
             self._ropes.place(members)
             acting.append(self._ropes)
         self._acting = acting
+        self._at = {
+            part: (built.uid, index) for built in self._built for part, index in built.index.items()
+        }
+        whole = {uid for uid, links in self._layout.bodies if not links}
+        self._stale = [uid for uid, _ in self._sensors if acting and uid in whole]
+        """Bodies whose links nobody reads; PyBullet then pushes them where they were a step ago."""
 
     # --- forces -----------------------------------------------------------------------------
 
@@ -283,16 +301,15 @@ class PyBulletEngine:
             if torque is not None:
                 pybullet.applyExternalTorque(uid, index, torque, frame, client)
 
-    def _pull(self) -> None:
-        """Apply the springs."""
-        force, at_a, at_b = (array.tolist() for array in self._springs(self._table))
-        rows, handles = self._layout.members.row, self._layout.handles
-        for pull, (x, y, z), a, b in zip(self._assembly.pulls, force, at_a, at_b, strict=True):
-            for part, push, place in ((pull.a, (x, y, z), a), (pull.b, (-x, -y, -z), b)):
-                uid, index = handles[rows[part]]
-                pybullet.applyExternalForce(
-                    uid, index, push, place, pybullet.WORLD_FRAME, self.client
-                )
+    def _shove(self, pushes: Sequence[Push]) -> None:
+        """Apply forces at the centres of parts for one step."""
+        client = self.client
+        for part, force, at in pushes:
+            uid, index = self._at[part]
+            if at is None:
+                pybullet.applyExternalForce(uid, index, force, CENTRE, pybullet.LINK_FRAME, client)
+            else:
+                pybullet.applyExternalForce(uid, index, force, at, pybullet.WORLD_FRAME, client)
 
     def _cushion(self, uid: int, index: int, drive: Drive) -> None:
         """Apply one suspension."""
@@ -308,6 +325,7 @@ class PyBulletEngine:
         """One row per cluster and moving thing; forces through every joint."""
         client = self.client
         rows: list[Row] = []
+        sensed: list[Row] = []
         for uid, links in self._layout.bodies:
             rows.append(self._base(uid))
             if links:
@@ -317,19 +335,18 @@ class PyBulletEngine:
                 ]
         rows += [self._base(self._things[name]) for name in self._layout.things]
         self._rows = rows
-        if self._sensors:
-            sensed = [
-                state[2]
-                for uid, links in self._sensors
-                for state in pybullet.getJointStates(uid, links, client)
-            ]
-            flat = np.fromiter(chain.from_iterable(sensed), float, 6 * len(sensed))
-            self.reactions[self._carrying] = flat.reshape(-1, 6) * self._sign
+        for uid, sensors in self._sensors:
+            sensed += map(_FORCES, pybullet.getJointStates(uid, sensors, client))
+        flat = np.fromiter(chain.from_iterable(sensed), float, 6 * len(sensed)).reshape(-1, 6)
+        if self._turned:
+            flat *= self._sign
+        self.reactions[self._sensed] = flat
 
     def _base(self, uid: int) -> Row:
         position, rotation = pybullet.getBasePositionAndOrientation(uid, self.client)
         velocity, spin = pybullet.getBaseVelocity(uid, self.client)
-        return (*position, *rotation, *velocity, *spin)
+        row: Row = position + rotation + velocity + spin
+        return row
 
     # --- restoring --------------------------------------------------------------------------
 
@@ -340,7 +357,7 @@ class PyBulletEngine:
             for uid, links in self._sensors
             for state in pybullet.getJointStates(uid, links, self.client)
         ]
-        return dict(zip(self._carrying.tolist(), states, strict=True))
+        return dict(zip(self._carrying, states, strict=True))
 
     def _restore(
         self, built: Built, parts: Array, motions: Mapping[int, tuple[float, float]]

@@ -22,6 +22,7 @@ from agentflow.env.engines.kinematics import (
     ROTATION,
     SPIN,
     VELOCITY,
+    WIDTH,
     Row,
     carried,
     compose,
@@ -48,9 +49,9 @@ class Readings:
         self._centre_arms = self._arms(assembly.centres)
         self._origin_arms = self._arms(assembly.origins)
         self._rest = np.array(assembly.rotations).reshape(-1, 4)
-        ends = np.array([(a, b) for _, a, b in assembly.spans], dtype=np.intp).reshape(-1, 2)
         self._spanning = [block for block, _, _ in assembly.spans]
-        self._ends = ends
+        ends = np.array([(a, b) for _, a, b in assembly.spans], dtype=np.intp).ravel()
+        self._end_row, self._end_arms = layout.members.row[ends], layout.members.offset[ends]
 
     def _arms(self, points: Sequence[Vec3]) -> Array:
         """(N, 3) from the leading centres to points at rest, engine frame."""
@@ -65,23 +66,28 @@ class Readings:
     def state(self, rows: Array) -> State:
         """Everything that a record holds."""
         blocks = rows[self._row]
-        centre, origin = carried(blocks, self._centre_arms), carried(blocks, self._origin_arms)
-        position, middle = swap_all(origin[:, POSITION]), swap_all(centre[:, POSITION])
-        velocity = swap_all(centre[:, VELOCITY])
-        ends = self.parts(rows)[self._ends]
-        halves = swap_all((ends[:, 0] + ends[:, 1])[:, POSITION] * 0.5)
-        position[self._spanning] = middle[self._spanning] = halves
-        velocity[self._spanning] = swap_all((ends[:, 0] + ends[:, 1])[:, VELOCITY] * 0.5)
-        line = ends[:, 0, POSITION] - ends[:, 1, POSITION]
-        square = line * line
+        rotation = matrices(rows[:, ROTATION])[self._row]
+        arms = turn(rotation, self._centre_arms)
+        position = swap_all(blocks[:, POSITION] + turn(rotation, self._origin_arms))
+        middle = swap_all(blocks[:, POSITION] + arms)
+        velocity = swap_all(blocks[:, VELOCITY] + cross(blocks[:, SPIN], arms))
+        length = np.zeros(0)
+        if self._spanning:
+            ends = carried(rows[self._end_row], self._end_arms).reshape(-1, 2, WIDTH)
+            both = ends[:, 0] + ends[:, 1]
+            position[self._spanning] = middle[self._spanning] = swap_all(both[:, POSITION] * 0.5)
+            velocity[self._spanning] = swap_all(both[:, VELOCITY] * 0.5)
+            line = ends[:, 0, POSITION] - ends[:, 1, POSITION]
+            square = line * line
+            length = np.sqrt(square[:, 0] + square[:, 1] + square[:, 2])
         things = rows[self._layout.thing_rows]
         return State(
             position=position,
             centre=middle,
             rotation=compose(swap_quaternions(blocks[:, ROTATION]), self._rest),
             velocity=velocity,
-            angular_velocity=swap_turns(centre[:, SPIN]),
-            length=np.sqrt(square[:, 0] + square[:, 1] + square[:, 2]),
+            angular_velocity=swap_turns(blocks[:, SPIN]),
+            length=length,
             thing_position=swap_all(things[:, POSITION]),
             thing_rotation=swap_quaternions(things[:, ROTATION]),
             thing_velocity=swap_all(things[:, VELOCITY]),

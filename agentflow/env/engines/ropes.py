@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from agentflow.env.engines.actors import Rope
-from agentflow.env.engines.forces import Members, Wrench
+from agentflow.env.engines.forces import Members, Push
 from agentflow.env.engines.kinematics import Row
-from agentflow.env.engines.vectors import add, cross, dot, length, scale, subtract, turned
-from agentflow.env.scene import Vec3
+from agentflow.env.engines.springs import end_of
+from agentflow.env.engines.vectors import dot, length, scale, subtract
 
 
 class Ropes:
@@ -36,14 +36,12 @@ class Ropes:
         """Take note of where the parts are since the last split."""
         self._ends = [(members.place(rope.a), members.place(rope.b)) for rope in self._ropes]
 
-    def __call__(self, rows: Sequence[Row]) -> list[Wrench]:
-        """Reel, and what all ropes do in this step, about the leading centres."""
+    def __call__(self, rows: Sequence[Row]) -> list[Push]:
+        """Reel, and what all ropes do in this step."""
         level = self._levels["winches"]
-        wrenches = []
+        pushes = []
         for i, (rope, ends) in enumerate(zip(self._ropes, self._ends, strict=True)):
-            (arm_a, at_a, speed_a), (arm_b, at_b, speed_b) = (
-                _end(rows[row], offset) for row, offset in ends
-            )
+            (at_a, speed_a), (at_b, speed_b) = (end_of(rows[row], offset) for row, offset in ends)
             line = subtract(at_b, at_a)
             distance = max(length(line), 1e-9)
             left = self._left[i]
@@ -59,14 +57,5 @@ class Ropes:
             parting = dot(subtract(speed_b, speed_a), along)
             pull = rope.stiffness * (distance - left) + rope.damping * parting
             force = scale(along, min(max(pull, 0.0), rope.force))
-            back = scale(force, -1.0)
-            wrenches.append(Wrench(ends[0][0], False, force, cross(arm_a, force)))
-            wrenches.append(Wrench(ends[1][0], False, back, cross(arm_b, back)))
-        return wrenches
-
-
-def _end(row: Row, offset: Vec3) -> tuple[Vec3, Vec3, Vec3]:
-    """Arm from the leading centre, place and velocity of a rope's end."""
-    px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = row
-    arm = turned((x, y, z, w), offset)
-    return arm, add((px, py, pz), arm), add((vx, vy, vz), cross((wx, wy, wz), arm))
+            pushes += [Push(rope.a, force, at_a), Push(rope.b, scale(force, -1.0), at_b)]
+        return pushes

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agentflow.env.engines.base import Part, Pull
-from agentflow.env.engines.forces import Drag, Members, Springs, Wind, Wrench
+from agentflow.env.engines.base import Part
+from agentflow.env.engines.forces import Drag, Members, Wind, Wrench
 from agentflow.env.engines.kinematics import matrices
 from agentflow.env.trace import Array
 
@@ -71,21 +71,3 @@ def test_clusters_feel_the_wind_on_their_parts(rng: np.random.Generator) -> None
         force = 0.6 * area * speed * air
         expected[ROW[i]] += [*force, *np.cross(arm, force)]
     assert in_world(wrenches, rows) == pytest.approx(expected)
-
-
-def test_a_spring_pulls_beyond_its_natural_length_only() -> None:
-    members = Members(np.array([0, 1]), np.zeros((2, 3)))
-    springs = Springs([Pull(3, 0, 1, natural=0.5, ramp=0.5, force=600.0, damping=10.0)], members)
-    still = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-
-    def pull(distance: float, rate: float = 0.0) -> float:
-        rows = np.array([still, still])
-        rows[1, 0], rows[1, 7] = distance, rate
-        return float(springs(rows)[0][0, 0])
-
-    assert pull(3.0) == 600.0
-    assert pull(0.75) == 300.0
-    assert pull(0.5) == 0.0
-    assert pull(0.3) == 0.0
-    assert pull(3.0, -2.0) == 580.0
-    assert pull(3.0, -100.0) == 0.0
