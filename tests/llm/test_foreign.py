@@ -1,0 +1,173 @@
+"""The whole client against a gateway and a mock that nobody here wrote (`scripts/servers`)."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from agentflow.errors import EndpointError, ModelNotFoundError, RefusedError, UnauthorisedError
+from agentflow.llm.build import EndpointSettings, open_client
+from agentflow.llm.client import Client
+from agentflow.llm.doctor import diagnose
+from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.http import HttpSettings
+from agentflow.llm.messages import JsonSchema, Usage
+from agentflow.llm.tape import Tape
+from tests.llm.foreign import foreign
+from tests.llm.helpers import ask
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("foreign")]
+
+KEY = "sk-gateway-4f1c77d09a"
+GATEWAY = {
+    "model_list": [
+        {
+            "model_name": name,
+            "litellm_params": {"model": "openai/any", "api_key": "none", "mock_response": text},
+        }
+        for name, text in {
+            "greeting": "hello from a gateway",
+            "busy": "litellm.RateLimitError",
+            "broken": "litellm.InternalServerError",
+            "long": "litellm.ContextWindowExceededError",
+        }.items()
+    ],
+    "general_settings": {"master_key": KEY},
+    "router_settings": {"num_retries": 0, "disable_cooldowns": True},
+    "litellm_settings": {"num_retries": 0, "telemetry": False},
+}
+
+
+@pytest.fixture(scope="module")
+def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """LiteLLM's proxy with models that answer by themselves."""
+    folder = tmp_path_factory.mktemp("gateway")
+    (folder / "gateway.yaml").write_text(json.dumps(GATEWAY))
+    run = "from litellm import run_server; run_server()"
+    arguments = ["-c", run, "--config", "gateway.yaml", "--host", "127.0.0.1", "--port", "{port}"]
+    local = {"LITELLM_LOCAL_MODEL_COST_MAP": "True"}  # else it fetches prices
+    with foreign(".venv-gateway", arguments, "/health/liveliness", folder, local) as url:
+        yield url
+
+
+@pytest.fixture(scope="module")
+def mock_api(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """mock-ai-api, whose models are named after what they do."""
+    arguments = ["-m", "uvicorn", "app.openai_app:app", "--host", "127.0.0.1", "--port", "{port}"]
+    with foreign(".venv-mockapi", arguments, "/health", tmp_path_factory.mktemp("mock")) as url:
+        yield url
+
+
+@asynccontextmanager
+async def opened(
+    base_url: str,
+    model: str,
+    on_wait: Callable[[str], None] = pytest.fail,
+    key: str = KEY,
+    **parts: object,
+) -> AsyncIterator[Client]:
+    settings = EndpointSettings.model_validate({"retry": {"attempts": 3, "base_s": 0.01}})
+    client = open_client(
+        Endpoint(model, base_url, key),
+        settings=settings,
+        warn=pytest.fail,
+        on_wait=on_wait,
+        **parts,  # type: ignore[arg-type]
+    )
+    try:
+        yield client
+    finally:
+        await client.aclose()
+
+
+async def failure(base_url: str, model: str, key: str = KEY) -> tuple[EndpointError, list[str]]:
+    """What a call ends with, and the waits before."""
+    waits: list[str] = []
+    async with opened(base_url, model, waits.append, key) as client:
+        with pytest.raises(EndpointError) as caught:
+            await client.complete(ask("hi"))
+    assert KEY not in f"{caught.value}{waits}"
+    return caught.value, waits
+
+
+async def test_a_gateway_answers_many_at_once(gateway: str, tmp_path: Path) -> None:
+    with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:
+        async with opened(gateway, "greeting", tape=tape) as client:
+            calls = [client.complete(ask("hi", f"a/{i}")) for i in range(32)]
+            replies = await asyncio.gather(*calls)
+        assert len(tape) == 32
+    assert {(reply.text, reply.finish) for reply in replies} == {("hello from a gateway", "stop")}
+    assert all(reply.usage != Usage() for reply in replies)
+    assert KEY not in (tmp_path / "calls.jsonl").read_text()
+
+
+async def test_a_gateway_takes_every_parameter_we_send(gateway: str) -> None:
+    form = JsonSchema(name="reply", content={"type": "object"})
+    request = ask("hi", max_tokens=50, seed=1, stop=("END",), response_format=form)
+    async with opened(gateway, "greeting") as client:
+        assert (await client.complete(request)).text == "hello from a gateway"
+
+
+@pytest.mark.parametrize(
+    ("model", "status", "words"), [("busy", 429, "rate limit"), ("broken", 500, "internal server")]
+)
+async def test_a_gateways_rate_limit_is_waited_for(
+    gateway: str, model: str, status: int, words: str
+) -> None:
+    error, waits = await failure(gateway, model)
+    assert type(error) is RefusedError
+    assert str(error).startswith(f"{gateway} cannot answer now ({status}: litellm.")
+    assert f"mock {words} error" in str(error)
+    assert str(error).endswith("(after 3 attempts)")
+    assert len(waits) == 2
+
+
+async def test_a_gateways_final_answers_are_final(gateway: str) -> None:
+    error, waits = await failure(gateway, "long")
+    assert (type(error), waits) == (RefusedError, [])
+    assert "context window exceeded" in str(error)
+    error, waits = await failure(gateway, "nonesuch")
+    assert (type(error), waits) == (ModelNotFoundError, [])
+    assert str(error).startswith(
+        f"no model 'nonesuch' at {gateway} (400: /chat/completions: Invalid model name passed in "
+        "model=nonesuch."
+    )
+
+
+async def test_a_gateway_examined(gateway: str) -> None:
+    found = await diagnose(Endpoint("greeting", gateway, KEY), HttpSettings())
+    assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
+    assert (found.streaming, found.usage, found.reasoning) == (True, True, False)
+    assert (dict(found.refused), found.answered_as, found.problem) == ({}, "greeting", "")
+    missing = await diagnose(Endpoint("nonesuch", gateway, KEY), HttpSettings())
+    assert (missing.reachable, missing.model_exists) == (True, False)
+
+
+async def test_a_mock_api_answers(mock_api: str) -> None:
+    async with opened(mock_api, "gpt-4.1:mock-text") as client:
+        reply = await client.complete(ask("hi"))
+    assert (reply.text, reply.finish) == ("Hello. It's nice to meet you.", "stop")
+    assert (reply.model, reply.usage) == ("gpt-4.1", Usage(prompt=2, completion=12))
+
+
+@pytest.mark.parametrize(
+    ("status", "kind", "waits"),
+    [
+        (400, RefusedError, 0),
+        (401, UnauthorisedError, 0),
+        (429, RefusedError, 2),
+        (500, RefusedError, 2),
+        (503, RefusedError, 2),
+    ],
+)
+async def test_a_mock_apis_status_codes(
+    mock_api: str, status: int, kind: type[EndpointError], waits: int
+) -> None:
+    error, waited = await failure(mock_api, f"gpt-4.1:mock-{status}")
+    assert (type(error), len(waited)) == (kind, waits)
+    assert f"({status}: " in str(error)
