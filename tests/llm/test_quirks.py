@@ -8,7 +8,8 @@ from agentflow.llm.faults import Refusal, read_refusal
 from agentflow.llm.messages import JsonSchema
 from agentflow.llm.quirks import Quirks
 from agentflow.llm.wire import request_body
-from tests.llm.helpers import ask
+from tests.llm.helpers import ask, client_for
+from tests.llm.hostile import body, reply, serving
 
 FULL = request_body(
     ask(max_tokens=5, seed=1, stop=("END",), response_format="json_object"),
@@ -69,6 +70,23 @@ def test_wordings(name: str, message: str, param: str) -> None:
     assert set(quirks.refused) == {known_as}
     assert len(warnings) == 1
     assert name not in quirks.adapt(FULL)
+
+
+@pytest.mark.parametrize(("name", "message", "param"), WORDINGS)
+async def test_wordings_over_the_network(name: str, message: str, param: str) -> None:
+    refusal = body({"error": {"message": message, "param": param or None}}, 400)
+    request = ask(max_tokens=5, seed=1, stop=("END",), response_format="json_object")
+    warnings: list[str] = []
+    async with serving(refusal, reply("ok")) as server:
+        client = client_for(server.base_url, warn=warnings.append)
+        for _ in range(2):
+            assert (await client.complete(request)).text == "ok"
+        await client.aclose()
+    first, *others = [asked.body for asked in server.asked]
+    assert name in first
+    assert len(others) == 2
+    assert not any(name in sent for sent in others)
+    assert len(warnings) == 1
 
 
 @pytest.mark.parametrize(
