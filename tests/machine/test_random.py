@@ -1,0 +1,157 @@
+from __future__ import annotations
+
+from collections import Counter
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agentflow.errors import UsageError
+from agentflow.machine import ROOT, Brief, Machine, check, library
+from agentflow.machine.moves import ACTUATION, MOVES, Addition, additions
+from agentflow.machine.random import random_edit, random_machine
+from tests.machine.builders import CAR, CATAPULT, build
+
+
+def brief(*blocks: int, required: dict[int, int] | None = None) -> Brief:
+    return Brief("any", "Move.", (), (), (), (0, *blocks), required or {})
+
+
+THROWING = brief(1, 2, 7, 9, 15, 22, 30, 36, 63, required={36: 1})
+EVERYTHING = brief(*(kind for kind in library() if kind))
+
+
+@pytest.mark.parametrize("task", [None, THROWING, EVERYTHING, brief(63), brief(7, 15)])
+@pytest.mark.parametrize("size", [(2, 2), (5, 20), (60, 60)])
+def test_random_machines_are_valid(task: Brief | None, size: tuple[int, int]) -> None:
+    if size[0] == 2 and task is not None and 36 in task.required:
+        task = brief(36, 15, required={36: 1})
+    for seed in range(3):
+        machine = random_machine(Random(seed), task, size)
+        assert size[0] <= len(machine) <= size[1]
+        assert check(machine, task).task_valid
+
+
+def test_one_seed_gives_one_machine() -> None:
+    assert random_machine(Random(5)) == random_machine(Random(5)) != random_machine(Random(6))
+
+
+@pytest.mark.parametrize(
+    ("task", "size"),
+    [(brief(36), (5, 20)), (brief(), (2, 2)), (brief(15, required={36: 1}), (2, 5))],
+)
+def test_what_cannot_be_built_is_an_error(task: Brief, size: tuple[int, int]) -> None:
+    with pytest.raises(UsageError, match=f"no machine of {size[0]} to {size[1]} blocks was found"):
+        random_machine(Random(0), task, size)
+
+
+def even(counts: Counter[Machine], expected: set[Machine], draws: int) -> None:
+    """Chi-squared: all of them, and each about equally often (five standard deviations)."""
+    assert set(counts) == expected
+    mean = draws / len(expected)
+    freedom = len(expected) - 1
+    chi = sum((counts[machine] - mean) ** 2 / mean for machine in expected)
+    assert abs(chi - freedom) < 5 * (2 * freedom) ** 0.5 + 5
+
+
+def test_growth_is_uniform_over_all_legal_steps() -> None:
+    # wheels get in each other's way beside a log, so many of the steps are illegal
+    start, types = build((63, 0, 0), (2, 1, 1)), (2, 36, 63)
+    legal = {
+        grown
+        for kind in types
+        for parent, count in ((0, 6), (1, 13), (2, 1))
+        for face in range(count)
+        if check(grown := build((63, 0, 0), (2, 1, 1), (kind, parent, face))).machine_valid
+    }
+    assert 10 < len(legal) < 3 * 18
+    drawn: Counter[Machine] = Counter()
+    rng, task = Random(1), brief(*types)
+    for _ in range(6_000):
+        edited = random_edit(start, rng, task)
+        if len(edited) == 4:
+            drawn[edited] += 1
+    even(drawn, legal, sum(drawn.values()))
+
+
+def test_the_first_block_is_uniform_over_types_and_faces() -> None:
+    rng, task = Random(2), brief(1, 15, 63)
+    drawn = Counter(random_machine(rng, task, (2, 2)) for _ in range(3600))
+    expected = {build((kind, 0, face)) for kind in (1, 15, 63) for face in range(6)}
+    even(drawn, expected, 3600)
+
+
+def test_the_second_end_is_uniform_over_the_faces_of_other_blocks() -> None:
+    rng, start = Random(3), build((15, 0, 4))
+    drawn = Counter(Addition(start, 7, 1, 2).made(rng) for _ in range(1200))
+    expected = {build((15, 0, 4), (7, 1, 2, 0, face)) for face in range(6)}
+    even(drawn, expected, 1200)  # type: ignore[arg-type]
+    assert Addition(Machine((ROOT,)), 7, 0, 0).made(rng) is None
+
+
+def made(kind: str, machine: Machine, *types: int) -> set[Machine]:
+    return {move.made(Random(0)) for move in MOVES[kind](machine, types)}  # type: ignore[misc]
+
+
+def test_the_kinds_of_edit() -> None:
+    machine = build((15, 0, 0), (15, 1, 0), (2, 2, 1))
+    assert set(MOVES) == {"add", "remove", "swap", "re-attach", "re-orient", "actuate"}
+    assert len(additions(machine, (63,))) == 6 + 5 + 5 + 1 - 3
+    assert len(additions(machine, (7,))) == 6 + 5 + 5 + 1
+    assert made("remove", machine) == {build((15, 0, 0), (15, 1, 0))}
+    assert made("actuate", machine, 2, 40) == {build((15, 0, 0), (15, 1, 0), (40, 2, 1))}
+    assert made("actuate", machine, 2) == set()
+    assert len(made("swap", machine, 2, 7, 15)) == 3
+    braced = build((15, 0, 0), (7, 0, 1, 1, 1))
+    assert made("swap", braced, 7, 9) == {build((15, 0, 0), (9, 0, 1, 1, 1))}
+    assert made("remove", braced) == {build((15, 0, 0))}
+    # block 1 has no other earlier block; 2 may go to the root, 3 to the root and to 1
+    assert len(made("re-attach", machine)) == 5 + 5 + 4
+    assert made("re-orient", build((15, 0, 0))) == {build((15, 0, face)) for face in range(1, 6)}
+    # the two Left faces of a wooden block face the same way
+    assert build((1, 0, 0), (15, 1, 2)) not in made("re-orient", build((1, 0, 0), (15, 1, 1)))
+
+
+def test_actuation_goes_both_ways() -> None:
+    assert {ACTUATION[other]: other for other in ACTUATION} == ACTUATION
+    assert all(library()[a].size == library()[b].size for a, b in ACTUATION.items())
+
+
+def test_edits_are_uniform_over_the_kinds_that_have_a_legal_one() -> None:
+    # one wheel on the root: nothing else to hang it on, and only wheels are allowed
+    start, task, rng = build((2, 0, 4)), brief(2, 40), Random(4)
+    counts: Counter[str] = Counter()
+    for _ in range(2500):
+        edited = random_edit(start, rng, task)
+        if len(edited) != 2:
+            counts["add" if len(edited) == 3 else "remove"] += 1
+        else:
+            counts["swap or actuate" if edited[1].type == 40 else "re-orient"] += 1
+    shares = {kind: count / 2500 for kind, count in counts.items()}
+    assert shares == {
+        "add": pytest.approx(0.2, abs=0.04),
+        "remove": pytest.approx(0.2, abs=0.04),
+        "swap or actuate": pytest.approx(0.4, abs=0.05),
+        "re-orient": pytest.approx(0.2, abs=0.04),
+    }
+
+
+def test_edits_keep_what_the_task_requires() -> None:
+    rng, machine = Random(6), random_machine(Random(7), THROWING)
+    for _ in range(60):
+        edited = random_edit(machine, rng, THROWING)
+        assert edited != machine
+        assert check(edited, THROWING).task_valid
+        machine = edited
+
+
+def test_no_legal_edit_is_an_error() -> None:
+    with pytest.raises(UsageError, match="no edit of this machine is legal"):
+        random_edit(Machine((ROOT,)), Random(0), brief())
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.sampled_from((CAR, CATAPULT)), st.randoms(use_true_random=False))
+def test_random_edits_are_valid(machine: Machine, rng: Random) -> None:
+    assert check(random_edit(machine, rng, EVERYTHING), EVERYTHING).machine_valid
