@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import random
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -173,49 +169,3 @@ async def test_a_closed_tape_is_a_bug_not_a_silence(tmp_path: Path) -> None:
     tape.close()
     with pytest.raises(ValueError, match="closed file"):
         await RecordingClient(echo(), tape).complete(ask())
-
-
-KILLED = """
-import asyncio, sys
-from pathlib import Path
-from agentflow.llm.record import RecordingClient
-from agentflow.llm.scripted import ScriptedClient
-from agentflow.llm.tape import Tape
-from tests.llm.helpers import ask
-
-async def main(folder):
-    def answer(request):
-        with open(folder / "asked", "a") as file:
-            file.write(request.label + "\\n")
-        return "x" * 3000
-    with Tape(folder / "calls.jsonl", print) as tape:
-        client = RecordingClient(ScriptedClient(answer), tape)
-        for i in range(400):
-            await client.complete(ask(label=f"a/{i}"))
-            print(i, flush=True)
-
-asyncio.run(main(Path(sys.argv[1])))
-"""
-
-
-@pytest.mark.slow
-def test_killed_at_random_moments_nothing_recorded_is_asked_twice(tmp_path: Path) -> None:
-    rng = random.Random(5)
-    for _ in range(30):
-        with subprocess.Popen(
-            [sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE, text=True
-        ) as process:
-            assert process.stdout is not None
-            seen = 0
-            for line in process.stdout:
-                seen += line.strip().isdigit()
-                if rng.random() < 0.02:
-                    process.send_signal(signal.SIGKILL)
-                    break
-    subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], check=True, capture_output=True)
-    with tape_at(tmp_path, writable=False) as tape:
-        labels = [item.request.label for item in tape.entries()]
-    assert labels == [f"a/{i}" for i in range(400)]
-    asked = (tmp_path / "asked").read_text().split()
-    assert len(asked) - len(set(asked)) <= 30, "at most the call in flight is asked again"
-    assert os.path.getsize(tmp_path / "calls.jsonl") > 400 * 3000

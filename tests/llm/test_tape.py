@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import resource
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -85,6 +86,22 @@ def test_a_half_written_last_line_is_dropped_wherever_it_breaks(tmp_path: Path) 
         dropped = f"{path}: dropped a half-written last line ({size - first} bytes)"
         assert notices == [dropped, dropped]
         assert path.read_bytes() == whole
+
+
+def test_a_tape_is_never_whole_in_memory(tmp_path: Path) -> None:
+    path = tmp_path / "calls.jsonl"
+    with Tape(path, no_notice) as tape:
+        for number in range(60):
+            tape.append(entry(f"a/{number}", "x" * 500_000))
+    tracemalloc.start()
+    try:
+        with Tape(path, no_notice, writable=False) as tape:
+            assert sum(len(item.reply.text) for item in tape.entries()) == 30_000_000
+            assert tape.find(entry("a/59").key) is not None
+            peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 4_000_000
 
 
 def test_a_damaged_line_elsewhere_is_refused(tmp_path: Path) -> None:
