@@ -27,6 +27,8 @@ class Couplings:
     def __init__(self, client: int) -> None:
         self._client = client
         self._ids: list[int] = []
+        self._apart: list[tuple[Handle, Handle]] = []
+        """Links that a loop joins, which do not collide, as no joint's links do."""
 
     def renew(self, assembly: Assembly, plan: Skeleton, built: Sequence[Built]) -> None:
         """Make what the skeleton asks for, in place of what was."""
@@ -52,6 +54,13 @@ class Couplings:
             if constraint in there:
                 pybullet.removeConstraint(constraint, self._client)
         self._ids = []
+        for one, other in self._apart:
+            self._collide(one, other, True)
+        self._apart = []
+
+    def _collide(self, one: Handle, other: Handle, on: bool) -> None:
+        (uid, link), (other_uid, other_link) = one, other
+        pybullet.setCollisionFilterPair(uid, other_uid, link, other_link, on, self._client)
 
     def _loop(self, assembly: Assembly, joint: Joint, where: dict[int, Handle]) -> None:
         """Hold the two parts of a joint together as the joint would."""
@@ -62,6 +71,8 @@ class Couplings:
             points = (add(joint.pivot, half), subtract(joint.pivot, half))
         elif joint.kind == "prismatic":
             kind = pybullet.JOINT_PRISMATIC
+        self._apart.append((where[joint.a], where[joint.b]))
+        self._collide(where[joint.a], where[joint.b], False)
         for point in points:
             self._bind(
                 kind,

@@ -1,0 +1,195 @@
+"""Cogs that mesh, lock and slip out; joints that close loops keep their axes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.engines.actors import Actors, Mesh
+from agentflow.env.engines.assembly import assemble
+from agentflow.env.engines.base import Assembly
+from agentflow.env.engines.fittings import meshes
+from agentflow.env.engines.pybullet import PyBulletEngine
+from agentflow.env.scene import Scene
+from agentflow.machine.geometry import place
+from agentflow.machine.tree import Machine
+from tests.env.engines.rig import FACINGS, RATE, Rig, face_towards, weightless
+from tests.env.machines import Row, machine
+
+ROOT = (0, -1, -1)
+MEDIUM, POWERED, LARGE = 38, 39, 51
+DRIVEN = 2.0
+"""rad/s of a powered cog."""
+
+
+@pytest.fixture(scope="module")
+def calm() -> PyBulletEngine:
+    return PyBulletEngine(weightless())
+
+
+def row_of(facing: str, *kinds: int, gap: int = 2) -> tuple[Machine, list[int]]:
+    """Cogs on one beam that all face there, `gap` metres from axle to axle, and their ids."""
+    along = {"z": "x+", "x": "z+", "y": "z+"}[facing[0]]
+    start = next(i for i in range(6) if FACINGS[i] == along)
+    rows: list[Row] = [ROOT, (15, 0, start)]
+    rows += [(15, i, 0) for i in range(1, gap * (len(kinds) - 1))]
+    tree = machine(*rows)
+    cogs = []
+    for i, kind in enumerate(kinds):
+        carrier = i * gap
+        rows.append((kind, carrier, face_towards(tree, carrier, facing)))
+        cogs.append(len(rows) - 1)
+    return machine(*rows), cogs
+
+
+@pytest.mark.parametrize("facing", FACINGS)
+def test_cogs_mesh_at_equal_and_opposite_speed(calm: PyBulletEngine, facing: str) -> None:
+    tree, cogs = row_of(facing, POWERED, MEDIUM, MEDIUM)
+    rig = Rig(calm, tree)
+    assert [mesh.ratio for mesh in rig.assembly.actors.meshes] == [1.0, 1.0]
+    rig.run(0.2)
+    calm.switch("motors", 1)
+    rig.run(1.0)
+    front = rig.blocks[cogs[0]].front
+    turned = [rig.spin(cog, front) for cog in cogs]
+    assert turned == pytest.approx([DRIVEN, -DRIVEN, DRIVEN], rel=1e-3)
+    angles = [rig.angle(cog, front) for cog in cogs]
+    assert angles == pytest.approx([2.0, -2.0, 2.0], abs=0.05)
+
+
+@pytest.mark.parametrize(("gap", "radius"), [(5, 2.5)])
+def test_large_cogs_mesh(calm: PyBulletEngine, gap: int, radius: float) -> None:
+    tree, cogs = row_of("y+", LARGE, LARGE, gap=gap)
+    rig = Rig(calm, tree)
+    assert [mesh.ratio for mesh in rig.assembly.actors.meshes] == [1.0]
+    assert np.linalg.norm(rig.rest.centre[cogs[0]] - rig.rest.centre[cogs[1]]) == 2 * radius
+
+
+def coupled(tree: Machine, *pairs: tuple[int, int, float]) -> Assembly:
+    """An assembly whose cogs mesh as told, wherever they sit."""
+    assembly = assemble(tree, place(tree), constants())
+    joint = {joint.block: i for i, joint in enumerate(assembly.joints)}
+    meshing = tuple(Mesh(joint[a], joint[b], ratio) for a, b, ratio in pairs)
+    return replace(assembly, actors=replace(assembly.actors, meshes=meshing))
+
+
+def test_speeds_go_inversely_as_the_radii(calm: PyBulletEngine) -> None:
+    """On a plate of the gearing task their axles are 3.5 m apart; here the ratio is given."""
+    tree, (small, large) = row_of("y+", POWERED, LARGE, gap=4)
+    rig = Rig(calm, tree, assembly=coupled(tree, (small, large, 2.5)))
+    calm.switch("motors", 1)
+    rig.run(1.5)
+    front = rig.blocks[small].front
+    assert rig.spin(small, front) == pytest.approx(DRIVEN, rel=1e-3)
+    assert rig.spin(large, front) == pytest.approx(-DRIVEN / 2.5, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "apart", "aside", "turned", "ratio"),
+    [
+        (MEDIUM, MEDIUM, 2.0, 0.0, False, 1.0),
+        (MEDIUM, MEDIUM, 2.1, 0.0, False, 1.0),
+        (MEDIUM, MEDIUM, 2.15, 0.0, False, None),
+        (MEDIUM, LARGE, 3.5, 0.0, False, 2.5),
+        (LARGE, MEDIUM, 3.5, 0.0, False, 0.4),
+        (LARGE, LARGE, 5.0, 0.05, False, 1.0),
+        (MEDIUM, MEDIUM, 2.0, 0.5, False, None),
+        (MEDIUM, MEDIUM, 2.0, 0.0, True, -1.0),
+    ],
+)
+def test_which_cogs_mesh(
+    first: int, second: int, apart: float, aside: float, turned: bool, ratio: float | None
+) -> None:
+    """Pitch circles that touch within 0.1 in one plane; face to face they count turns apart."""
+    tree = machine(ROOT, (15, 0, 2), (first, 0, 4), (second, 1, 3))
+    blocks = list(place(tree).blocks)
+    assembly = assemble(tree, place(tree), constants())
+
+    class Moved:
+        def __init__(self, block: object, center: object, front: object) -> None:
+            self.id, self.type = block.id, block.type  # type: ignore[attr-defined]
+            self.center, self.front = center, front
+
+    x, y, z = blocks[2].center
+    cogs = [
+        Moved(blocks[2], (x, y, z), (0.0, 1.0, 0.0)),
+        Moved(blocks[3], (x + apart, y + aside, z), (0.0, -1.0 if turned else 1.0, 0.0)),
+    ]
+    found = meshes([*blocks[:2], *cogs], assembly.joints, 0.1)  # type: ignore[list-item]
+    assert [mesh.ratio for mesh in found] == ([] if ratio is None else [pytest.approx(ratio)])
+
+
+def test_a_conflicting_loop_locks(calm: PyBulletEngine) -> None:
+    """Three cogs each in each other's teeth: none can turn, whatever drives one of them."""
+    tree, cogs = row_of("y+", POWERED, MEDIUM, MEDIUM)
+    rig = Rig(calm, tree, assembly=coupled(tree, *((a, b, 1.0) for a, b in combinations(cogs, 2))))
+    calm.switch("motors", 1)
+    rig.run(2.0)
+    front = rig.blocks[cogs[0]].front
+    assert [rig.spin(cog, front) for cog in cogs] == pytest.approx([0.0] * 3, abs=0.01)
+    assert [rig.angle(cog, front) for cog in cogs] == pytest.approx([0.0] * 3, abs=0.01)
+
+
+def test_two_powered_cogs_in_each_other_stall(calm: PyBulletEngine) -> None:
+    tree, cogs = row_of("y+", POWERED, POWERED)
+    rig = Rig(calm, tree)
+    calm.switch("motors", 1)
+    rig.run(1.0)
+    front = rig.blocks[cogs[0]].front
+    assert [rig.spin(cog, front) for cog in cogs] == pytest.approx([0.0, 0.0], abs=0.01)
+
+
+def test_a_cog_that_broke_off_meshes_no_more(calm: PyBulletEngine) -> None:
+    tree, cogs = row_of("y+", POWERED, MEDIUM, MEDIUM)
+    rig = Rig(calm, tree)
+    calm.switch("motors", 1)
+    rig.run(0.5)
+    calm.split([i for i, joint in enumerate(rig.assembly.joints) if joint.block == cogs[1]])
+    rig.run(0.5)
+    front = rig.blocks[cogs[0]].front
+    assert rig.spin(cogs[0], front) == pytest.approx(DRIVEN, rel=1e-3)
+    assert rig.spin(cogs[2], front) < 0.9 * DRIVEN
+
+
+def doors() -> Machine:
+    """A beam on two hinges in one line: the second hinge closes a loop by an auto-connection."""
+    uprights = (ROOT, (15, 0, 2), (15, 1, 0), (5, 0, 4), (5, 2, 3), (15, 3, 0), (15, 4, 0))
+    return machine(*uprights, (15, 5, 1))
+
+
+def test_a_beam_on_two_hinges_in_line_swings(calm: PyBulletEngine) -> None:
+    tree = doors()
+    assert [(link.block, link.partner) for link in place(tree).auto_connections]
+    rig = Rig(calm, tree, wind=(0.0, -4.0, 12.0))
+    rig.run(3.0)
+    assert abs(rig.angle(5, (1.0, 0.0, 0.0))) == pytest.approx(np.pi / 2, abs=0.03)
+
+
+def test_hinges_out_of_line_hold_each_other(calm: PyBulletEngine) -> None:
+    """Two steering hinges side by side have parallel axes 2 m apart: the beam cannot swing."""
+    rows = [(s.type, s.parent, s.face_id) for s in doors()]
+    rows[3], rows[4] = (28, 0, 4), (28, 2, 3)
+    rig = Rig(calm, machine(*rows), wind=(0.0, 0.0, 12.0))
+    rig.run(2.0)
+    assert abs(rig.angle(5, (0.0, 0.0, 1.0))) < 0.02
+    assert rig.moved(5) == pytest.approx([0, 0, 0], abs=0.02)
+
+
+def test_loops_are_bound_once_after_every_split(calm: PyBulletEngine) -> None:
+    """Splits far from a loop leave its body standing; its constraints are made anew, not added."""
+    import pybullet
+
+    tree = doors()
+    rows = [(s.type, s.parent, s.face_id) for s in tree]
+    longer = machine(*rows, (15, 0, 0), (15, 8, 0))
+    assembly = assemble(longer, place(longer), constants())
+    calm.build(assembly, Scene(), RATE)
+    before = pybullet.getNumConstraints(calm.client)
+    assert before == 2
+    calm.split([i for i, joint in enumerate(assembly.joints) if joint.block == 9])
+    assert pybullet.getNumConstraints(calm.client) == before
+    assert assembly.actors == Actors()
