@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from agentflow.machine import check
+from agentflow.machine.bsg import to_bsg
+from agentflow.machine.connect import Located
+from agentflow.machine.coordinates import to_coordinates
+from agentflow.machine.formats import FORMS, Form, read_any
+from agentflow.machine.parse import Reading
+from tests.machine.builders import CATAPULT, build
+
+COORDINATES = json.dumps(to_coordinates(CATAPULT))
+BSG = to_bsg(CATAPULT)
+SPRUNG = to_bsg(build((1, 0, 4), (9, 0, 0, 1, 0)))
+
+
+@pytest.mark.parametrize(
+    ("source", "kind"),
+    [
+        (CATAPULT.to_text(), Reading),
+        (CATAPULT.to_json(), Reading),
+        (f"<think>So.</think>\n```json\n{CATAPULT.to_text()}\n```", Reading),
+        (COORDINATES, Located),
+        (to_coordinates(CATAPULT), Located),
+        (f"Here it is:\n```json\n{COORDINATES}\n```", Located),
+        (BSG, Located),
+        (BSG.partition("\n")[2], Located),
+    ],
+)
+def test_the_form_is_found_out(source: object, kind: type) -> None:
+    reading = read_any(source)
+    assert isinstance(reading, kind)
+    assert reading.machine == CATAPULT
+    assert not reading.repaired
+
+
+def test_a_tree_whose_blocks_have_positions_too_is_a_tree() -> None:
+    both = [{**item, "Position": [0, 0, 0]} for item in CATAPULT.to_json()]
+    assert read_any(both).machine == CATAPULT
+
+
+def test_a_form_that_is_given_is_not_found_out() -> None:
+    assert read_any(COORDINATES, "tree").problems[0].message == "block 0 has no 'id'"
+    assert read_any(BSG, "coordinates").problems[0].code == "not_json"
+    assert read_any(COORDINATES, "bsg").problems[0].code == "not_xml"
+    assert read_any([], "bsg").problems[0].code == "not_xml"
+    assert read_any(CATAPULT.to_text(), "coordinates").problems[0].code == "missing_field"
+
+
+def test_repairs_are_told() -> None:
+    reading = read_any(COORDINATES[:-1] + ",]")
+    assert (reading.machine, reading.repaired) == (CATAPULT, True)
+    assert check(reading).repaired
+
+
+PIECES = (*"[]{}\"',:<>&;/=\n", "<Block id='1'>", "</Block>", "<!DOCTYPE a [", "]>", "1e999", "-1")
+junk = st.lists(
+    st.sampled_from((*PIECES, "NaN", '"x": []', "null", "\ud800")) | st.text(max_size=4)
+)
+
+
+@st.composite
+def mutated(draw: st.DrawFn) -> str:
+    """A valid document with pieces cut out and put in."""
+    text = draw(st.sampled_from((COORDINATES, f"```json\n{COORDINATES}\n```", BSG, SPRUNG)))
+    for _ in range(draw(st.integers(1, 5))):
+        at = draw(st.integers(0, len(text)))
+        text = text[:at] + "".join(draw(junk)) + text[at + draw(st.integers(0, 9)) :]
+    return text
+
+
+def never_raises(text: str, form: Form) -> None:
+    report = check(read_any(text, form))
+    assert report.machine_valid == (not report.problems)
+    assert report.machine is not None or report.problems
+    assert all(problem.message for problem in report.problems)
+    json.dumps(report.to_json(), allow_nan=False)
+
+
+forms = st.sampled_from(FORMS)
+
+
+@settings(deadline=None)
+@given(mutated() | junk.map("".join), forms)
+def test_random_documents_never_raise(text: str, form: Form) -> None:
+    never_raises(text, form)
+
+
+@pytest.mark.slow
+@settings(max_examples=5_000, deadline=None)
+@given(mutated() | junk.map("".join), forms)
+def test_very_many_random_documents_never_raise(text: str, form: Form) -> None:
+    never_raises(text, form)
+
+
+numbers = st.lists(st.floats() | st.integers() | st.just("1"), min_size=2, max_size=4)
+item = st.fixed_dictionaries(
+    {},
+    optional={
+        "type": st.integers(-1, 90) | st.just("15"),
+        "Position": numbers,
+        "Rotation": numbers,
+        "end-position": numbers,
+    },
+)
+
+
+@settings(deadline=None)
+@given(st.lists(item, max_size=6), forms)
+def test_random_data_never_raises(items: list[dict[str, object]], form: Form) -> None:
+    root = {"type": 0, "Position": [0, 0, 0], "Rotation": [0, 0, 0, 1]}
+    for data in (items, [root, *items]):
+        check(read_any(data, form))
+
+
+LONG = (
+    COORDINATES * 30,
+    BSG[:-30] * 20,
+    "<Machine><Blocks>" + '<Block id="1"/>' * 7_000,
+    '<Machine a="' + "x" * 100_000,
+    "<Machine>" * 11_000,
+    "<?xml " * 17_000,
+    "[" + '{"type": 1, "Position": [0, 0, 9], "Rotation": [0, 0, 0, 1]},' * 1_600,
+    "[" + '{"type": 0, "Position": [0, 0, 0], "Rotation": [0, 0, 0, 1]},' * 990 + "]",
+    "[" + '{"Position": 1},' * 6_000 + "]",
+)
+
+
+@pytest.mark.parametrize("text", LONG, ids=range(len(LONG)))
+def test_hostile_documents_take_linear_time(text: str) -> None:
+    start = time.process_time()
+    for form in FORMS:
+        check(read_any(text, form))
+    assert time.process_time() - start < 1.0
