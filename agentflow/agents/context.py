@@ -6,6 +6,7 @@ The wording around them is the templates'; which of them a role gets is the role
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 
 from agentflow.machine.blocks import BlockType, Face, library
 from agentflow.machine.brief import Brief
@@ -34,7 +35,7 @@ def task_context(brief: Brief) -> dict[str, object]:
             "schedule": brief.schedule,
             "score": brief.score,
         },
-        "blocks": [block_row(kind) for kind in kinds],
+        "blocks": block_rows(kinds),
         "types": list(brief.blocks),
         "example_type": EXAMPLE if EXAMPLE in plain else plain[0],
         "example_types": sorted({plain[0], EXAMPLE if EXAMPLE in plain else plain[-1]}),
@@ -45,10 +46,14 @@ def task_context(brief: Brief) -> dict[str, object]:
 
 
 def machine_context(machine: Machine | None, *, spatial: bool) -> dict[str, object]:
-    """The machine so far as JSON text, and its 3D information where wanted; "" for neither."""
+    """The machine so far as JSON text, and its 3D information where wanted; "" for neither.
+
+    `geometry_short` is the 3D information without building points and positions of faces.
+    """
     return {
         "machine": machine.to_text() if machine else "",
         "geometry": describe_text(machine) if machine and spatial else "",
+        "geometry_short": describe_text(machine, short=True) if machine and spatial else "",
     }
 
 
@@ -62,6 +67,17 @@ def report_context(score: float | None, feedback: str) -> dict[str, object]:
     return {"report": f"Score: {shown}\n{feedback}".strip()}
 
 
+def block_rows(kinds: Sequence[BlockType]) -> list[dict[str, object]]:
+    """The rows of the block table; `faces_short` refers to an earlier row with the same faces."""
+    first: dict[tuple[Face, ...], int] = {}
+    rows = []
+    for kind in kinds:
+        same = first.setdefault(kind.faces, kind.type)
+        short = _faces(kind.faces) if same == kind.type or not kind.faces else f"as type {same}"
+        rows.append({**block_row(kind), "faces_short": short})
+    return rows
+
+
 def block_row(kind: BlockType) -> dict[str, object]:
     """One row of the block table: size x, y, z in m, mass in kg, faces as id:direction@x,y,z."""
     return {
@@ -72,6 +88,20 @@ def block_row(kind: BlockType) -> dict[str, object]:
         "faces": " ".join(_face(face) for face in kind.faces) or "none",
         "function": block_functions()[kind.type],
     }
+
+
+def _faces(faces: Sequence[Face]) -> str:
+    """Faces by direction, a coordinate that differs listed per id: `Left 1 2 @-0.5,0,0.5/1.5`."""
+    groups = []
+    for direction, group in groupby(faces, key=lambda face: face.direction):
+        members = list(group)
+        axes = [
+            [f"{value:g}" for value in axis]
+            for axis in zip(*(face.position for face in members), strict=True)
+        ]
+        where = ",".join(axis[0] if len(set(axis)) == 1 else "/".join(axis) for axis in axes)
+        groups.append(f"{direction} {' '.join(str(face.id) for face in members)} @{where}")
+    return "; ".join(groups) or "none"
 
 
 def _face(face: Face) -> str:

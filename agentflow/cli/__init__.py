@@ -20,8 +20,10 @@ def main(arguments: list[str] | None = None) -> int:
     """
     import typer
 
+    from agentflow.cli import prompts
     from agentflow.cli.commands import commands
 
+    assert prompts, "imported to add its commands"
     # Typer carries its own copy of click in some versions and depends on click in others; the
     # base of its public BadParameter is click's UsageError in both.
     usage_error: type[BaseException] = typer.BadParameter.__mro__[1]

@@ -16,10 +16,12 @@ import jinja2
 import yaml
 
 from agentflow.errors import PromptError, UnknownNameError
-from agentflow.prompts.text import as_json, guard, oneline, quote, token_estimate
+from agentflow.prompts.text import as_json, clip, guard, oneline, quote, token_estimate
 
 __all__ = ["PromptSet", "block_functions", "prompt_sets", "token_estimate"]
 
+_ABOUT = "set.yaml"
+"""What a set is for (`about`), and the set whose templates it takes where it has none (`base`)."""
 _FUNCTIONS = "block_functions.yaml"
 _RETRY = "_parts/retry.j2"
 
@@ -27,7 +29,7 @@ _RETRY = "_parts/retry.j2"
 def prompt_sets() -> tuple[str, ...]:
     """Names of the prompt sets that ship, in alphabetical order."""
     folders = (item for item in _home().iterdir() if item.is_dir())
-    return tuple(sorted(item.name for item in folders if item.joinpath("_parts").is_dir()))
+    return tuple(sorted(item.name for item in folders if item.joinpath(_ABOUT).is_file()))
 
 
 @cache
@@ -40,6 +42,7 @@ def block_functions() -> Mapping[int, str]:
 class PromptSet:
     """A named folder of templates: `<role>/system.j2`, `<role>/user.j2` and shared `_parts/`.
 
+    A set may be based on another, and then holds only the templates that differ.
     Variables are inserted as they are and never rendered again; a variable that a template uses
     and nobody gave is an error.
     """
@@ -53,7 +56,12 @@ class PromptSet:
         if name not in prompt_sets():
             raise UnknownNameError("prompt set", name, prompt_sets())
         self.name = name
+        about = yaml.safe_load(_home().joinpath(name).joinpath(_ABOUT).read_text("utf-8"))
+        self.about: str = about["about"]
+        """What the set is for, in one sentence."""
         self._files = dict(_walk(_home().joinpath(name), ""))
+        if base := about.get("base"):
+            self._files = {**PromptSet(base)._files, **self._files}
         self._environment = _environment(self._files)
 
     @cached_property
@@ -84,6 +92,15 @@ class PromptSet:
             self._render(f"{role}/system.j2", variables),
             self._render(f"{role}/user.j2", variables),
         )
+
+    def source(self, template: str) -> str:
+        """The text of a template; "" for one that the set does not have."""
+        return self._files.get(template, "")
+
+    @property
+    def templates(self) -> tuple[str, ...]:
+        """Paths of all templates, in alphabetical order."""
+        return tuple(sorted(self._files))
 
     def retry(self, problem: str) -> str:
         """Render the message that sends a reply back with the reason why it was not accepted."""
@@ -121,7 +138,8 @@ def _environment(files: Mapping[str, str]) -> jinja2.Environment:
         keep_trailing_newline=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(quote=quote, guard=guard, oneline=oneline, as_json=as_json)
+    filters = {"quote": quote, "guard": guard, "oneline": oneline, "as_json": as_json, "clip": clip}
+    environment.filters.update(filters)
     return environment
 
 

@@ -24,6 +24,12 @@ def guard(text: str) -> str:
     )
 
 
+def clip(text: str, width: int, lines: int) -> str:
+    """Keep the newest `lines` lines of a text, and of each the first `width` characters."""
+    kept = text.strip().splitlines()[-lines:]
+    return "\n".join(line if len(line) <= width else f"{line[:width]} ..." for line in kept)
+
+
 def oneline(text: str) -> str:
     """Join a text into one line, for a place behind a label."""
     return " ".join(text.split())

@@ -15,12 +15,23 @@ ROLES = ("designer", "inspector", "meta_designer", "querier", "refiner")
 
 
 def test_sets_and_roles() -> None:
-    assert prompt_sets() == ("default",)
-    assert PromptSet().roles == ROLES
+    assert prompt_sets() == ("compact", "default", "no_geometry", "no_motion")
+    for name in prompt_sets():
+        assert PromptSet(name).roles == ROLES
+        assert PromptSet(name).about.endswith(".")
+
+
+def test_a_set_has_the_templates_of_its_base_but_its_own_digest() -> None:
+    base, without = PromptSet(), PromptSet("no_motion")
+    assert base.templates == without.templates
+    different = [path for path in base.templates if base.source(path) != without.source(path)]
+    assert different == ["_parts/motion.j2"]
+    assert base.source("no such template") == ""
+    assert len({PromptSet(name).digest for name in prompt_sets()}) == len(prompt_sets())
 
 
 def test_unknown_names() -> None:
-    with pytest.raises(UnknownNameError, match=r"^unknown prompt set 'defalt'; known: default$"):
+    with pytest.raises(UnknownNameError, match=r"^unknown prompt set 'defalt'; known: default, "):
         PromptSet("defalt")
     with pytest.raises(UnknownNameError, match=r"^unknown role 'refine'; known: refiner"):
         PromptSet().render("refine", {})

@@ -7,7 +7,12 @@ import json
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.prompts.text import as_json, guard, oneline, quote, token_estimate
+from agentflow.prompts.text import as_json, clip, guard, oneline, quote, token_estimate
+
+
+def test_clip_keeps_the_newest_lines_and_the_beginning_of_each() -> None:
+    assert clip("one\ntwo words\nthree", 3, 2) == "two ...\nthr ..."
+    assert clip(" one\n", 3, 2) == "one"
 
 
 def test_quote_marks_every_line() -> None:

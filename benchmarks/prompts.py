@@ -1,0 +1,84 @@
+"""Measures how long the prompts are: every set, role and level-1 task, machines of ten blocks.
+
+Run: python benchmarks/prompts.py [SET ...]
+Counts with cl100k_base where the tiktoken package and its vocabulary are at hand
+(TIKTOKEN_CACHE_DIR), else by the estimate that the package carries.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from agentflow.agents.base import Role
+from agentflow.agents.designer import Designer, DesignerInput
+from agentflow.agents.inspector import Inspector, InspectorInput
+from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
+from agentflow.agents.querier import Querier, QuerierInput
+from agentflow.agents.refiner import Refiner, RefinerInput
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.machine import Machine, read_machine
+from agentflow.machine.brief import Brief
+from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
+
+FIT = 3440
+"""Tokens that the compact set fits into (spec 4.3)."""
+
+
+def counter() -> tuple[str, Callable[[str], int]]:
+    """The tokenizer's name and its count."""
+    try:
+        import tiktoken
+
+        encoding = tiktoken.get_encoding("cl100k_base")
+    except (ImportError, OSError) as error:
+        return f"estimate ({type(error).__name__}: no cl100k_base here)", token_estimate
+    return "cl100k_base", lambda text: len(encoding.encode(text))
+
+
+def ten_blocks(brief: Brief) -> Machine:
+    """A frame with a mast; for tasks with a boulder, that on top."""
+    hung = [(1, 0, 0), (1, 0, 1), (15, 1, 1), (15, 1, 3), (15, 2, 1), (15, 2, 3), (63, 0, 4)]
+    hung += [(22, 7, 5), (36, 7, 0)] if 36 in brief.required else [(22, 7, 5), (63, 8, 3)]
+    steps = [{"type": 0, "id": 0, "parent": -1, "face_id": -1}]
+    for number, (kind, parent, face) in enumerate(hung, start=1):
+        steps.append({"type": kind, "id": number, "parent": parent, "face_id": face})
+    machine = read_machine(steps, brief.blocks).machine
+    assert machine is not None
+    return machine
+
+
+def questions(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
+    """Every role's question about a task."""
+    task = get_task(name)
+    brief, machine = task.brief, ten_blocks(task.brief)
+    told = simulate(machine, task).feedback.text
+    history = "1. Success, score 4.00 -> 5.00\n   Add 15 to 3 in 2\n" * 3
+    yield "plan", MetaDesigner(), MetaDesignerInput(brief)
+    yield "detailed plan", MetaDesigner(), MetaDesignerInput(brief, detailed=True)
+    yield "whole machine", Designer(), DesignerInput(brief)
+    yield "extension", Designer(), DesignerInput(brief, machine=machine)
+    yield "inspection", Inspector(), InspectorInput(brief, machine)
+    yield "queries", Querier(), QuerierInput(brief, machine, 4.5, told)
+    yield "blind", Refiner(), RefinerInput(brief, machine, critique="word " * 150)
+    yield "feedback", Refiner(), RefinerInput(brief, machine, None, "", history, 4.5, told)
+
+
+def main(names: list[str]) -> None:
+    tokenizer, count = counter()
+    print(f"tokens by {tokenizer}; system + user, machine of 10 blocks")
+    tasks = [name for name in task_names() if "/" not in name]
+    for name in names or prompt_sets():
+        prompts = PromptSet(name)
+        for task in tasks:
+            for what, role, given in questions(task):
+                system, user = map(count, prompts.render(role.name, role.variables(given)))
+                over = "" if system + user <= FIT else f"  over {FIT}"
+                label = f"{name:<12}{task:<11}{role.name:<14}{what:<14}"
+                print(f"{label}{system:>6} +{user:>6} ={system + user:>6}{over}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,56 @@
+"""Looking at prompts without a run."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from agentflow.app.prompts import SAMPLES, difference, rendered, set_list
+from agentflow.env.tasks.registry import get_task
+from agentflow.errors import UnknownNameError, UsageError
+from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
+
+BRIEF = get_task("throwing").brief
+
+
+def test_the_list_names_every_set_with_its_hash() -> None:
+    assert [item["name"] for item in set_list()] == list(prompt_sets())
+    assert {item["digest"] for item in set_list()} == {
+        PromptSet(name).digest for name in prompt_sets()
+    }
+
+
+def test_samples_are_of_every_role() -> None:
+    assert tuple(sorted(SAMPLES)) == PromptSet().roles
+
+
+@pytest.mark.parametrize("role", SAMPLES)
+@pytest.mark.parametrize("name", prompt_sets())
+def test_a_prompt_and_its_length(role: str, name: str) -> None:
+    found = rendered(name, role, BRIEF)
+    assert "Task: throwing\n" in found["user"]
+    assert found["tokens"] == token_estimate(found["system"]) + token_estimate(found["user"])
+    assert found["digest"] == PromptSet(name).digest
+
+
+def test_a_machine_of_one_s_own_is_told() -> None:
+    steps = [
+        {"type": 0, "id": 0, "parent": -1, "face_id": -1},
+        {"type": 63, "id": 1, "parent": 0, "face_id": 2},
+    ]
+    assert "1 Log: on 0.2 Left" in rendered("default", "refiner", BRIEF, json.dumps(steps))["user"]
+    with pytest.raises(UsageError, match=r"^no machine to show: "):
+        rendered("default", "refiner", BRIEF, "[]")
+
+
+def test_unknown_role() -> None:
+    with pytest.raises(UnknownNameError, match=r"^unknown role 'refine'; known: refiner, "):
+        rendered("default", "refine", BRIEF)
+
+
+def test_difference() -> None:
+    assert difference("default", "default") == ""
+    lines = difference("default", "no_motion").splitlines()
+    assert lines[:2] == ["--- default/_parts/motion.j2", "+++ no_motion/_parts/motion.j2"]
+    assert sum(line.startswith("+++ ") for line in lines) == 1
