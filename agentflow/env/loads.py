@@ -15,6 +15,9 @@ from agentflow.env.engines.stiffness import rings
 from agentflow.env.engines.tree import skeleton
 from agentflow.env.trace import Array
 
+SAFE = 0.333
+"""Three squares of at most this do not add up to 1."""
+
 
 class Loads:
     """Low-pass filtered load of every joint, from 0 at the start.
@@ -32,12 +35,13 @@ class Loads:
             step: Time between readings, s.
         """
         self._joints = joints
-        self._blend = round(1.0 - exp(-step / window), 12)  # the last digits depend on the libm
         strength = [
             (joint.strength.force, joint.strength.torque) if joint.strength else (np.inf, np.inf)
             for joint in joints
         ]
-        self._weakness = np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
+        blend = round(1.0 - exp(-step / window), 12)  # the last digits depend on the libm
+        self._keep = 1.0 - blend
+        self._take = blend * np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
         self._level = np.zeros((len(joints), 6))
         """Filtered load over strength."""
         self._broken = np.zeros(len(joints), dtype=bool)
@@ -76,11 +80,11 @@ class Loads:
             for ring in self._rings:
                 reactions[ring.joints] = ring.shared(reactions)
         before = self._level
-        self._level = before + self._blend * (reactions * self._weakness - before)
-        squares = self._squares()
-        if not squares.max(initial=0.0) >= 1.0:
+        self._level = reactions * self._take
+        self._level += before * self._keep
+        if not np.maximum.reduce(self._level * self._level, axis=None, initial=0.0) > SAFE:
             return {}
-        share = np.sqrt(squares.max(axis=1))
+        share = np.sqrt(self._squares().max(axis=1))
         gone = self._giving(share)
         relieved = self._relieved(gone)
         self._level[relieved] = before[relieved]

@@ -28,7 +28,6 @@ class Recorder:
         )
         self._things = things
         self._times: list[float] = []
-        self._states: list[State] = []
         self._shares: list[Array] = []
         self._alive = np.ones(len(assembly.blocks), dtype=bool)
         self._lives: list[np.ndarray[tuple[int], np.dtype[np.bool_]]] = []
@@ -38,35 +37,29 @@ class Recorder:
         if not joint.extra:
             self._alive[joint.block] = False
 
-    def sample(self, time: float, state: State, utilisation: Array) -> None:
-        """Add one sample."""
+    def sample(self, time: float, utilisation: Array) -> None:
+        """Add one sample; where everything is at that time the engine keeps."""
         self._times.append(time)
-        self._states.append(state)
         self._shares.append(utilisation)
         self._lives.append(self._alive.copy())
 
-    def trace(self) -> Trace:
-        """Everything sampled so far; at least one sample."""
-        states = self._states
-
-        def stack(name: str) -> Array:
-            return np.stack([getattr(state, name) for state in states])
-
+    def trace(self, states: State) -> Trace:
+        """Everything sampled so far, at least one sample; `states` with a leading axis of times."""
         return Trace(
             times=np.array(self._times),
-            position=stack("position"),
-            centre=stack("centre"),
-            rotation=stack("rotation"),
-            velocity=stack("velocity"),
-            angular_velocity=stack("angular_velocity"),
+            position=states.position,
+            centre=states.centre,
+            rotation=states.rotation,
+            velocity=states.velocity,
+            angular_velocity=states.angular_velocity,
             alive=np.stack(self._lives),
-            length=stack("length"),
+            length=states.length,
             linear=tuple(block for block, _, _ in self._assembly.spans),
             utilisation=np.stack(self._shares),
             connections=self._pairs,
-            thing_position=stack("thing_position"),
-            thing_rotation=stack("thing_rotation"),
-            thing_velocity=stack("thing_velocity"),
+            thing_position=states.thing_position,
+            thing_rotation=states.thing_rotation,
+            thing_velocity=states.thing_velocity,
             things=self._things,
         )
 

@@ -97,6 +97,8 @@ class _Run:
         self._rate, self._power, self._wall_limit = rate, power, wall_limit
         self._every = max(1.0, interval * rate)
         self._value = physics
+        self._fastest = physics["speed_limit"]
+        self._still = physics["rest_speed"], physics["rest_spin"]
         self._assembly = assemble(machine, place(machine), self._value)
         engine.build(self._assembly, task.scene(), rate)
         self._loads = Loads(self._assembly.joints, self._value["load_window"], 1.0 / rate)
@@ -151,20 +153,21 @@ class _Run:
         rest = 0
         due = self._schedule()
         last = round(self._task.window * self._rate)
+        long = self._value["rest_time"] * self._rate
         samples = 1
-        while self._elapsed < last:
-            while due and due[0][0] <= self._elapsed:
+        while (elapsed := self._elapsed) < last:
+            while due and due[0][0] <= elapsed:
                 self._switch(*due.pop(0)[1:])
             status = self._step()
             if status != "ok":
                 return status
-            self._world.time = self._elapsed / self._rate
+            self._world.time = (elapsed + 1) / self._rate
             self._referee.watch(self._world)
-            if self._elapsed >= samples * self._every - 1e-6:
+            if elapsed + 1 >= samples * self._every - 1e-6:
                 samples += 1
                 self._sample()
             rest = rest + 1 if self._resting() else 0
-            if not due and rest >= self._value["rest_time"] * self._rate:
+            if not due and rest >= long:
                 break
         return "ok"
 
@@ -200,7 +203,7 @@ class _Run:
         self._engine.step()
         self._steps += 1
         self._speeds = linear, angular = self._engine.top_speeds
-        if not (linear <= self._value["speed_limit"] and isfinite(angular)):
+        if not (linear <= self._fastest and isfinite(angular)):
             return "diverged"
         broken = self._loads.update(self._engine.reactions)
         self._giving = tuple(broken)
@@ -218,15 +221,16 @@ class _Run:
 
     def _resting(self) -> bool:
         linear, angular = self._speeds
-        return linear < self._value["rest_speed"] and angular < self._value["rest_spin"]
+        return linear < self._still[0] and angular < self._still[1]
 
     def _sample(self) -> None:
-        self._recorder.sample(
-            self._elapsed / self._rate, self._engine.state(), self._loads.utilisation()
-        )
+        self._engine.keep()
+        self._recorder.sample(self._elapsed / self._rate, self._loads.utilisation())
 
     def _result(self, status: Status) -> Rollout:
-        trace = self._recorder.trace() if self._zero and status != "timeout" else None
+        trace = None
+        if self._zero and status != "timeout":
+            trace = self._recorder.trace(self._engine.kept())
         broken = tuple(
             Broken(
                 block=self._assembly.joints[joint].block,

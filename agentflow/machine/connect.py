@@ -98,7 +98,9 @@ def connect(spots: Sequence[Spot], *, repaired: bool = False, notes: Sequence[st
     """
     joiner = _Joiner(spots[0].position)
     if facing_of(spots[0].rotation) != "z+":
-        message = f"block {spots[0].index} (Starting Block) is rotated; its rotation must be 0, 0, 0, 1"
+        message = (
+            f"block {spots[0].index} (Starting Block) is rotated; its rotation must be 0, 0, 0, 1"
+        )
         joiner.loose.append(Problem("rotation", (spots[0].index,), message))
     joiner.settle(Step(spots[0].index, *_ROOT_REST))
     for spot in spots[1:]:

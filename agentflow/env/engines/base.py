@@ -221,6 +221,12 @@ class Engine(Protocol):
     def state(self) -> State:
         """Everything that a record holds."""
 
+    def keep(self) -> None:
+        """Keep the present state for `kept`."""
+
+    def kept(self) -> State:
+        """All states kept since `build`, every array with a leading axis of times; at least one."""
+
     def pose(self, body: Body) -> tuple[Vec3, Quat]:
         """Centre and orientation of a block or a moving thing."""
 

@@ -7,7 +7,7 @@ in readings.py, forces computed in forces.py.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import chain
+from itertools import chain, groupby
 from math import sqrt
 from operator import itemgetter
 
@@ -81,6 +81,7 @@ class PyBulletEngine:
         self._moving = tuple(thing for thing in scene.things if thing.mass > 0)
         self.reactions = np.zeros((len(assembly.joints), 6))
         self._built: tuple[Built, ...] = ()
+        self._kept: list[tuple[Readings, list[Row]]] = []
         self._couplings = Couplings(self.client)
         self._ropes = Ropes(assembly.actors.ropes, self._on, 1.0 / rate)
         moving = {thing.name: self._things[thing.name] for thing in self._moving}
@@ -161,6 +162,20 @@ class PyBulletEngine:
     def state(self) -> State:
         """Everything that a record holds."""
         return self._readings.state(self._table)
+
+    def keep(self) -> None:
+        """Keep the present state for `kept`."""
+        self._kept.append((self._readings, self._rows))
+
+    def kept(self) -> State:
+        """All states kept since `build`; those between two splits are worked out at once."""
+        stretches = []
+        for readings, stretch in groupby(self._kept, key=itemgetter(0)):
+            tables = np.array([rows for _, rows in stretch])
+            stretches.append(vars(readings.states(tables)))
+        return State(
+            **{name: np.concatenate([each[name] for each in stretches]) for name in stretches[0]}
+        )
 
     def pose(self, body: Body) -> tuple[Vec3, Quat]:
         """Centre and orientation of a block or a thing."""

@@ -44,19 +44,16 @@ class Readings:
         self._assembly, self._layout = assembly, layout
         carriers = [parts[0] for parts in assembly.blocks]
         self._row = layout.members.row[carriers]
-        leading = [assembly.parts[part].centre for part in layout.leading]
-        self._leading: list[Vec3] = [leading[row] for row in self._row]
-        self._centre_arms = self._arms(assembly.centres)
-        self._origin_arms = self._arms(assembly.origins)
+        self._rows_of: list[int] = self._row.tolist()
+        leading = [assembly.parts[layout.leading[row]].centre for row in self._rows_of]
+        self._centre_at = _arms(assembly.centres, leading)
+        self._origin_at = _arms(assembly.origins, leading)
+        self._centre_arms = np.array(self._centre_at).reshape(-1, 3)
+        self._origin_arms = np.array(self._origin_at).reshape(-1, 3)
         self._rest = np.array(assembly.rotations).reshape(-1, 4)
         self._spanning = [block for block, _, _ in assembly.spans]
         ends = np.array([(a, b) for _, a, b in assembly.spans], dtype=np.intp).ravel()
         self._end_row, self._end_arms = layout.members.row[ends], layout.members.offset[ends]
-
-    def _arms(self, points: Sequence[Vec3]) -> Array:
-        """(N, 3) from the leading centres to points at rest, engine frame."""
-        pairs = zip(points, self._leading, strict=True)
-        return np.array([swap(subtract(point, lead)) for point, lead in pairs]).reshape(-1, 3)
 
     def parts(self, rows: Array) -> Array:
         """(P, 13) one row per part, engine frame."""
@@ -65,48 +62,57 @@ class Readings:
 
     def state(self, rows: Array) -> State:
         """Everything that a record holds."""
-        blocks = rows[self._row]
-        rotation = matrices(rows[:, ROTATION])[self._row]
-        arms = turn(rotation, self._centre_arms)
-        position = swap_all(blocks[:, POSITION] + turn(rotation, self._origin_arms))
-        middle = swap_all(blocks[:, POSITION] + arms)
-        velocity = swap_all(blocks[:, VELOCITY] + cross(blocks[:, SPIN], arms))
-        length = np.zeros(0)
-        if self._spanning:
-            ends = carried(rows[self._end_row], self._end_arms).reshape(-1, 2, WIDTH)
-            both = ends[:, 0] + ends[:, 1]
-            position[self._spanning] = middle[self._spanning] = swap_all(both[:, POSITION] * 0.5)
-            velocity[self._spanning] = swap_all(both[:, VELOCITY] * 0.5)
-            line = ends[:, 0, POSITION] - ends[:, 1, POSITION]
-            square = line * line
-            length = np.sqrt(square[:, 0] + square[:, 1] + square[:, 2])
-        things = rows[self._layout.thing_rows]
+        one = self.states(rows[None])
+        return State(**{name: values[0] for name, values in vars(one).items()})
+
+    def states(self, tables: Array) -> State:
+        """The same of (T, C, 13) rows at several times, with a leading axis of times."""
+        count = len(tables)
+        blocks = tables[:, self._row].reshape(-1, WIDTH)
+        clusters = matrices(tables.reshape(-1, WIDTH)[:, ROTATION]).reshape(count, -1, 3, 3)
+        rotation = clusters[:, self._row].reshape(-1, 3, 3)
+        arms = turn(rotation, np.tile(self._centre_arms, (count, 1)))
+        to_origins = turn(rotation, np.tile(self._origin_arms, (count, 1)))
+
+        def by_time(flat: Array) -> Array:
+            return flat.reshape(count, -1, flat.shape[1])
+
+        position = by_time(swap_all(blocks[:, POSITION] + to_origins))
+        middle = by_time(swap_all(blocks[:, POSITION] + arms))
+        velocity = by_time(swap_all(blocks[:, VELOCITY] + cross(blocks[:, SPIN], arms)))
+        rest = np.tile(self._rest, (count, 1))
+        ends = tables[:, self._end_row].reshape(-1, WIDTH)
+        ends = carried(ends, np.tile(self._end_arms, (count, 1)))
+        one, other = by_time(ends[0::2]), by_time(ends[1::2])
+        halves = swap_all((one + other)[:, :, POSITION] * 0.5)
+        position[:, self._spanning] = middle[:, self._spanning] = halves
+        velocity[:, self._spanning] = swap_all((one + other)[:, :, VELOCITY] * 0.5)
+        line = (one - other)[:, :, POSITION]
+        square = line * line
+        things = tables[:, self._layout.thing_rows]
         return State(
             position=position,
             centre=middle,
-            rotation=compose(swap_quaternions(blocks[:, ROTATION]), self._rest),
+            rotation=by_time(compose(swap_quaternions(blocks[:, ROTATION]), rest)),
             velocity=velocity,
-            angular_velocity=swap_turns(blocks[:, SPIN]),
-            length=length,
-            thing_position=swap_all(things[:, POSITION]),
-            thing_rotation=swap_quaternions(things[:, ROTATION]),
-            thing_velocity=swap_all(things[:, VELOCITY]),
+            angular_velocity=by_time(swap_turns(blocks[:, SPIN])),
+            length=np.sqrt(square[:, :, 0] + square[:, :, 1] + square[:, :, 2]),
+            thing_position=swap_all(things[:, :, POSITION]),
+            thing_rotation=swap_quaternions(things[:, :, ROTATION]),
+            thing_velocity=swap_all(things[:, :, VELOCITY]),
         )
 
     def pose(self, rows: Sequence[Row], block: int) -> tuple[Vec3, Quat]:
         """Centre and orientation of a block."""
-        place, rotation = self._point(rows, block, self._assembly.centres[block])
-        return place, product(swap_quaternion(rotation), self._assembly.rotations[block])
+        x, y, z, a, b, c, w = rows[self._rows_of[block]][:7]
+        arm = turned((a, b, c, w), self._centre_at[block])
+        rotation = product(swap_quaternion((a, b, c, w)), self._assembly.rotations[block])
+        return swap(add((x, y, z), arm)), rotation
 
     def origin(self, rows: Sequence[Row], block: int) -> Vec3:
         """Building point of a block."""
-        return self._point(rows, block, self._assembly.origins[block])[0]
-
-    def _point(self, rows: Sequence[Row], block: int, rest: Vec3) -> tuple[Vec3, Quat]:
-        """Where a point of a block at rest is now, and the engine's turn since then."""
-        x, y, z, a, b, c, w = rows[self._row[block]][:7]
-        arm = swap(subtract(rest, self._leading[block]))
-        return swap(add((x, y, z), turned((a, b, c, w), arm))), (a, b, c, w)
+        x, y, z, a, b, c, w = rows[self._rows_of[block]][:7]
+        return swap(add((x, y, z), turned((a, b, c, w), self._origin_at[block])))
 
     def momentum(self, rows: Array) -> Mapping[str, Array]:
         """Total momentum (about the world's origin) and kinetic energy of the machine."""
@@ -123,3 +129,8 @@ class Readings:
             "angular": swap_turns(angular.sum(axis=0)),
             "energy": np.array([energy.sum() / 2]),
         }
+
+
+def _arms(points: Sequence[Vec3], leading: Sequence[Vec3]) -> list[Vec3]:
+    """From the leading centres to points at rest, engine frame."""
+    return [swap(subtract(point, lead)) for point, lead in zip(points, leading, strict=True)]
