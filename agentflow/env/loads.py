@@ -85,6 +85,8 @@ class Loads:
         if not np.maximum.reduce(self._level * self._level, axis=None, initial=0.0) > SAFE:
             return {}
         share = np.sqrt(self._squares().max(axis=1))
+        if not np.maximum.reduce(share) >= 1.0:
+            return {}
         gone = self._giving(share)
         relieved = self._relieved(gone)
         self._level[relieved] = before[relieved]
