@@ -46,7 +46,7 @@ def read_lines(source: str) -> Iterator[str]:
         yield from _standard_input()
         return
     try:
-        with Path(source).open(encoding="utf-8", errors="replace") as lines:
+        with Path(source).open(encoding="utf-8-sig", errors="replace") as lines:
             yield from lines
     except OSError as error:
         raise UsageError(f"cannot read {source}: {error.strerror}") from None
@@ -55,7 +55,7 @@ def read_lines(source: str) -> Iterator[str]:
 def _standard_input() -> TextIO:
     """Standard input as UTF-8; what is none of it is replaced."""
     if isinstance(sys.stdin, io.TextIOWrapper):
-        sys.stdin.reconfigure(encoding="utf-8", errors="replace")
+        sys.stdin.reconfigure(encoding="utf-8-sig", errors="replace")
     return sys.stdin
 
 

@@ -1,0 +1,242 @@
+"""check, edit and convert as a user types them, in files and in streams."""
+
+from __future__ import annotations
+
+import gc
+import io
+import itertools
+import json
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from agentflow.app.edits import edit_lines
+from agentflow.app.machines import check_lines
+from agentflow.cli import main
+from agentflow.machine.bsg import to_bsg
+from agentflow.machine.coordinates import to_coordinates
+from tests.machine.builders import CAR, CATAPULT, build
+
+TREE = json.dumps(CAR.to_json())
+KEYS = ["file_valid", "spatial_valid", "machine_valid", "repaired", "problems", "overlaps", "size"]
+FOREIGN = to_bsg(CAR).replace('<Block id="1"', '<Block id="57"', 1)
+
+
+@pytest.fixture(autouse=True)
+def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("car.json").write_text(TREE)
+    Path("car.coords.json").write_text(json.dumps(to_coordinates(CAR)))
+    Path("car.bsg").write_text(to_bsg(CAR))
+    Path("utf16.bsg").write_bytes(to_bsg(CAR).replace("utf-8", "utf-16").encode("utf-16"))
+    Path("foreign.bsg").write_text(FOREIGN)
+
+
+def out(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(list(arguments)) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    return captured.out
+
+
+def typed(monkeypatch: pytest.MonkeyPatch, text: str | bytes) -> None:
+    data = text.encode() if isinstance(text, str) else text
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(data)))
+
+
+@pytest.mark.parametrize("file", ["car.json", "car.coords.json", "car.bsg", "utf16.bsg"])
+def test_check_takes_any_form(file: str, capsys: pytest.CaptureFixture[str]) -> None:
+    report = json.loads(out(capsys, "check", file, "--json", "--geometry"))
+    assert list(report) == [*KEYS, "blocks"]
+    assert report["machine_valid"]
+    assert report["blocks"][3]["orientation"] == "x-"
+
+
+def test_check_with_a_given_form(capsys: pytest.CaptureFixture[str]) -> None:
+    for form, valid in (("coordinates", True), ("tree", False)):
+        report = json.loads(out(capsys, "check", "car.coords.json", "--format", form, "--json"))
+        assert report["machine_valid"] is valid
+    report = json.loads(out(capsys, "check", "foreign.bsg", "--json"))
+    assert [problem["code"] for problem in report["problems"]] == [
+        "unknown_type",
+        "no_parent",
+        "no_parent",
+    ]
+
+
+def test_every_line_gets_a_report(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = [
+        TREE,
+        "",
+        "no machine",
+        json.dumps(f"```json\n{TREE[:-1]},]\n```"),
+        json.dumps(to_coordinates(CAR)),
+        json.dumps(FOREIGN),
+        '"\\ud800"',
+        "[" * 5000,
+        "17",
+    ]
+    typed(monkeypatch, "\n".join(lines).encode() + b"\n\xff\xfe\n" + TREE.encode())
+    reports = [json.loads(line) for line in out(capsys, "check", "-", "--jsonl").splitlines()]
+    assert [report["file_valid"] for report in reports] == [
+        *(True, False, False, True, True, False),
+        *(False, False, False, False, True),
+    ]
+    assert all(list(report) == KEYS for report in reports)
+    assert [report["repaired"] for report in reports].index(True) == 3
+
+
+def test_reports_stream_in_constant_memory() -> None:
+    endless = itertools.cycle([TREE, "no machine", json.dumps(CATAPULT.to_text())])
+    reports = check_lines(endless, None, geometry=True)
+    assert [next(reports)["file_valid"] for _ in range(6)] == [True, False, True] * 2
+    tracemalloc.start()
+    try:
+        sizes = []
+        for _ in range(3):
+            for report in itertools.islice(reports, 120):
+                del report
+            gc.collect()
+            sizes.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+    assert sizes[2] - sizes[1] < 20_000
+
+
+def test_edit_a_file(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("script").write_text("1. Remove [6]\n2. Add [35] to [0] in [4]\n")
+    outcome = json.loads(out(capsys, "edit", "car.json", "--script", "script", "--json"))
+    assert list(outcome) == ["outcome", "steps", "machine", "id_map"]
+    assert outcome["outcome"] == "success"
+    assert [list(step) for step in outcome["steps"]] == [["text", "verdict", "code", "reason"]] * 2
+    assert outcome["machine"][6] == {"type": 35, "id": 6, "parent": 0, "face_id": 4}
+    assert outcome["id_map"] == {**{str(i): i for i in range(6)}, "6": None}
+    assert out(capsys, "edit", "car.bsg", "--script", "script").splitlines() == [
+        "Success: 1. Remove [6]",
+        "Success: 2. Add [35] to [0] in [4]",
+        "success",
+        json.dumps(outcome["machine"]),
+    ]
+    typed(monkeypatch, "Remove 0\nRemove 6\n")
+    assert out(capsys, "edit", "car.json").splitlines() == [
+        "Error: Remove 0",
+        "  starting_block: block 0, the Starting Block, cannot be removed",
+        "Unverified: Remove 6",
+        "failure",
+    ]
+
+
+def test_a_tasks_blocks_bind_edits(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("script").write_text("Add 13 to 0 in 4")
+    arguments = ("edit", "car.json", "--script", "script", "--json")
+    assert json.loads(out(capsys, *arguments))["outcome"] == "success"
+    outcome = json.loads(out(capsys, *arguments, "--task", "throwing"))
+    assert (outcome["outcome"], outcome["steps"][0]["code"]) == ("failure", "type_not_allowed")
+
+
+def test_every_line_gets_an_outcome() -> None:
+    lines = [
+        json.dumps({"machine": CAR.to_json(), "script": "Remove 6"}),
+        json.dumps({"machine": CAR.to_json(), "script": "Remove 1"}),
+        json.dumps({"machine": [1], "script": "Remove 1"}),
+        json.dumps({"machine": CAR.to_json()}),
+        "no JSON",
+        "",
+    ]
+    outcomes = list(edit_lines(lines, None))
+    assert all(list(item) == ["outcome", "steps", "machine", "id_map"] for item in outcomes)
+    assert [item["outcome"] for item in outcomes] == ["success"] + ["failure"] * 5
+    assert [item["steps"][0]["code"] for item in outcomes] == [
+        *("", "has_children"),
+        *["bad_format"] * 4,
+    ]
+    assert outcomes[2]["machine"] == [1]
+    assert outcomes[2]["steps"][0]["reason"] == (
+        "the machine cannot be edited: item 0 of the list is 1; expected an object with type, id, "
+        "parent, face_id"
+    )
+    assert outcomes[4]["steps"][0]["reason"] == (
+        'the line is no JSON object like {"machine": [...], "script": "Remove 3"}'
+    )
+
+
+def test_edits_of_lines(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed(monkeypatch, json.dumps({"machine": CAR.to_text(), "script": "Remove 6\nbla"}) + "\nx\n")
+    first, second = map(json.loads, out(capsys, "edit", "-", "--jsonl").splitlines())
+    assert [step["verdict"] for step in first["steps"]] == ["Success", "Error"]
+    assert first["machine"] == CAR.to_json()
+    assert second["outcome"] == "failure"
+
+
+@pytest.mark.parametrize("source", ["car.json", "car.coords.json", "car.bsg"])
+@pytest.mark.parametrize("ending", [".json", ".coords.json", ".bsg", ".BSG"])
+def test_conversion_is_exact(source: str, ending: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert out(capsys, "convert", source, f"made{ending}") == f"made{ending}: 7 blocks\n"
+    assert json.loads(out(capsys, "convert", f"made{ending}", "back.json", "--json")) == {
+        "out": "back.json",
+        "blocks": 7,
+        "left_out": [],
+        "notes": [],
+    }
+    assert json.loads(Path("back.json").read_text()) == CAR.to_json()
+
+
+def test_extended_types_are_converted() -> None:
+    machine = build((39, 0, 0), (45, 0, 2, 0, 3))
+    Path("cogs.json").write_text(machine.to_text())
+    assert main(["convert", "cogs.json", "cogs.bsg", "--strict"]) == 0
+
+
+def test_what_cannot_be_taken_over_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert out(capsys, "convert", "foreign.bsg", "made.json").splitlines() == [
+        "left out: block 1 of the file (id '57', guid '"
+        + guid(FOREIGN)
+        + "'): type 57 is unknown; "
+        "the nearest types are 55 (Small Propeller), 60 (Large Unpowered Wheel), 51 (Large Cog)",
+        *(
+            f"left out: block {wheel} (Powered Wheel) has no parent at ({x}, 0, 1): no earlier "
+            f"block has a face within 0.1 m that faces {way}; the nearest such face is {face} of "
+            f"block 0 (Starting Block) at ({x}, 0, 0)"
+            for wheel, x, way, face in ((3, -0.5, "x-", 2), (4, 0.5, "x+", 3))
+        ),
+        "made.json: 4 blocks",
+    ]
+    assert len(json.loads(Path("made.json").read_text())) == 4
+
+
+def guid(text: str) -> str:
+    return text.split('guid="')[2].split('"')[0]
+
+
+WRONG = [
+    (["convert", "foreign.bsg", "x.json", "--strict"], "foreign.bsg cannot be converted: block 1 "),
+    (["convert", "bad.json", "x.bsg"], "bad.json cannot be converted: block 0 has no 'type' (and "),
+    (["convert", "car.json", "x.obj"], "cannot write x.obj: the endings are .coords.json, .json, "),
+    (["convert", "car.json", "no/x.json"], "cannot write no/x.json: No such file or directory"),
+    (["convert", "bomb.bsg", "x.json"], "bomb.bsg holds no machine: the XML declares a document "),
+    (["convert", "none.json", "x.json"], "cannot read none.json: No such file or directory"),
+    (["check", "bomb.bsg"], "bomb.bsg holds no machine: the XML declares a document type; such "),
+    (["check", "car.json", "--format", "xml"], "Invalid value for '--format': "),
+    (["edit", "-"], "machine and script cannot both come from standard input; give --script"),
+    (["edit", "bad.json", "--script", "bad.json"], "bad.json cannot be edited: block 0 has no 't"),
+    (["edit", "car.json", "--script", "none"], "cannot read none: No such file or directory"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), WRONG, ids=lambda v: str(v)[:50])
+def test_wrong_input_is_one_line(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("bad.json").write_text("[{}]")
+    Path("bomb.bsg").write_text('<!DOCTYPE a [<!ENTITY b "c">]><Machine>&b;</Machine>')
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"agentflow: {message}")
+    assert captured.err.count("\n") == 1
+    assert not list(Path().glob("x.*"))
