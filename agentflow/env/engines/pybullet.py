@@ -39,6 +39,7 @@ from agentflow.env.engines.layout import Built, lay_out
 from agentflow.env.engines.readings import Readings
 from agentflow.env.engines.ropes import Ropes
 from agentflow.env.engines.springs import Springs
+from agentflow.env.engines.struts import Struts
 from agentflow.env.engines.tree import Skeleton, skeleton
 from agentflow.env.scene import Quat, Scene, Vec3
 from agentflow.env.tasks.base import Body
@@ -268,7 +269,7 @@ class PyBulletEngine:
             )
 
     def _index_actors(self) -> None:
-        """Springs, thrusters, blades and winches, where there are any."""
+        """Springs, thrusters, blades, winches and struts, where there are any."""
         actors, members = self._assembly.actors, self._layout.members
         acting: list[Callable[[Sequence[Row]], list[Push]]] = []
         if self._assembly.pulls:
@@ -280,6 +281,9 @@ class PyBulletEngine:
         if self._ropes:
             self._ropes.place(members)
             acting.append(self._ropes)
+        struts = Struts(self._assembly, self._plan.loops, members)
+        if struts:
+            acting.append(struts)
         self._acting = acting
         self._at = {
             part: (built.uid, index) for built in self._built for part, index in built.index.items()

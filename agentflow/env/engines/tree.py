@@ -85,7 +85,7 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
 
     Args:
         count: Number of parts.
-        joints: All joints; earlier ones are preferred.
+        joints: All joints; earlier ones are preferred, and motors to joints without.
         broken: Indices of joints that no longer hold.
     """
     sets = _Sets(count)
@@ -97,13 +97,18 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
     for i in (i for i in whole if joints[i].kind == "fixed"):
         (used if sets.join(joints[i].a, joints[i].b) else idle).append(i)
     cluster = tuple(sets.find(part) for part in range(count))
-    for i in (i for i in whole if joints[i].kind != "fixed"):
+    moving = [i for i in whole if joints[i].kind != "fixed"]
+    for i in sorted(moving, key=lambda i: joints[i].drive.torque == 0.0):
         if cluster[joints[i].a] == cluster[joints[i].b]:
             locked.append(i)
         else:
             (used if sets.join(joints[i].a, joints[i].b) else loops).append(i)
     return Skeleton(
-        _bodies(count, joints, sorted(used)), cluster, tuple(locked), tuple(loops), tuple(idle)
+        _bodies(count, joints, sorted(used)),
+        cluster,
+        tuple(sorted(locked)),
+        tuple(sorted(loops)),
+        tuple(idle),
     )
 
 

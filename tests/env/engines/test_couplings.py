@@ -169,6 +169,38 @@ def test_a_beam_on_two_hinges_in_line_swings(calm: PyBulletEngine) -> None:
     assert abs(rig.angle(5, (1.0, 0.0, 0.0))) == pytest.approx(np.pi / 2, abs=0.03)
 
 
+def test_parallel_suspensions_share_the_load(calm: PyBulletEngine) -> None:
+    """The second closes a loop; with both, the deck yields half as far."""
+    value = constants()
+    posts = (ROOT, (15, 0, 2), (15, 1, 0), (16, 0, 4), (16, 2, 3), (15, 3, 0))
+    tree = machine(*posts, (15, 5, 1), (15, 6, 0))
+    assert [(link.block, link.partner) for link in place(tree).auto_connections] == [(4, 7)]
+    rig = Rig(calm, tree, wind=(0.0, -15.0, 0.0))
+    rig.run(3.0)
+    push = 0.6 * 15.0**2 * 5.0
+    expected = -push / (2 * value["suspension_stiffness"])
+    for block in (5, 6, 7):
+        assert rig.moved(block) == pytest.approx([0.0, expected, 0.0], rel=0.02, abs=3e-3)
+
+
+def test_a_motor_turns_what_a_free_joint_holds_too(calm: PyBulletEngine) -> None:
+    """A beam between a universal joint and, by its auto-connection, a rotating block."""
+    rows = (ROOT, (15, 0, 2), (63, 0, 4), (15, 1, 0), (15, 3, 0), (15, 4, 0))
+    rows += ((63, 5, face_towards(machine(*rows), 5, "y+")),)
+    rows += ((19, 2, face_towards(machine(*rows), 2, "x-") + 2),)
+    rows += ((22, 6, face_towards(machine(*rows), 6, "x+") + 2),)
+    rows += ((15, 7, 0),)
+    tree = machine(*rows)
+    assert [(link.block, link.partner) for link in place(tree).auto_connections] == [(8, 9)]
+    rig = Rig(calm, tree)
+    assert len(calm._plan.loops) == 1
+    calm.switch("motors", 1)
+    rig.run(1.0)
+    assert rig.spin(9, (1.0, 0.0, 0.0)) == pytest.approx(
+        constants().of("motor_speed", 22), rel=0.01
+    )
+
+
 def test_hinges_out_of_line_hold_each_other(calm: PyBulletEngine) -> None:
     """Two steering hinges side by side have parallel axes 2 m apart: the beam cannot swing."""
     rows = [(s.type, s.parent, s.face_id) for s in doors()]
@@ -193,3 +225,33 @@ def test_loops_are_bound_once_after_every_split(calm: PyBulletEngine) -> None:
     calm.split([i for i, joint in enumerate(assembly.joints) if joint.block == 9])
     assert pybullet.getNumConstraints(calm.client) == before
     assert assembly.actors == Actors()
+
+
+def test_everything_that_acts_repeats_bit_by_bit() -> None:
+    """Grip, cogs, winch, blades, thrust, a loop and a split, twice from the start."""
+    foot = (ROOT, (35, 0, 0), (35, 0, 1), (35, 0, 2), (35, 0, 3), (63, 0, 4))
+    rows: tuple[Row, ...] = (*foot, (POWERED, 5, 9), (14, 5, 3), (22, 5, 0), (26, 8, 1), (26, 8, 2))
+    rows += ((5, 3, 0), (63, 11, 0), (27, 12, 0), (36, 13, 0), (45, 5, 6, 12, 4))
+    tree = machine(*rows)
+    geometry = place(tree)
+    assert not geometry.overlaps
+    seen = []
+    for _ in range(2):
+        engine = PyBulletEngine()
+        assembly = assemble(tree, geometry, constants())
+        engine.build(assembly, Scene(wind=(1.0, 0.0, -3.0)), RATE)
+        for step in range(240):
+            if step == 60:
+                for entry in ("motors", "winches"):
+                    engine.switch(entry, 1)
+            if step == 150:
+                engine.split([7])
+            if step == 200:
+                engine.switch("grabbers", 0)
+            engine.step()
+        seen.append(engine.state())
+        engine.close()
+    first, second = (vars(state) for state in seen)
+    for name, value in first.items():
+        assert value.tobytes() == second[name].tobytes()
+    assert np.isfinite(first["position"]).all()
