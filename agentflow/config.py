@@ -71,6 +71,10 @@ class DesignConfig(BaseModel):
     seed: int = Field(0, description="of everything that is left to chance")
     model: ModelConfig = ModelConfig()
     prompts: str = Field("default", description="prompt set")
+    rationale_from: str | None = Field(
+        None,
+        description="run whose designers' plans are followed; read once, then kept in settings",
+    )
     max_retry: int = Field(5, ge=1, description="attempts per question outside a search")
     settings: WorkflowSettings = Field(WorkflowSettings(), description="switches of the workflow")
     workers: int = Field(2, ge=1, description="processes for rollouts; changes no result")

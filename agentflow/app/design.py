@@ -16,6 +16,7 @@ from typing import Any
 from agentflow import __version__
 from agentflow.agents.base import Desk
 from agentflow.app.models import Models, answerers, open_models, replaying, shown
+from agentflow.app.rationales import with_rationales
 from agentflow.app.remarks import REMARK, Remarks, Say
 from agentflow.config import DesignConfig, build
 from agentflow.env.constants import constants
@@ -37,7 +38,7 @@ from agentflow.runs import (
     read_result,
 )
 from agentflow.workflows.base import Record, WorkflowResult
-from agentflow.workflows.registry import workflow
+from agentflow.workflows.registry import WITHOUT_MODEL, workflow
 from agentflow.workflows.statistics import row
 
 
@@ -75,7 +76,7 @@ def design(
         EndpointError: The model cannot be used; a run without any answer leaves nothing behind.
         InterruptedRunError: Ctrl-C; the run can be resumed.
     """
-    plan = Plan.of(config)
+    plan = Plan.of(with_rationales(config))
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     name = f"{stamp}-{plan.task.name.replace('/', '-')}-{config.workflow}-seed{config.seed}"
     return _carry_out(plan, RunDirectory.create(out, name, _document(plan)), say, listener)
@@ -169,7 +170,8 @@ class Conducted:
 
 async def _conduct(plan: Plan, models: Models, record: Record) -> Conducted:
     config = plan.config
-    record.event("run", "start", task=plan.task.name, workflow=config.workflow, model=models.name)
+    asked = _asked(config, models)
+    record.event("run", "start", task=plan.task.name, workflow=config.workflow, model=asked)
 
     def desk(role: str) -> Desk:
         return Desk(models.clients[role], plan.prompts, models.samplings[role], config.max_retry)
@@ -215,7 +217,7 @@ def _carry_out(
                 ) from None
         result = {
             **_answer(plan, conducted),
-            "model": models.name,
+            "model": _asked(plan.config, models),
             "calls": budget.calls,
             "tokens": budget.usage.total,
             "cost": None if budget.cost is None else round(budget.cost, 6),
@@ -247,6 +249,11 @@ def _answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
         "stopped": result.stopped,
         "reason": result.reason,
     }
+
+
+def _asked(config: DesignConfig, models: Models) -> str:
+    """Who answers, as shown in results."""
+    return "none (random edits)" if config.workflow in WITHOUT_MODEL else models.name
 
 
 def _keep_rollouts(path: Path, conducted: Conducted) -> None:

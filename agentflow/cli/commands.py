@@ -60,7 +60,9 @@ def _print_json(value: Any) -> None:
 )
 def design(
     task: Annotated[str | None, typer.Option(help="Task, for instance throwing.")] = None,
-    workflow: Annotated[str | None, typer.Option(help="hierarchical, iterative or single.")] = None,
+    workflow: Annotated[
+        str | None, typer.Option(help="hierarchical, iterative, single or random-dsl.")
+    ] = None,
     model: Annotated[
         str | None, typer.Option(help="Model name; without one, rules and chance answer.")
     ] = None,
@@ -70,6 +72,12 @@ def design(
     config: Config = None,
     settings: Settings = None,
     seed: Annotated[int | None, typer.Option(help="Of everything left to chance.")] = None,
+    rationale_from: Annotated[
+        str | None, typer.Option(help="Run whose designers' plans are to be followed.")
+    ] = None,
+    rollouts: Annotated[
+        int | None, typer.Option(help="Simulations of the whole run, for random-dsl.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder that holds run directories.")] = Path("runs"),
     workers: Annotated[int | None, typer.Option(help="Processes for rollouts.")] = None,
     resume: Annotated[Path | None, typer.Option(help="Run directory to continue.")] = None,
@@ -90,6 +98,8 @@ def design(
         "workers": workers,
         "model.name": model,
         "model.base_url": base_url,
+        "rationale_from": rationale_from,
+        "settings.rollouts": rollouts,
     }
     with watch(quiet) as (listener, say):
         if resume is not None:

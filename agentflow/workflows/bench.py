@@ -110,6 +110,11 @@ class Bench:
         )
         return answer
 
+    @property
+    def rollouts(self) -> int:
+        """Machines simulated so far, each once."""
+        return self._simulate.count
+
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine for a refiner; none when vision is switched off."""
         return await self._laboratory.views(machine) if self.settings.vision else ()

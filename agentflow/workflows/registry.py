@@ -9,11 +9,19 @@ from agentflow.errors import UnknownNameError
 from agentflow.workflows.base import Workflow
 from agentflow.workflows.hierarchical import hierarchical
 from agentflow.workflows.iterative import iterative
+from agentflow.workflows.random_dsl import random_dsl
 from agentflow.workflows.single import single
 
 WORKFLOWS: Mapping[str, Workflow] = MappingProxyType(
-    {"single": single, "iterative": iterative, "hierarchical": hierarchical}
+    {
+        "single": single,
+        "iterative": iterative,
+        "hierarchical": hierarchical,
+        "random-dsl": random_dsl,
+    }
 )
+WITHOUT_MODEL = frozenset({"random-dsl"})
+"""Workflows that ask no model."""
 
 
 def workflow(name: str) -> Workflow:

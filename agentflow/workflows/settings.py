@@ -37,6 +37,11 @@ class WorkflowSettings(BaseModel):
     refinement: Literal["steps", "whole_machine"] = Field(
         "steps", description="refiners write edit commands or a whole machine"
     )
+    rollouts: int | None = Field(
+        None,
+        ge=1,
+        description="simulations of a whole run (random-dsl); by default 3 per trajectory",
+    )
     search: SearchSettings = Field(
         SearchSettings(), description="the feedback loop; rounds 0 leaves it out"
     )

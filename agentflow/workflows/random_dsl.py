@@ -1,0 +1,175 @@
+"""Owns the no-model baseline: random machines and random legal edits, selected by score alone."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from agentflow.agents.history import Entry
+from agentflow.errors import UsageError
+from agentflow.machine.brief import Brief
+from agentflow.machine.random import random_edit, random_machine
+from agentflow.machine.tree import Machine
+from agentflow.search.concurrency import together
+from agentflow.search.node import Tally
+from agentflow.search.tree import better
+from agentflow.workflows.base import (
+    Candidate,
+    Desks,
+    First,
+    Laboratory,
+    Record,
+    Stage,
+    WorkflowResult,
+)
+from agentflow.workflows.bench import Bench
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages import tried
+
+VALID = First(parsed=True, spatial=True, valid=True)
+MAX_REPEATS = 20
+"""Edits in a row that may lead to machines already tried before a search for new ones ends."""
+
+
+async def random_dsl(
+    brief: Brief,
+    desks: Desks,
+    laboratory: Laboratory,
+    settings: WorkflowSettings,
+    record: Record,
+    seed: int = 0,
+) -> WorkflowResult:
+    """Random machines, one random edit each, then edits of each trajectory's best machine.
+
+    The stages are those of the other workflows and no model is asked. `settings.rollouts` are of
+    the whole run; without it every stage has one per trajectory, as published. Arguments as for a
+    `Workflow`.
+    """
+    bench = Bench("random-dsl", brief, desks, laboratory, settings, record, seed)
+    chances = {t: bench.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
+    per_stage = settings.trajectories
+    total = settings.rollouts or 3 * per_stage
+    bench.begin("initial")
+    drawn = [_drawn(brief, t, chances[t]) for t in list(chances)[:total]]
+    initial = bench.end(await tried(bench, "initial", drawn))
+    left = total - initial.rollouts
+    if bench.over(initial) or left <= 0:
+        return bench.result()
+    bench.begin("blind_refinement")
+    blind = bench.end(await _blind(bench, initial.survivors[:left], chances))
+    left -= blind.rollouts
+    if bench.over(blind) or left <= 0:
+        return bench.result()
+    bench.begin("env_feedback")
+    bench.end(await _climb(bench, _better_of(initial, blind), chances, left))
+    return bench.result()
+
+
+def _drawn(brief: Brief, trajectory: int, chance: random.Random) -> Candidate:
+    try:
+        return Candidate(trajectory, random_machine(chance, brief), first=VALID)
+    except UsageError as error:
+        return Candidate(trajectory, reason=str(error))
+
+
+async def _blind(
+    bench: Bench, candidates: Sequence[Candidate], chances: dict[int, random.Random]
+) -> list[Candidate]:
+    """One edit of each machine, whatever it scored."""
+    edited = []
+    for candidate in candidates:
+        assert candidate.machine is not None
+        machine = _edited(bench, candidate.machine, chances[candidate.trajectory])
+        reason = "" if machine else "no edit is legal"
+        first = VALID if machine else First()
+        edit = Entry("a random edit", "Success", before=candidate.score) if machine else None
+        edited.append(Candidate(candidate.trajectory, machine, None, first, reason, edit=edit))
+    return await tried(bench, "blind_refinement", edited)
+
+
+def _edited(bench: Bench, machine: Machine, chance: random.Random) -> Machine | None:
+    try:
+        return random_edit(machine, chance, bench.brief)
+    except UsageError:
+        return None
+
+
+def _better_of(initial: Stage, blind: Stage) -> list[Candidate]:
+    """Of each trajectory the better of its two machines, the first among equals."""
+    found = {candidate.trajectory: candidate for candidate in initial.survivors}
+    for candidate in blind.survivors:
+        assert candidate.evaluation is not None
+        earlier = found[candidate.trajectory].evaluation
+        assert earlier is not None
+        if better(candidate.evaluation, earlier):
+            found[candidate.trajectory] = candidate
+    return list(found.values())
+
+
+@dataclass
+class _Climber:
+    """One trajectory's climb: the best machine so far and what was tried."""
+
+    best: Candidate
+    chance: random.Random
+    seen: set[Machine]
+    tally: Tally
+
+    def next(self, bench: Bench) -> Machine | None:
+        """A machine one edit from the best that this climb has not tried; None without one."""
+        assert self.best.machine is not None
+        for _ in range(MAX_REPEATS):
+            machine = _edited(bench, self.best.machine, self.chance)
+            if machine is None:
+                return None
+            if machine not in self.seen:
+                self.seen.add(machine)
+                return machine
+        return None
+
+
+async def _climb(
+    bench: Bench,
+    starts: Sequence[Candidate],
+    chances: dict[int, random.Random],
+    rollouts: int,
+) -> list[Candidate]:
+    """Edits of each trajectory's best machine, kept when better, until the rollouts are spent."""
+    climbers = [
+        _Climber(start, chances[start.trajectory], {start.machine}, Tally())
+        for start in starts
+        if start.machine is not None
+    ]
+    before, rounds = bench.rollouts, 0
+    while climbers and (left := rollouts - (bench.rollouts - before)) > 0:
+        rounds += 1
+        steps = await together(_step(bench, climber, rounds) for climber in climbers[:left])
+        if not any(steps):
+            break
+    return [replace(climber.best, tally=climber.tally) for climber in climbers]
+
+
+async def _step(bench: Bench, climber: _Climber, round_: int) -> bool:
+    """Try one edit; whether there was one to try."""
+    machine, old = climber.next(bench), climber.best
+    if machine is None:
+        return False
+    climber.tally.attempts += 1
+    label = f"env_feedback/traj-{old.trajectory}/round-{round_}"
+    evaluation = await bench.evaluate(machine, label)
+    assert old.evaluation is not None
+    kept = better(evaluation, old.evaluation)
+    bench.record.event(
+        "edit",
+        label,
+        parent=old.machine.digest if old.machine else None,
+        machine=machine.digest,
+        kept=kept,
+    )
+    climber.tally.expansions += 1
+    climber.tally.valid += 1
+    if kept:
+        edit = Entry("a random edit", "Success", before=old.score, after=evaluation.score)
+        climber.best = Candidate(old.trajectory, machine, evaluation, VALID, edit=edit)
+    return True
