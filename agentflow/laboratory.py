@@ -20,7 +20,7 @@ from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import Trial
 
-PICTURE = (640, 480)
+PICTURE = (960, 720)
 """Width and height of the pictures that models are shown, in pixels."""
 
 
@@ -65,5 +65,5 @@ def picture_url(machine: Machine) -> str:
     """A picture of a machine as a PNG data URL."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "machine.png"
-        render_png(machine, path, size=PICTURE)
+        render_png(machine, path, view="sheet", size=PICTURE)
         return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()

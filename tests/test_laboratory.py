@@ -1,0 +1,27 @@
+"""What the laboratory shows of a machine."""
+
+from __future__ import annotations
+
+import base64
+import io
+
+from PIL import Image
+
+from agentflow.env.pool import RolloutPool
+from agentflow.env.tasks.registry import get_task
+from agentflow.laboratory import PICTURE, PhysicsLaboratory
+from agentflow.machine.tree import ROOT, Machine, Step
+
+
+async def test_views_are_pictures_and_the_same_whenever_asked() -> None:
+    task = get_task("movement")
+    async with RolloutPool(1) as pool:
+        laboratory = PhysicsLaboratory(task, pool, seed=0)
+        machine = Machine((ROOT, Step(1, 63, 0, 4)))
+        (url,) = await laboratory.views(machine)
+        assert await laboratory.views(machine) == (url,)
+        fresh = PhysicsLaboratory(task, pool, seed=1)
+        assert await fresh.views(machine) == (url,)
+    data = base64.b64decode(url.removeprefix("data:image/png;base64,"))
+    assert Image.open(io.BytesIO(data)).format == "PNG"
+    assert Image.open(io.BytesIO(data)).width <= PICTURE[0] * 2
