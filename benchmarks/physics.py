@@ -1,107 +1,163 @@
-"""Times a 20-block car against a bare step loop of the same bodies (spec 2.5).
+"""Times a 20-block car against a bare step loop of the same bodies (spec 2.5), and the workers.
 
-Run: `python benchmarks/physics.py [--repeats N]`. One table on standard output; medians.
+    python benchmarks/physics.py [--repeats N] [--flat ROLLOUTS]
+
+One table on standard output; medians. Processor time is given beside wall time, because it depends
+less on what else the machine does; the load average says how much that was. `--flat 2000` adds the
+memory of one worker over so many short rollouts.
 """
 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
-import resource
-import statistics
+import asyncio
+import os
 import time
 from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+
+from cars import CAR
 
 from agentflow.env.constants import constants
 from agentflow.env.engines.assembly import assemble
 from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.pybullet import PyBulletEngine
+from agentflow.env.loads import Loads
+from agentflow.env.pool import RolloutPool
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry import place
-from agentflow.machine.tree import Machine, Step
-from agentflow.machine.validity import check
 
-ROWS = (
-    *((0, -1, -1), (1, 0, 0), (1, 0, 1), (2, 1, 1), (2, 1, 3), (2, 2, 1), (2, 2, 3)),
-    *((63, 0, 4), (1, 7, 0), (15, 8, 0), (15, 7, 7), (15, 7, 8), (15, 7, 9)),
-    *((15, 7, 10), (15, 7, 11), (15, 7, 12), (1, 7, 3), (1, 7, 6), (35, 16, 0), (35, 17, 0)),
-)
-"""Four powered wheels under a tower: (type, parent, face)."""
-CAR = Machine(tuple(Step(i, *row) for i, row in enumerate(ROWS)))
+TASK = get_task("movement")
+SHORT = get_task("movement", {"window": 1})
+RATE = constants()["step_rate"]
+SETTLE = round(constants()["settle_least"] * RATE)
+TICKS = os.sysconf("SC_CLK_TCK")
+Taken = tuple[float, float]
+"""Seconds of processor time and of wall time."""
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--repeats", type=int, default=15)
-    repeats = parser.parse_args().repeats
-    task = get_task("movement")
-    report = check(CAR, task.brief)
-    assert report.machine_valid, report.problems
-    brief = {"blocks": tuple(sorted({step.type for step in CAR}))}
-    first = simulate(CAR, task)
-    assert first.status == "ok", first.problems
-    assert first.sim_seconds is not None
-    steps = round((first.sim_seconds + constants()["settle_least"]) * constants()["step_rate"])
-    whole, bare = [], []
-    for _ in range(repeats):
-        whole.append(seconds(lambda: simulate(CAR, task)))
-        bare.append(bare_loop(steps))
-    middle, floor = statistics.median(whole), statistics.median(bare)
-    print(f"blocks                      {len(CAR)}, types {brief['blocks']}")
-    print(f"steps                       {steps}")
-    print(f"bare stepSimulation loop    {1000 * floor:8.1f} ms")
-    print(f"whole rollout               {1000 * middle:8.1f} ms   {middle / floor:.2f} x bare")
-    print(f"rollouts per second         {1 / middle:8.1f}")
-    print(f"two processes               {parallel(repeats, middle):8.2f} x one")
-    print(f"memory of this process      {peak():8.1f} MB")
+    parser.add_argument("--flat", type=int, default=0)
+    options = parser.parse_args()
+    print(f"{len(CAR)} blocks; load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    _against_bare(options.repeats)
+    asyncio.run(_workers(options.repeats))
+    if options.flat:
+        asyncio.run(_flat(options.flat))
 
 
-def seconds(work: Callable[[], object]) -> float:
-    """Wall-clock seconds of one call."""
-    began = time.perf_counter()
-    work()
-    return time.perf_counter() - began
+# --- one process ---------------------------------------------------------------------------
 
 
-def bare_loop(steps: int) -> float:
-    """Seconds for the steps alone: same bodies, shapes, flags, motors."""
+def _against_bare(repeats: int) -> None:
+    """Stages that do ever more, in turns, so that what else runs disturbs all alike."""
     engine = PyBulletEngine()
-    task = get_task("movement")
-    rate = constants()["step_rate"]
-    engine.build(assemble(CAR, place(CAR), constants()), task.scene(), rate)
-    settle = round(constants()["settle_least"] * rate)
-
-    def loop() -> None:
-        for step in range(steps):
-            if step == settle:
-                engine.switch("motors", on=True)
-            pybullet.stepSimulation(engine.client)
-
-    taken = seconds(loop)
+    first = simulate(CAR, TASK, engine=engine)
+    assert first.status == "ok", first.feedback.text
+    assert first.sim_seconds is not None
+    steps = round(first.sim_seconds * RATE) + SETTLE
+    stages: dict[str, Callable[[], Taken]] = {
+        "bare stepSimulation loop": lambda: _loop(engine, steps, bare=True),
+        "+ drag, reading everything": lambda: _loop(engine, steps),
+        "+ loads and breakage": lambda: _loop(engine, steps, loads=True),
+        "whole rollout": lambda: _timed(lambda: simulate(CAR, TASK, engine=engine)),
+    }
+    turns = [{name: work() for name, work in stages.items()} for _ in range(repeats)]
+    used, wall = (
+        {name: [turn[name][side] for turn in turns] for name in stages} for side in (0, 1)
+    )
+    print(f"{steps} steps                      processor ms  x bare     wall ms  x bare")
+    bare, floor = (median(each["bare stepSimulation loop"]) for each in (used, wall))
+    for name in stages:
+        a, b = median(used[name]), median(wall[name])
+        print(f"{name:28s} {1e3 * a:12.1f} {a / bare:8.2f} {1e3 * b:10.1f} {b / floor:8.2f}")
+    whole = median(used["whole rollout"])
+    print(f"rollouts per second of processor time {1 / whole:.1f}")
     engine.close()
-    return taken
 
 
-def parallel(repeats: int, alone: float) -> float:
-    """How many times one process's throughput two processes reach."""
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(2) as pool:
-        pool.map(rollouts, [1, 1], chunksize=1)
-        taken = max(pool.map(rollouts, [repeats, repeats], chunksize=1))
-    return 2 * repeats * alone / taken
+def _loop(engine: PyBulletEngine, steps: int, bare: bool = False, loads: bool = False) -> Taken:
+    """Only steps, building not counted; motors start after the settling time."""
+    assembly = assemble(CAR, place(CAR), constants())
+    engine.build(assembly, TASK.scene(), RATE)
+    filters = Loads(assembly.joints, constants()["load_window"], 1.0 / RATE)
+
+    def run() -> None:
+        for step in range(steps):
+            if step == SETTLE:
+                engine.switch("motors", 1.0)
+            if bare:
+                pybullet.stepSimulation(engine.client)
+            else:
+                engine.step()
+            if loads:
+                filters.update(engine.reactions)
+
+    return _timed(run)
 
 
-def rollouts(count: int) -> float:
-    """Seconds for some rollouts in this process."""
-    task = get_task("movement")
-    return seconds(lambda: [simulate(CAR, task) for _ in range(count)])
+def _timed(work: Callable[[], object]) -> Taken:
+    spent, began = time.process_time(), time.perf_counter()
+    work()
+    return time.process_time() - spent, time.perf_counter() - began
 
 
-def peak() -> float:
-    """Greatest memory of this process so far, MB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+# --- workers -------------------------------------------------------------------------------
+
+
+async def _workers(repeats: int) -> None:
+    """Start, memory, and what a second worker brings."""
+    began = time.perf_counter()
+    async with RolloutPool(1) as pool:
+        await pool.run(CAR, SHORT)
+        first = time.perf_counter() - began
+        began = time.perf_counter()
+        await pool.run(CAR, SHORT)
+        start = first - (time.perf_counter() - began)
+        spent = sum(map(_processor_seconds, pool.pids))
+    print(f"start of a worker                     {start:.2f} s, {spent:.2f} s of processor time")
+    found = {}
+    for count in (1, 2):
+        async with RolloutPool(count) as pool:
+            await asyncio.gather(*(pool.run(CAR, SHORT) for _ in range(2 * count)))
+            before = sum(map(_processor_seconds, pool.pids))
+            began = time.perf_counter()
+            await asyncio.gather(*(pool.run(CAR, TASK) for _ in range(4 * repeats)))
+            taken = time.perf_counter() - began
+            used = sum(map(_processor_seconds, pool.pids)) - before
+            found[count] = (taken, used)
+            memory = max(_memory(pid, "VmHWM") for pid in pool.pids)
+    gain, share = found[1][0] / found[2][0], 2 * found[1][1] / found[2][1]
+    print(f"two workers                           {gain:.2f} x one by wall time")
+    print(f"  as if they had a core each          {share:.2f} x one by processor time per rollout")
+    print(f"memory of a worker, at most           {memory:.1f} MB")
+
+
+async def _flat(rollouts: int) -> None:
+    """Memory of one worker along many rollouts."""
+    async with RolloutPool(1) as pool:
+        for done in range(1, rollouts + 1):
+            await pool.run(CAR, SHORT)
+            if done in (10, 100) or done % max(1, rollouts // 4) == 0:
+                print(f"memory after {done:5d} rollouts          {_memory(pool.pids[0]):6.1f} MB")
+
+
+def _processor_seconds(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS
+
+
+def _memory(pid: int, field: str = "VmRSS") -> float:
+    """MB."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(float(line.split()[1]) for line in lines if line.startswith(field + ":")) / 1024
 
 
 if __name__ == "__main__":

@@ -32,6 +32,8 @@ from agentflow.env.pool import serve
 serve(int(sys.argv[1]))
 """
 """Interrupts are the parent's to handle; a terminal sends them to the whole group."""
+_ALONE = {"OPENBLAS_NUM_THREADS": "1"}
+"""Physics uses no BLAS; its threads would only cost start time and memory."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ class _Worker:
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+                env={**os.environ, **_ALONE, "PYTHONPATH": os.pathsep.join(sys.path)},
             )
 
     @property
