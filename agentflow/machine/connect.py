@@ -6,9 +6,9 @@ Reading the points is coordinates.py's and bsg.py's, judging the tree validity.p
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 from agentflow.machine.blocks import Vec3
@@ -26,6 +26,10 @@ MAX_TURN = 1.0
 MAX_HINTS = 10
 """Most problems that name the nearest face; looking for it takes time."""
 
+_CELL = 10
+"""Width of the cells that faces are looked up in, in units. Faces lie on a grid as wide, in the
+middle of the cells."""
+_HALF = _CELL // 2
 _CLOSEST = math.cos(math.radians(MAX_TURN) / 2) - 1e-12
 _REACH = TOLERANCE * UNITS + 1e-6
 
@@ -49,7 +53,7 @@ class Spot:
 class Located:
     """What a document with positions holds."""
 
-    steps: tuple[Step, ...] = ()
+    blocks: tuple[Placed, ...] = ()
     """The blocks that could be connected. Ids are places in the document, and may have gaps."""
     repaired: bool = False
     """Whether JSON had to be repaired."""
@@ -63,7 +67,7 @@ class Located:
     @cached_property
     def machine(self) -> Machine | None:
         """The connected blocks, counted 0, 1, 2, ...; None when there are none."""
-        return renumbered(self.steps)[0] if self.steps else None
+        return renumbered(placed.step for placed in self.blocks)[0] if self.blocks else None
 
 
 class _Face(NamedTuple):
@@ -73,6 +77,7 @@ class _Face(NamedTuple):
     face: int
 
 
+@lru_cache(maxsize=1024)
 def facing_of(rotation: Quat) -> str | None:
     """Name of the one of the six orientations within 1 degree of a quaternion; None if none is."""
     length = math.sqrt(sum(part * part for part in rotation))
@@ -106,7 +111,7 @@ def connect(spots: Sequence[Spot], *, repaired: bool = False, notes: Sequence[st
     for spot in spots[1:]:
         joiner.join(spot)
     return Located(
-        tuple(placed.step for placed in joiner.placed.values()),
+        tuple(joiner.placed.values()),
         repaired,
         (*notes, *joiner.notes),
         loose=tuple(joiner.loose),
@@ -151,21 +156,23 @@ class _Joiner:
         """Take a block in, with its faces."""
         placed = self.placed[step.id] = place_step(step, self.placed)
         for face in placed.shape.faces if placed.shape else ():
-            at = add(placed.at, face.offset)
+            x, y, z = at = add(placed.at, face.offset)
             entry = _Face(at, face.facing.name, step.id, face.id)
-            self.faces.setdefault((at[0] // 2, at[1] // 2, at[2] // 2), []).append(entry)
+            cell = ((x + _HALF) // _CELL, (y + _HALF) // _CELL, (z + _HALF) // _CELL)
+            self.faces.setdefault(cell, []).append(entry)
 
     def _at(self, spot: Spot, point: Vec3, facing: str | None) -> _Face | None:
         """The face at a point; None, with the problem noted, where there is none."""
         here = self._units(point)
-        near = sorted(
-            (round(math.dist(here, face.at), 6), face.block, face.face, face)
+        near = [
+            (round(distance, 6), face.block, face.face, face)
             for face in self._around(here)
-            if facing in (None, face.facing) and math.dist(here, face.at) <= _REACH
-        )
+            if facing in (None, face.facing) and (distance := math.dist(here, face.at)) <= _REACH
+        ]
         if not near:
             self.loose.append(self._nothing_at(spot, point, facing))
             return None
+        near.sort()
         best = [face for distance, *_, face in near if distance == near[0][0]]
         if len(best) > 1:
             one, *others = (f"block {face.block} face {face.face}" for face in best)
@@ -175,14 +182,16 @@ class _Joiner:
             )
         return best[0]
 
-    def _around(self, here: Vec3) -> Iterator[_Face]:
+    def _around(self, here: Vec3) -> list[_Face]:
         """All faces that may be within reach."""
         x, y, z = (
-            range(math.floor((part - _REACH) / 2), math.floor((part + _REACH) / 2) + 1)
+            range(
+                math.floor((part - _REACH + _HALF) / _CELL),
+                math.floor((part + _REACH + _HALF) / _CELL) + 1,
+            )
             for part in here
         )
-        for cell in ((i, j, k) for i in x for j in y for k in z):
-            yield from self.faces.get(cell, ())
+        return [face for i in x for j in y for k in z for face in self.faces.get((i, j, k), ())]
 
     def _nothing_at(self, spot: Spot, point: Vec3, facing: str | None) -> Problem:
         that = f" that faces {facing}" if facing else ""

@@ -123,7 +123,7 @@ def _numbers(
     value = item[key]
     numbers = tuple(_number(part) for part in value) if isinstance(value, list) else ()
     if len(numbers) == count and None not in numbers:
-        if any(isinstance(part, str) for part in value):  # type: ignore[attr-defined]
+        if str in map(type, value):  # type: ignore[call-overload]
             notes.append(f"block {index}: {key} has strings, read as numbers")
         return numbers  # type: ignore[return-value]
     message = f"block {index}: {key} is {shown(value)}, expected a list of {count} numbers"
@@ -138,6 +138,6 @@ def _number(value: object) -> float | None:
             value = float(value)
         except ValueError:
             return None
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if type(value) is not float and type(value) is not int:
         return None
     return float(value) if abs(value) <= MAX_COORDINATE else None

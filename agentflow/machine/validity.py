@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from agentflow.machine.blocks import Vec3, library
 from agentflow.machine.brief import SIZE_LIMIT, Brief
 from agentflow.machine.connect import Located
-from agentflow.machine.geometry import Geometry, overlap_of, place_steps
+from agentflow.machine.geometry import Geometry, overlap_of, place
 from agentflow.machine.parse import Reading, file_problems, read_machine
 from agentflow.machine.problems import Problem, listed, named
-from agentflow.machine.tree import Machine, Step
+from agentflow.machine.tree import Machine
 
 __all__ = [
     "Problem",
@@ -91,7 +91,7 @@ def check(
     if machine is None:
         problems = reading.problems
         return Report(False, None, False, reading.repaired, problems, notes=reading.notes)
-    report = _check_space(machine.steps, (), brief)
+    report = _check_space(place(machine), (), brief)
     return replace(report, repaired=reading.repaired, machine=machine, notes=reading.notes)
 
 
@@ -100,19 +100,16 @@ def _check_located(located: Located, brief: Brief | None) -> Report:
     if located.problems:
         problems = (*located.problems, *located.loose)
         return Report(False, None, False, located.repaired, problems, notes=located.notes)
-    report = _check_space(located.steps, located.loose, brief)
+    report = _check_space(Geometry(located.blocks), located.loose, brief)
     machine = None if located.loose else located.machine
     return replace(report, repaired=located.repaired, machine=machine, notes=located.notes)
 
 
-def _check_space(
-    steps: tuple[Step, ...], loose: tuple[Problem, ...], brief: Brief | None
-) -> Report:
-    """The verdict on file-valid steps, which may have gaps where blocks are loose."""
-    geometry = Geometry(tuple(place_steps(steps).values()))
+def _check_space(geometry: Geometry, loose: tuple[Problem, ...], brief: Brief | None) -> Report:
+    """The verdict on file-valid blocks, whose ids may have gaps where some are loose."""
     limit = SIZE_LIMIT if brief is None else brief.size_limit
     spatial = (*loose, *spatial_problems(geometry, limit))
-    demanded = () if brief is None else tuple(task_problems(steps, brief))
+    demanded = () if brief is None else tuple(task_problems(geometry, brief))
     return Report(
         file_valid=True,
         spatial_valid=not spatial,
@@ -125,11 +122,11 @@ def _check_space(
     )
 
 
-def task_problems(steps: Sequence[Step], brief: Brief) -> list[Problem]:
+def task_problems(geometry: Geometry, brief: Brief) -> list[Problem]:
     """What a complete machine lacks or has too much of for the task (`required_count`)."""
     problems = []
     for kind, count in brief.required.items():
-        found = tuple(step.id for step in steps if step.type == kind)
+        found = tuple(placed.id for placed in geometry.blocks if placed.type == kind)
         if len(found) != count:
             need = f"exactly {count} block{'' if count == 1 else 's'} of type"
             message = f"the task demands {need} {library()[kind].label}; this has {len(found)}"

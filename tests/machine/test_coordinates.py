@@ -199,6 +199,6 @@ def test_a_thousand_lost_blocks_take_little_time() -> None:
     start = time.process_time()
     located = read_coordinates([*logs, *lost])
     assert time.process_time() - start < 1.0
-    assert (len(located.steps), len(located.loose)) == (401, 599)
+    assert (len(located.blocks), len(located.loose)) == (401, 599)
     assert "nearest" in located.loose[0].message
     assert "nearest" not in located.loose[-1].message
