@@ -295,6 +295,8 @@ def test_numbers_are_those_of_the_simulation() -> None:
     assert f"{constants['suspension_high']['value']:g} m outwards" in lines["16"]
     assert f"with {constants['spring_force']['value']:g} N," in lines["9"]
     assert f"a length of {constants['spring_length']['value']:g} m" in lines["9"]
+    reels = f"at {constants['winch_speed']['value']:g} m/s"
+    assert f"{reels} with up to {constants['winch_force']['value']:g} N" in lines["45"]
     assert f"Gravity is {constants['gravity']['value']:g} m/s2 along y-." in system
     strength = [constants[f"strength_{what}"]["value"] for what in ("force", "torque")]
     assert "wooden ones at about {:.0f} N or {:.0f} N m:".format(*strength) in system

@@ -70,6 +70,8 @@ class Grip:
     """m from the part's centre to its front."""
     force: float
     """N, the most with which it holds."""
+    joined: frozenset[int] = frozenset()
+    """Parts that are built on to it; when those break off, it does not catch them."""
 
 
 @dataclass(frozen=True)

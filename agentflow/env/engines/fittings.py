@@ -65,6 +65,12 @@ def fit(
                 front=block.front,
                 reach=length(subtract(block.center, block.origin)),
                 force=value.of("strength_force", GRABBER),
+                joined=frozenset(
+                    part
+                    for joint in joints
+                    if own[0] in (joint.a, joint.b)
+                    for part in (joint.a, joint.b)
+                ),
             )
             for block, kind, own in known
             if kind.type == GRABBER

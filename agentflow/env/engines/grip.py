@@ -95,7 +95,9 @@ class Grips:
         front = turned(turn, swap(grip.front))
         for contact in touched:
             held = self._names.get((contact[2], contact[4]))
-            if held is not None and dot(subtract(contact[5], place), front) > grip.reach - EDGE:
+            if held is None or held in grip.joined:
+                continue
+            if dot(subtract(contact[5], place), front) > grip.reach - EDGE:
                 back = _inverse(turn)
                 there, pose = self._frame(held)
                 hold = _Hold(held, turned(back, subtract(there, place)), product(back, pose))

@@ -132,6 +132,16 @@ def test_a_grabber_takes_a_thing_along_and_leaves_it(engine: PyBulletEngine) -> 
     assert np.linalg.norm(again) == pytest.approx(np.linalg.norm(apart), abs=0.2)
 
 
+def test_a_grabber_does_not_catch_what_breaks_off_it(engine: PyBulletEngine) -> None:
+    rows = (*FOOT, (63, 0, 4), (63, 5, 0), (GRABBER, 6, 9), (15, 7, 0))
+    assembly = start(engine, machine(*rows))
+    run(engine, 0.3)
+    high = engine.pose(8)[0][1]
+    engine.split([i for i, joint in enumerate(assembly.joints) if joint.block == 8])
+    run(engine, 0.4)
+    assert high - engine.pose(8)[0][1] == pytest.approx(0.5 * 32.81 * 0.4**2, rel=0.05)
+
+
 def test_a_grabber_does_not_hold_the_ground(engine: PyBulletEngine) -> None:
     start(engine, machine(*FOOT, (GRABBER, 0, 5)), Scene(wind=(0.0, 0.0, 30.0)))
     run(engine, 1.0)
