@@ -3,9 +3,11 @@
     python benchmarks/client.py [--calls 10000] [--profile]
 
 Prints, for whole and for streamed answers, the wall time of 64 calls at once against a server that
-takes one second, as a ratio to that second; then, over many calls to a server that answers at once,
-the processor time of this process per call (request, connection, reply, record) and what its memory
-grows by. Prompts are of the size that roles send. Exits with 1 when a bound is exceeded.
+takes one second, as a ratio to the ideal: what bare sockets take for the same bytes with the same
+server at the same moment (on an idle machine little more than that second, which is printed too).
+Then, over many calls to a server that answers at once, the processor time of this process per call
+(request, connection, reply, record) and what its memory grows by. Prompts are of the size that
+roles send. Exits with 1 when a bound is exceeded.
 """
 
 from __future__ import annotations
@@ -33,7 +35,7 @@ from agentflow.llm.tape import Tape
 
 AT_ONCE = 64
 LONGEST = 1.1
-"""Largest wall time of 64 calls at once, in latencies of the server."""
+"""Largest wall time of 64 calls at once, in times of bare sockets."""
 COSTLIEST_MS = 3.0
 """Most processor time per call."""
 GROWTH_MB = 16.0
@@ -135,6 +137,23 @@ async def wall(base_url: str) -> float:
     return seconds
 
 
+async def ideal(port: int) -> float:
+    """Seconds for the same exchanges over bare sockets."""
+    content = b"x" * (2 * len(PROMPT) + 300)
+    sent = b"POST / HTTP/1.1\r\nContent-Length: %d\r\n\r\n%b" % (len(content), content)
+
+    async def exchange() -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(sent)
+        head = (await reader.readuntil(b"\r\n\r\n")).lower()
+        await reader.readexactly(int(head.partition(b"content-length: ")[2].split()[0]))
+        writer.close()
+
+    began = time.perf_counter()
+    await asyncio.gather(*[exchange() for _ in range(AT_ONCE)])
+    return time.perf_counter() - began
+
+
 async def cost(base_url: str, calls: int, profile: cProfile.Profile | None) -> tuple[float, float]:
     """Processor milliseconds per call, and megabytes that the last nine tenths of them add."""
     with opened(base_url) as client:
@@ -173,13 +192,17 @@ def main() -> int:
     for streamed in (False, True):
         answers = f"streamed in {CHUNKS} chunks" if streamed else "whole"
         with server(1.0, streamed) as url:
-            ratio = min(asyncio.run(wall(url)) for _ in range(3))
+            port = int(url.split(":")[2].split("/")[0])
+            pairs = [(asyncio.run(wall(url)), asyncio.run(ideal(port))) for _ in range(5)]
+            seconds, bare = sorted(pairs, key=lambda pair: pair[0] / pair[1])[2]
+            ratio = seconds / bare
         profile = cProfile.Profile() if options.profile else None
         with server(0.0, streamed) as url:
             spent, grown = asyncio.run(cost(url, options.calls, profile))
         print(
-            f"{answers}: {AT_ONCE} calls at once take {ratio:.3f} times the latency (best of 3), "
-            f"{spent:.2f} ms of processor per call, {grown:+.1f} MB over {options.calls} calls"
+            f"{answers}: {AT_ONCE} calls at once take {seconds:.3f} s, {ratio:.3f} times the ideal "
+            f"of {bare:.3f} s (median of 5), {spent:.2f} ms of processor per call, "
+            f"{grown:+.1f} MB over {options.calls} calls"
         )
         if profile:
             pstats.Stats(profile).sort_stats("tottime").print_stats(15)
