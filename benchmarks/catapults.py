@@ -1,0 +1,57 @@
+"""Owns random valid catapults: base, tower, rotating block, arm, container, boulder."""
+
+from __future__ import annotations
+
+from random import Random
+
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine.blocks import library
+from agentflow.machine.tree import ROOT, Machine, Step
+from agentflow.machine.validity import check
+
+BASE, TOWER, ARM = (1, 15, 35, 63), (1, 15, 63), (1, 15, 63)
+ROTOR, CONTAINER, BOULDER = 22, 30, 36
+TRIES = 40
+"""Faces and types tried for a step before the machine is begun anew."""
+
+
+def catapult(rng: Random) -> Machine:
+    """A valid machine of 8 to 18 blocks; where each block hangs is chance."""
+    while True:
+        machine = _grown(rng)
+        if machine is not None:
+            return machine
+
+
+def _grown(rng: Random) -> Machine | None:
+    plan: list[tuple[tuple[int, ...], int | None]] = [
+        *((BASE, None) for _ in range(rng.randint(3, 7))),
+        (TOWER, 0),
+        *((TOWER, -1) for _ in range(rng.randint(0, 2))),
+        ((ROTOR,), -1),
+        *((ARM, -1) for _ in range(rng.randint(1, 3))),
+        ((CONTAINER,), -1),
+        ((BOULDER,), -1),
+    ]
+    machine = Machine((ROOT,))
+    for types, on in plan:
+        grown = _step(rng, machine, types, on)
+        if grown is None:
+            return None
+        machine = grown
+    report = check(machine, get_task("throwing").brief)
+    return machine if report.task_valid else None
+
+
+def _step(rng: Random, machine: Machine, types: tuple[int, ...], on: int | None) -> Machine | None:
+    """One more block on the given one (-1: the last; None: any)."""
+    for _ in range(TRIES):
+        parent = rng.randrange(len(machine)) if on is None else on % len(machine)
+        faces = library()[machine[parent].type].faces
+        kind = rng.choice(types)
+        face = 0 if kind == BOULDER else rng.randrange(len(faces))
+        grown = Machine((*machine.steps, Step(len(machine), kind, parent, face)))
+        report = check(grown, get_task("throwing").brief)
+        if report.machine_valid:
+            return grown
+    return None

@@ -1,0 +1,139 @@
+"""Prints what is published of the reference environment beside what this one does (spec 2.1).
+
+    python benchmarks/fidelity.py [--catapults 200] [--seed 0]
+
+The one throw that is published in full, the plain car, and how far random valid catapults throw.
+The last has no published counterpart: it says how much room for scores there is.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from random import Random
+from statistics import fmean, median, pstdev
+
+import numpy as np
+from catapults import catapult
+from published import BEFORE_BREAK, BOULDER, LAST, ROTOR, facts, machines, misfit, throw
+
+from agentflow.env.constants import constants
+from agentflow.env.engines.pybullet import PyBulletEngine
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Rollout
+from agentflow.machine.tree import Machine, Step
+
+PLAIN_CAR = Machine(
+    tuple(
+        Step(i, *row)
+        for i, row in enumerate(
+            ((0, -1, -1), (1, 0, 0), (1, 0, 1), (2, 1, 1), (2, 1, 3), (2, 2, 1), (2, 2, 3))
+        )
+    )
+)
+"""Root, a wooden block on its front and back face, a powered wheel left and right of each."""
+TOWER_TOP = 8
+
+
+def main() -> None:
+    """Print all tables."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--catapults", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    print(f"constants {constants().digest}")
+    found = {name: throw(machine, window=5.0) for name, machine in machines().items()}
+    _paths(found)
+    _misfits(found)
+    _first_sample()
+    _car()
+    _spread(options.catapults, Random(options.seed))
+
+
+def _paths(found: dict[str, Rollout]) -> None:
+    """Positions sample by sample."""
+    data = facts()
+    for title, block, name, last in (
+        ("boulder origin, m", BOULDER, "boulder", LAST),
+        ("rotating block origin, m", ROTOR, "rotor_position", BEFORE_BREAK),
+    ):
+        print(f"\n{title:26s} {'published':>22s}" + "".join(f"{each:>26s}" for each in found))
+        for sample in range(last + 1):
+            row = [data[name][sample]]
+            row += [each.trace.position[sample, block] for each in found.values() if each.trace]
+            cells = (" ".join(f"{value:6.2f}" for value in point) for point in row)
+            print(
+                f"  t = {sample * data['interval']:.1f} s".ljust(26), *(f"{c:>25s}" for c in cells)
+            )
+
+
+def _misfits(found: dict[str, Rollout]) -> None:
+    print("\nrms differences from it" + " " * 26 + "".join(f"{each:>26s}" for each in found))
+    each = {name: misfit(rollout) for name, rollout in found.items()}
+    for title, field in (
+        ("boulder, 0 to 0.6 s, m per coordinate", "boulder"),
+        ("rotating block, 0.2 and 0.4 s, m", "rotor"),
+        ("angle of rotating block and root, rad", "turn"),
+        ("rotating block, 0.6 and 0.8 s (broken), m", "after"),
+    ):
+        print(f"  {title:47s}" + "".join(f"{getattr(one, field):26.2f}" for one in each.values()))
+    first = facts()["first_break"]
+    broken = [f"block {r.broken[0].block} at {r.broken[0].time:.2f} s" for r in found.values()]
+    print(
+        f"first break (block {first['block']} at {first['time']} s)".ljust(49)
+        + "".join(f"{text:>26s}" for text in broken)
+    )
+    for title, key, published in (
+        ("greatest height, m", "height", facts()["greatest_height"]),
+        ("greatest reach, m", "reach", facts()["distance"]),
+    ):
+        cells = "".join(f"{float(r.terms[key] or 0):26.2f}" for r in found.values())
+        print(f"{title} ({published} at landing)".ljust(49) + cells)
+
+
+def _first_sample() -> None:
+    """The tower's top at t = 0 and one step later: what the first published sample says."""
+    given = facts()["tower_top_first"]
+    machine = machines()["with ballast and springs"]
+    task = get_task("throwing", {"window": 1})
+    trace = simulate(machine, task, interval=1 / constants()["step_rate"]).trace
+    assert trace is not None
+    print(
+        f"\nblock {TOWER_TOP}, first published sample: at {given['position']} m, "
+        f"velocity {given['velocity']} m/s"
+    )
+    for step in (0, 1, 2, 6):
+        at, speed = trace.position[step, TOWER_TOP], trace.velocity[step, TOWER_TOP]
+        print(f"  after {step} steps: at {np.round(at, 2)}, velocity {np.round(speed, 2)}")
+
+
+def _car() -> None:
+    low, high = facts()["plain_car_distance"]
+    score = simulate(PLAIN_CAR, get_task("movement")).score
+    print(f"\nplain car in 5 s: {score:.1f} m (best published {low} to {high} m)")
+
+
+def _spread(count: int, rng: Random) -> None:
+    """Scores, breakage and results of random catapults."""
+    engine, task = PyBulletEngine(), get_task("throwing")
+    found = [simulate(catapult(rng), task, engine=engine) for _ in range(count)]
+    engine.close()
+    scores = sorted(float(each.score or 0.0) for each in found)
+    thrown = [score for score in scores if score > 0]
+    print(f"\n{count} random valid catapults: {dict(Counter(each.status for each in found))}")
+    print(
+        f"  thrown forwards {len(thrown)}; something broke in {sum(bool(r.broken) for r in found)}"
+    )
+    print(
+        f"  score: mean {fmean(scores):.2f} m, standard deviation {pstdev(scores):.2f}, "
+        f"90 % below {scores[int(0.9 * count)]:.2f}, greatest {scores[-1]:.2f}"
+    )
+    any_way = sorted(float(each.terms.get("distance_any") or 0.0) for each in found)
+    print(f"  any direction: median {median(any_way):.2f} m, greatest {any_way[-1]:.2f} m")
+
+
+if __name__ == "__main__":
+    main()
