@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from agentflow.env.raster import CORNERS, SUN
-from agentflow.env.rotations import rotate
+from agentflow.env.raster import SUN, corners_of
+from agentflow.env.rotations import frame_of
 from agentflow.env.scene import Thing
 from agentflow.env.trace import Array
 from agentflow.env.views import Camera, axes_of, project
@@ -35,9 +35,9 @@ CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
 
 
 def backdrop(camera: Camera, solids: Sequence[Thing], spacing: float) -> Image.Image:
-    """The ground as the camera sees it, with lines every `spacing` metres along z."""
+    """The ground as the camera sees it (RGBA), with lines every `spacing` metres along z."""
     size = (camera.width, camera.height)
-    picture = Image.new("RGB", size, LAND)
+    picture = Image.new("RGBA", size, LAND)
     pen = ImageDraw.Draw(picture)
     _lines(pen, camera, spacing)
     shade = Image.new("L", size, 0)
@@ -90,13 +90,11 @@ def _silhouette(thing: Thing) -> Array:
         across, upwards, _ = axes_of(np.asarray(SUN))
         points: Array = CIRCLE[:, :1] * across + CIRCLE[:, 1:] * upwards
         return points * thing.size[0] + thing.position
-    corners = CORNERS
-    if thing.shape != "box":
-        rim = np.insert(CIRCLE, 1, -0.5, axis=1)
-        top = rim * ((1, -1, 1) if thing.shape == "cylinder" else (0, -1, 0))
-        corners = np.concatenate([rim, top])
-    turned = rotate(np.tile(thing.rotation, (len(corners), 1)), corners * thing.size)
-    return turned + thing.position
+    if thing.shape == "box":
+        return corners_of(thing)
+    rim = np.insert(CIRCLE, 1, -0.5, axis=1)
+    rims = np.concatenate([rim, rim * ((1, -1, 1) if thing.shape == "cylinder" else (0, -1, 0))])
+    return rims * thing.size @ frame_of(thing.rotation) + thing.position
 
 
 def _hull(places: Array) -> list[tuple[float, float]]:

@@ -14,7 +14,7 @@ import numpy as np
 from agentflow.env.constants import constants
 from agentflow.env.engines.assembly import assemble
 from agentflow.env.engines.base import Assembly, Color, Shape
-from agentflow.env.engines.vectors import upright_to
+from agentflow.env.engines.vectors import add, product, turned, upright_to
 from agentflow.env.rotations import chain, inverse, rotate
 from agentflow.env.scene import Quat, Thing, Vec3
 from agentflow.env.trace import Array
@@ -77,8 +77,8 @@ class Figures:
             if step.two_ended:
                 solids = [self.rod(step.id, pose)] if step.id in pose.alive else []
             else:
-                centre, rotation = pose.centre[step.id], pose.rotation[step.id]
-                solids = [posed(solid, centre, rotation) for solid in self.solids[step.id]]
+                place = _vec3(pose.centre[step.id]), _quat(pose.rotation[step.id])
+                solids = [posed(solid, *place) for solid in self.solids[step.id]]
             found += (replace(s, color=BROKEN) for s in solids) if step.id in red else solids
         return found
 
@@ -108,12 +108,10 @@ class Figures:
                     yield Thing(name, "box", _spoke(shape), position, rotation, color=SPOKE)
 
 
-def posed(thing: Thing, centre: Array, rotation: Array) -> Thing:
+def posed(thing: Thing, centre: Vec3, rotation: Quat) -> Thing:
     """A thing of a block's own frame, in the world."""
-    position = _vec3(centre + rotate(rotation, thing.position))
-    return replace(
-        thing, position=position, rotation=_quat(chain(rotation, np.asarray(thing.rotation)))
-    )
+    position = add(centre, turned(rotation, thing.position))
+    return replace(thing, position=position, rotation=product(rotation, thing.rotation))
 
 
 def _spoke(wheel: Shape) -> Vec3:

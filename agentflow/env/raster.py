@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from agentflow.env.rotations import rotate
+from agentflow.env.rotations import frame_of
 from agentflow.env.scene import Thing
 from agentflow.env.trace import Array
 from agentflow.env.views import Camera, project
@@ -33,8 +33,8 @@ LEVELS = 64
 """Different brightnesses of one solid."""
 NEAR = 0.1
 """Nearest distance that is drawn, m."""
-OUTLINE = 0.6
-"""Brightness of the line around each block."""
+OUTLINE, STEP = 0.6, 0.1
+"""Brightness of the lines around each block, and around a piece of it so much (m) in front."""
 BAND = 64
 """Rows that are worked on at a time, so that they stay in the processor's cache."""
 TINY = 1e-9
@@ -56,7 +56,7 @@ def draw(camera: Camera, things: Sequence[Thing], ground: Image.Image) -> Image.
     """The things before the ground; things of one name get one outline.
 
     Args:
-        ground: The picture behind them, of the camera's size.
+        ground: The picture behind them, RGBA and of the camera's size, as is what is returned.
     """
     depth = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
     ink = np.zeros(depth.shape, dtype=np.uint32)
@@ -64,39 +64,51 @@ def draw(camera: Camera, things: Sequence[Thing], ground: Image.Image) -> Image.
     with np.errstate(all="ignore"):  # rays that miss yield nan, which is nearer than nothing
         for number, thing in enumerate(things, start=1):
             _add(depth, ink, camera, thing, number * LEVELS)
-    owners = np.array([0, *(names[thing.name] for thing in things)], dtype=np.uint16)
-    return _coloured(ink, things, owners, ground)
+    pixels = _coloured(ink, things, ground)
+    owners = np.array([0, *(names[thing.name] for thing in things)])
+    lines = _lines(ink // LEVELS, depth, owners)
+    pixels[lines] = (pixels[lines] * (OUTLINE, OUTLINE, OUTLINE, 1.0)).astype(np.uint8)
+    return Image.fromarray(pixels)
 
 
-def _coloured(
-    ink: Inks, things: Sequence[Thing], owners: NDArray[np.uint16], ground: Image.Image
-) -> Image.Image:
-    """Colours instead of inks (number of a thing, brightness), and lines where owners change."""
+def corners_of(thing: Thing) -> Array:
+    """(8, 3) corners of the box around a solid, in the world."""
+    size = np.repeat(thing.size[0], 3) if thing.shape == "sphere" else np.asarray(thing.size)
+    corners: Array = CORNERS * size @ frame_of(thing.rotation) + thing.position
+    return corners
+
+
+def _coloured(ink: Inks, things: Sequence[Thing], ground: Image.Image) -> NDArray[np.uint8]:
+    """Colours instead of inks, which are the number of a thing and its brightness."""
     colours = np.array([(0.0, 0.0, 0.0), *(thing.color[:3] for thing in things)])
     table = 255.0 * colours[:, None, :] * np.linspace(0.0, 1.0, LEVELS)[:, None]
-    palette = np.zeros((len(colours) * LEVELS, 4), dtype=np.uint8)
+    palette = np.full((len(colours) * LEVELS, 4), 255, dtype=np.uint8)
     palette[:, :3] = np.minimum(255.0, table).reshape(-1, 3)
-    pixels = np.asarray(ground.convert("RGBA")).copy()
+    pixels: NDArray[np.uint8] = np.array(ground)
     packed = pixels.view(np.uint32)[:, :, 0]
     np.copyto(packed, palette.view(np.uint32)[:, 0].take(ink), where=ink > 0)
-    owner = owners.take(ink // LEVELS)
-    lines = np.zeros(ink.shape, dtype=np.bool_)
-    lines[:, 1:] |= owner[:, 1:] != owner[:, :-1]
-    lines[1:] |= owner[1:] != owner[:-1]
-    pixels[lines] = (pixels[lines] * OUTLINE).astype(np.uint8)
-    return Image.fromarray(pixels).convert("RGB")
+    return pixels
+
+
+def _lines(number: Inks, depth: Grid, owners: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """The pixels where another owner begins, or another piece far behind."""
+    lines = np.zeros(number.shape, dtype=np.bool_)
+    for down, right in ((1, 0), (0, 1)):
+        here, there = np.s_[down:, right:], np.s_[: -down or None, : -right or None]
+        rows, columns = np.nonzero(number[here] != number[there])
+        one, other = (rows + down, columns + right), (rows, columns)
+        changed = owners[number[one]] != owners[number[other]]
+        lines[one] |= changed | (np.abs(depth[one] - depth[other]) > STEP)
+    return lines
 
 
 def _add(depth: Grid, ink: Inks, camera: Camera, thing: Thing, first_ink: int) -> None:
     """Draw one solid where it is nearest."""
-    frame = rotate(np.tile(thing.rotation, (3, 1)), np.eye(3))
-    half = np.asarray(thing.size) / 2
-    half = np.repeat(half[0], 3) if thing.shape == "sphere" else half
-    corners = (2 * CORNERS * half) @ frame + thing.position
+    corners = corners_of(thing)
     rows, columns = _rectangle(corners, camera)
     for top in range(rows.start, rows.stop, BAND):
         place = slice(top, min(top + BAND, rows.stop)), columns
-        enter, bright = _SHAPES[thing.shape](_ray(camera, thing, frame, half, place))
+        enter, bright = _SHAPES[thing.shape](_ray(camera, thing, place))
         near = depth[place]
         hit = (enter > NEAR) & (enter < near)
         if corners[:, 1].min() < -NEAR:
@@ -131,9 +143,10 @@ def _rows(camera: Camera, rows: slice) -> Array:
     return (camera.height / 2 - numbers - 0.5) / camera.focal_length
 
 
-def _ray(
-    camera: Camera, thing: Thing, frame: Array, half: Array, place: tuple[slice, slice]
-) -> _Ray:
+def _ray(camera: Camera, thing: Thing, place: tuple[slice, slice]) -> _Ray:
+    frame = frame_of(thing.rotation)
+    half = np.asarray(thing.size) / 2
+    half = np.repeat(half[0], 3) if thing.shape == "sphere" else half
     right, up, towards = camera.axes
     a, b, c = (frame @ np.subtract(camera.eye, thing.position) / half).tolist()
     numbers = np.arange(place[1].start, place[1].stop)

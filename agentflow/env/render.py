@@ -14,9 +14,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from agentflow.env.backdrop import backdrop
 from agentflow.env.figures import Figures
-from agentflow.env.raster import CORNERS, draw
+from agentflow.env.raster import corners_of, draw
 from agentflow.env.scene import Thing
-from agentflow.env.trace import Array
 from agentflow.env.views import VIEWS, Camera, Size, View, camera_at, fit
 from agentflow.errors import UnknownNameError
 from agentflow.machine.tree import Machine
@@ -59,7 +58,7 @@ def shoot(
     """A picture of the solids (which cast shadows) and the other things on a lined ground."""
     large = replace(camera, width=SMOOTH * camera.width, height=SMOOTH * camera.height)
     ground = backdrop(large, solids, spacing)
-    return draw(large, (*others, *solids), ground).reduce(SMOOTH)
+    return draw(large, (*others, *solids), ground).reduce(SMOOTH).convert("RGB")
 
 
 def caption(picture: Image.Image, text: str) -> None:
@@ -75,7 +74,7 @@ def _standing(machine: Machine) -> list[Thing]:
 
 def _still(solids: Sequence[Thing], name: str, size: Size) -> Image.Image:
     view = View(back=VIEWS[name], size=size)
-    target, distance = fit(_corners(solids), view)
+    target, distance = fit(np.concatenate([corners_of(solid) for solid in solids]), view)
     return shoot(camera_at(target, distance, view), solids, (), spacing=1.0)
 
 
@@ -89,11 +88,3 @@ def _sheet(solids: Sequence[Thing], size: Size) -> Image.Image:
         ImageDraw.Draw(tile).rectangle((0, 0, size[0] - 1, size[1] - 1), outline=INK)
         sheet.paste(tile, (index % COLUMNS * size[0], index // COLUMNS * size[1]))
     return sheet
-
-
-def _corners(solids: Sequence[Thing]) -> Array:
-    """(K, 3) points that bound the solids, generously."""
-    centres = np.array([thing.position for thing in solids])
-    reach = np.array([max(thing.size) for thing in solids])[:, None]
-    corners: Array = (centres[:, None, :] + 0.7 * reach[:, :, None] * CORNERS).reshape(-1, 3)
-    return corners

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 
-from agentflow.env.raster import CORNERS, OUTLINE, draw
-from agentflow.env.rotations import rotate
+from agentflow.env.raster import OUTLINE, corners_of, draw
 from agentflow.env.scene import Quat, Thing, Vec3
 from agentflow.env.views import Camera, project
 
@@ -25,8 +24,8 @@ EXTENT = st.floats(0.2, 3.0)
 
 
 def picture(*things: Thing, camera: Camera = AHEAD) -> NDArray[np.int64]:
-    ground = Image.new("RGB", (camera.width, camera.height), WHITE)
-    return np.asarray(draw(camera, things, ground)).astype(np.int64)
+    ground = Image.new("RGBA", (camera.width, camera.height), WHITE)
+    return np.asarray(draw(camera, things, ground).convert("RGB")).astype(np.int64)
 
 
 def seen(*things: Thing, camera: Camera = AHEAD) -> NDArray[np.bool_]:
@@ -93,9 +92,7 @@ def test_nothing_is_drawn_outside_of_the_box_around_a_solid(
     rotation = tuple(part / length for part in turn)
     place = (at[0], at[1] + 5.0, at[2])
     mask = seen(thing(shape, size, place, rotation=rotation))
-    full = np.repeat(size[0], 3) if shape == "sphere" else np.asarray(size)
-    corners = rotate(np.tile(rotation, (8, 1)), CORNERS * full) + place
-    places = project(corners, AHEAD)
+    places = project(corners_of(thing(shape, size, place, rotation=rotation)), AHEAD)
     rows, columns = np.nonzero(mask)
     low, high = places.min(axis=0) - 1, places.max(axis=0) + 1
     assert mask.any()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.rotations import chain, inverse, rotate
+from agentflow.env.rotations import chain, frame_of, inverse, rotate
 
 HALF = 0.5**0.5
 ORIENTATIONS = [
@@ -45,3 +45,10 @@ def test_chains_turn_one_after_the_other_and_inverses_back(
     both = rotate(chain(second, first), point)
     assert both == pytest.approx(rotate(second, rotate(first, point)), abs=1e-9)
     assert rotate(inverse(first), rotate(first, point)) == pytest.approx(point, abs=1e-9)
+
+
+@given(UNIT)
+def test_a_frame_holds_the_turned_axes(turn: np.ndarray) -> None:
+    x, y, z, w = turn.tolist()
+    expected = rotate(np.tile(turn, (3, 1)), np.eye(3))
+    assert frame_of((x, y, z, w)) == pytest.approx(expected, abs=1e-12)
