@@ -45,44 +45,6 @@ def test_a_machine_starts_on_the_ground_over_the_middle(engine: PyBulletEngine) 
     assert engine.origin(3) == pytest.approx(state.position[3].tolist())
 
 
-ALONG_Z = ((0, -1, -1), (1, 0, 0), (1, 0, 1))
-ALONG_X = ((0, -1, -1), (1, 0, 2), (1, 0, 3))
-
-
-@pytest.mark.parametrize(
-    ("rows", "axis", "sign"),
-    [
-        ((*ALONG_Z, (2, 1, 3), (2, 2, 1), (40, 1, 1), (40, 2, 3)), 2, 1),  # facing x+
-        ((*ALONG_Z, (2, 1, 1), (2, 2, 3), (40, 1, 3), (40, 2, 1)), 2, 1),  # facing x-
-        ((*ALONG_X, (2, 1, 4), (2, 2, 2), (40, 1, 2), (40, 2, 4)), 0, -1),  # facing z+
-        ((*ALONG_X, (2, 1, 2), (2, 2, 4), (40, 1, 4), (40, 2, 2)), 0, 1),  # facing z-
-    ],
-)
-def test_wheels_drive_as_spec_1_8_says(
-    engine: PyBulletEngine, rows: tuple[tuple[int, ...], ...], axis: int, sign: int
-) -> None:
-    tree = machine(*rows)
-    facings = {b.facing for b in place(tree).blocks if b.type == 2}
-    assert len(facings) == 1
-    start(engine, tree)
-    advance(engine, 0.3)
-    engine.switch("motors", True)
-    before = engine.pose(0)[0]
-    advance(engine, 0.6)
-    moved = np.subtract(engine.pose(0)[0], before)
-    assert sign * moved[axis] > 1.0
-
-
-@pytest.mark.parametrize("face", [4, 5])
-def test_wheels_that_face_up_or_down_do_not_drive(engine: PyBulletEngine, face: int) -> None:
-    start(engine, machine((0, -1, -1), (35, 0, 0), (35, 0, 1), (2, 0, face)))
-    advance(engine, 0.3)
-    engine.switch("motors", True)
-    before = engine.pose(0)[0]
-    advance(engine, 1.0)
-    assert np.abs(np.subtract(engine.pose(0)[0], before)).max() < 0.2
-
-
 @pytest.mark.parametrize(("face", "sign"), [(2, -1), (3, 1)])
 def test_a_rotating_block_turns_clockwise_seen_from_its_front(
     engine: PyBulletEngine, face: int, sign: int
@@ -98,17 +60,6 @@ def test_a_rotating_block_turns_clockwise_seen_from_its_front(
     engine.switch("motors", True)
     advance(engine, 0.1)
     assert sign * (engine.pose(5)[0][2] - before[2]) > 0.3
-
-
-def test_a_steering_hinge_swings_to_its_left_and_stops(engine: PyBulletEngine) -> None:
-    start(engine, machine((0, -1, -1), (35, 0, 1), (35, 0, 4), (28, 0, 0), (15, 3, 0)))
-    advance(engine, 0.3)
-    engine.switch("steering_hinges", True)
-    advance(engine, 1.5)
-    tip, pivot = engine.pose(4)[0], engine.origin(3)
-    root = engine.pose(0)[1]
-    assert tip[0] - pivot[0] < -1.3
-    assert abs(root[0]) < 0.05
 
 
 @pytest.mark.parametrize("kind", list(library()))
