@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from agentflow.env.engines.base import Part
 from agentflow.env.engines.kinematics import (
+    POSITION,
     ROTATION,
     SPIN,
     VELOCITY,
@@ -60,6 +61,7 @@ class Push(NamedTuple):
     """Force at the centre of one part, for the connections between it and its cluster to bear."""
 
     part: int
+    """Moving things count on from the last part."""
     force: Vec3
     at: Vec3 | None
     """Where the centre is, in the engine's axes as the force; None: in the part's own axes."""
@@ -164,10 +166,9 @@ class Wind:
         """
         self._members, self._wind, self._drag = members, wind, drag
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
-        self._entry = (6 * members.row[:, None] + np.arange(6)).ravel()
 
-    def __call__(self, rows: Array) -> list[Wrench]:
-        """What the wind does to every cluster."""
+    def __call__(self, rows: Array) -> list[Push]:
+        """What the wind does to every part, then to every thing."""
         row = self._members.row
         rotation = matrices(rows[:, ROTATION])[row]
         arms = turn(rotation, self._members.offset)
@@ -176,9 +177,8 @@ class Wind:
         facing = self._areas * np.abs(along)
         strength = self._drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
         force = turn(rotation, strength[:, None] * along)
-        acting = np.concatenate([force, cross(arms, force)], axis=1)
-        sums = np.bincount(self._entry, acting.ravel(), 6 * len(rows)).reshape(-1, 6)
+        places = rows[row, POSITION] + arms
         return [
-            Wrench(i, False, (x, y, z), (p, q, r))
-            for i, (x, y, z, p, q, r) in enumerate(sums.tolist())
+            Push(i, (x, y, z), (p, q, r))
+            for i, (x, y, z, p, q, r) in enumerate(np.hstack([force, places]).tolist())
         ]

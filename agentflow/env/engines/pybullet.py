@@ -30,13 +30,10 @@ from agentflow.env.engines.kinematics import (
     VELOCITY,
     WIDTH,
     Row,
-    compose,
-    conjugate,
-    matrices,
-    turn_back,
 )
 from agentflow.env.engines.layout import Built, lay_out
 from agentflow.env.engines.readings import Readings
+from agentflow.env.engines.restoring import motion, relative
 from agentflow.env.engines.ropes import Ropes
 from agentflow.env.engines.springs import Springs
 from agentflow.env.engines.struts import Struts
@@ -106,7 +103,7 @@ class PyBulletEngine:
         for act in self._acting:
             self._shove(act(self._rows))
         if self._wind is not None:
-            self._push(self._wind(self._table))
+            self._shove(self._wind(self._table))
         for uid, index, drive in self._buffers:
             self._cushion(uid, index, drive)
         pybullet.stepSimulation(self.client)
@@ -209,7 +206,6 @@ class PyBulletEngine:
             for body in plan.bodies
         )
         self._plan = plan
-        self.below = plan.below(len(joints))
         self._layout = lay_out(self._assembly, plan, self._built, self._moving, self._things)
         self._readings = Readings(self._assembly, self._layout)
         self._contacts = Contacts(
@@ -288,8 +284,11 @@ class PyBulletEngine:
         self._at = {
             part: (built.uid, index) for built in self._built for part, index in built.index.items()
         }
+        for i, name in enumerate(self._layout.things, len(self._assembly.parts)):
+            self._at[i] = (self._things[name], -1)
+        acts = bool(acting) or any(self._scene.wind)
         whole = {uid for uid, links in self._layout.bodies if not links}
-        self._stale = [uid for uid, _ in self._sensors if acting and uid in whole]
+        self._stale = [uid for uid, _ in self._sensors if acts and uid in whole]
         """Bodies whose links nobody reads; PyBullet then pushes them where they were a step ago."""
 
     # --- forces -----------------------------------------------------------------------------
@@ -360,6 +359,13 @@ class PyBulletEngine:
         if self._turned:
             flat *= self._sign
         self.reactions[self._sensed] = flat
+        for joint, load in self._couplings.loads(self._rotation):
+            self.reactions[joint] = load
+
+    def _rotation(self, part: int) -> Quat:
+        """Of a part, in the engine's frame."""
+        _, _, _, x, y, z, w, *_ = self._rows[self._layout.members.row[part]]
+        return (x, y, z, w)
 
     def _base(self, uid: int) -> Row:
         position, rotation = pybullet.getBasePositionAndOrientation(uid, self.client)
@@ -388,18 +394,13 @@ class PyBulletEngine:
         )
         pybullet.resetBaseVelocity(uid, root[VELOCITY].tolist(), root[SPIN].tolist(), client)
         for link in built.body.links:
-            kind = self._assembly.joints[link.joint].kind
+            joint = self._assembly.joints[link.joint]
             index = built.index[link.part]
-            if kind == "spherical":
-                turned, spin = _relative(parts[link.parent], parts[link.part])
+            if joint.kind == "spherical":
+                turned, spin = relative(parts[link.parent], parts[link.part])
                 pybullet.resetJointStateMultiDof(uid, index, turned, spin, physicsClientId=client)
-            elif kind != "fixed":
-                position, velocity = motions.get(link.joint, (0.0, 0.0))
+            elif joint.kind != "fixed":
+                position, velocity = motions.get(link.joint) or motion(
+                    joint, self._assembly.parts, parts
+                )
                 pybullet.resetJointState(uid, index, position, velocity, physicsClientId=client)
-
-
-def _relative(parent: Array, child: Array) -> tuple[list[float], list[float]]:
-    """Orientation and spin of a child row against its parent's, in the joint's frame."""
-    turned = compose(conjugate(parent[None, ROTATION]), child[None, ROTATION])
-    spin = turn_back(matrices(child[None, ROTATION]), (child[SPIN] - parent[SPIN])[None])
-    return turned[0].tolist(), spin[0].tolist()

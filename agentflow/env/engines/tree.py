@@ -48,16 +48,6 @@ class Skeleton:
     idle: tuple[int, ...]
     """Rigid joints that close a loop within a cluster; they share load."""
 
-    def below(self, joints: int) -> list[int]:
-        """(J,) the next joint towards the root for each joint in a tree; -1 for the others."""
-        carrier: dict[int, int] = {}
-        result = [-1] * joints
-        for body in self.bodies:
-            for link in body.links:
-                carrier[link.part] = link.joint
-                result[link.joint] = carrier.get(link.parent, -1)
-        return result
-
 
 class _Sets:
     """Disjoint sets of parts, each named by its lowest member."""

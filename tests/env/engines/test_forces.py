@@ -56,18 +56,17 @@ def test_clusters_feel_the_drag_of_their_parts(rng: np.random.Generator) -> None
     assert in_world(wrenches, rows) == pytest.approx(expected)
 
 
-def test_clusters_feel_the_wind_on_their_parts(rng: np.random.Generator) -> None:
+def test_every_part_feels_the_wind(rng: np.random.Generator) -> None:
     offset, extents = rng.normal(size=(5, 3)), rng.uniform(0.5, 3.0, size=(5, 3))
     wind, rows = np.array([1.0, -3.0, 6.0]), rows_of(rng, 3)
-    wrenches = Wind(Members(ROW, offset), extents, wind, 0.6)(rows)
-    expected = np.zeros((3, 6))
-    for i in range(5):
+    pushes = Wind(Members(ROW, offset), extents, wind, 0.6)(rows)
+    assert [push.part for push in pushes] == list(range(5))
+    for i, push in enumerate(pushes):
         turned = matrices(rows[:, 3:7])[ROW[i]]
         arm = turned @ offset[i]
         air = wind - rows[ROW[i], 7:10] - np.cross(rows[ROW[i], 10:13], arm)
         speed = np.linalg.norm(air)
         x, y, z = extents[i]
         area = np.dot([y * z, x * z, x * y], np.abs(turned.T @ air)) / speed
-        force = 0.6 * area * speed * air
-        expected[ROW[i]] += [*force, *np.cross(arm, force)]
-    assert in_world(wrenches, rows) == pytest.approx(expected)
+        assert push.force == pytest.approx(0.6 * area * speed * air)
+        assert push.at == pytest.approx(rows[ROW[i], :3] + arm)

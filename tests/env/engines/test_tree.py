@@ -21,7 +21,6 @@ def test_a_chain_is_one_body() -> None:
     plan = skeleton(3, [fixed(0, 1), hinge(1, 2)])
     assert plan.bodies == (Body(0, (Link(1, 0, 0, False), Link(2, 1, 1, False))),)
     assert plan.cluster == (0, 0, 2)
-    assert plan.below(2) == [-1, 0]
 
 
 def test_a_broken_joint_parts_the_body() -> None:
