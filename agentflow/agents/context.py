@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
+from agentflow.agents.replies import Representation, machine_text
 from agentflow.machine.blocks import BlockType, Face, library
 from agentflow.machine.brief import Brief
 from agentflow.machine.describe import describe_text
@@ -45,13 +46,16 @@ def task_context(brief: Brief) -> dict[str, object]:
     }
 
 
-def machine_context(machine: Machine | None, *, spatial: bool) -> dict[str, object]:
+def machine_context(
+    machine: Machine | None, *, spatial: bool, representation: Representation = "tree"
+) -> dict[str, object]:
     """The machine so far as JSON text, and its 3D information where wanted; "" for neither.
 
     `geometry_short` is the 3D information without building points and positions of faces.
     """
     return {
-        "machine": machine.to_text() if machine else "",
+        "representation": representation,
+        "machine": machine_text(machine, representation) if machine else "",
         "geometry": describe_text(machine) if machine and spatial else "",
         "geometry_short": describe_text(machine, short=True) if machine and spatial else "",
     }

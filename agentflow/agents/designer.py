@@ -14,11 +14,10 @@ from typing import Any, ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, task_context
 from agentflow.agents.meta_designer import ROOT_TYPE, Blueprint, Structure
+from agentflow.agents.replies import Representation, machine_items, read_reply
 from agentflow.agents.verdicts import shortcoming, told
 from agentflow.machine.brief import Brief
-from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine
-from agentflow.machine.validity import check
 
 MAX_RATIONALE = 4000
 """Most characters of a rationale that are kept."""
@@ -39,6 +38,7 @@ class DesignerInput:
     """Whether the machine is complete with this structure."""
     spatial: bool = True
     """Whether the 3D information of the machine so far is shown."""
+    representation: Representation = "tree"
     rationale: str = ""
     """A plan by someone else that the design is to follow."""
 
@@ -68,7 +68,9 @@ class Designer(Role[DesignerInput, Design]):
         part = given.part
         return {
             **task_context(given.brief),
-            **machine_context(given.machine, spatial=given.spatial),
+            **machine_context(
+                given.machine, spatial=given.spatial, representation=given.representation
+            ),
             "blueprint": _outline(given.blueprint, part),
             "structure": part and _structure_context(part),
             "last": given.last,
@@ -77,15 +79,15 @@ class Designer(Role[DesignerInput, Design]):
 
     def parse(self, text: str, given: DesignerInput) -> Parsed[Design]:
         """Read the last machine of the reply and check it against what was given."""
-        reading = read_machine(text, given.brief.blocks)
-        machine, repaired = reading.machine, reading.repaired
+        report = read_reply(text, given.brief, given.representation, given.machine)
+        machine, repaired = report.machine, report.repaired
         if machine is None:
-            code = reading.problems[0].code if reading.problems else "unparsable"
-            problem = "The reply holds no valid machine:\n" + told(reading.problems)
-            return Parsed(None, problem, code, repaired, parsed=False)
-        report = check(machine, given.brief)
+            code = report.problems[0].code if report.problems else "unparsable"
+            problem = "The reply holds no valid machine:\n" + told(report.problems)
+            parsed, spatial = report.file_valid, report.spatial_valid
+            return Parsed(None, problem, code, repaired, parsed=parsed, spatial=spatial)
         refused = (
-            _altered(machine, given.machine)
+            _altered(machine, given)
             or _foreign(machine, given)
             or shortcoming(machine, report, given.brief, complete=given.last or given.part is None)
         )
@@ -119,19 +121,20 @@ def _structure_context(part: Structure) -> dict[str, object]:
     }
 
 
-def _altered(machine: Machine, given: Machine | None) -> tuple[str, str] | None:
-    if given is None:
+def _altered(machine: Machine, given: DesignerInput) -> tuple[str, str] | None:
+    if given.machine is None:
         return None
-    for step in given:
+    was, now = (machine_items(item, given.representation) for item in (given.machine, machine))
+    for step, old in zip(given.machine, was, strict=True):
         new = machine[step.id] if step.id < len(machine) else None
         if new != step:
-            now = "left out" if new is None else f"changed to {json.dumps(new.to_json())}"
+            fate = "left out" if new is None else f"changed to {json.dumps(now[step.id])}"
             return (
                 "given_altered",
-                f"Block {step.id} of the current machine, {json.dumps(step.to_json())}, was {now}. "
-                f"Repeat its {len(given)} steps unchanged and append new ones.",
+                f"Block {step.id} of the current machine, {json.dumps(old)}, was {fate}. "
+                f"Repeat its {len(given.machine)} steps unchanged and append new ones.",
             )
-    if len(machine) == len(given):
+    if len(machine) == len(given.machine):
         return "nothing_added", "The machine has no new block. Append at least one."
     return None
 

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, task_context
 from agentflow.agents.meta_designer import Blueprint
+from agentflow.agents.replies import Representation
 from agentflow.agents.sections import sections
 from agentflow.agents.world import ID_LIST, world_answers, world_score
 from agentflow.machine.brief import Brief
@@ -42,6 +43,8 @@ class InspectorInput:
     """Structure -> ids of its blocks, where known; the tree is then shown by structure."""
     spatial: bool = True
     """Whether 3D information is shown."""
+    representation: Representation = "tree"
+    """How the machine is written."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,9 @@ class Inspector(Role[InspectorInput, Inspection]):
         """Task, blocks, blueprint, machine, 3D information and tree."""
         return {
             **task_context(given.brief),
-            **machine_context(given.machine, spatial=given.spatial),
+            **machine_context(
+                given.machine, spatial=given.spatial, representation=given.representation
+            ),
             "blueprint": given.blueprint and given.blueprint.to_json(),
             "tree": tree_text(given.machine, given.groups or None),
         }

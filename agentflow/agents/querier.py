@@ -11,6 +11,7 @@ from typing import ClassVar
 
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, report_context, task_context
+from agentflow.agents.replies import Representation
 from agentflow.agents.sections import sections
 from agentflow.machine.brief import Brief
 from agentflow.machine.parse import extract_json
@@ -33,6 +34,8 @@ class QuerierInput:
     """The default feedback of the simulation."""
     spatial: bool = True
     """Whether 3D information is shown."""
+    representation: Representation = "tree"
+    """How the machine is written."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,9 @@ class Querier(Role[QuerierInput, Inquiry]):
         """Task, machine, 3D information and the report of the simulation."""
         return {
             **task_context(given.brief),
-            **machine_context(given.machine, spatial=given.spatial),
+            **machine_context(
+                given.machine, spatial=given.spatial, representation=given.representation
+            ),
             **report_context(given.score, given.feedback),
         }
 

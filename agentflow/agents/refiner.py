@@ -12,12 +12,12 @@ from typing import ClassVar, Literal
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, report_context, task_context
 from agentflow.agents.meta_designer import Blueprint
+from agentflow.agents.replies import Representation, read_reply
 from agentflow.agents.sections import sections
 from agentflow.agents.verdicts import shortcoming, told
 from agentflow.machine.brief import Brief
 from agentflow.machine.commands import script_lines
 from agentflow.machine.edits import StepVerdict, apply_script
-from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
@@ -53,6 +53,8 @@ class RefinerInput:
     """Verdicts on earlier replies to the same question."""
     spatial: bool = True
     """Whether 3D information is shown."""
+    representation: Representation = "tree"
+    """How whole machines are written; edit commands are the same in both."""
     format: Literal["steps", "whole_machine"] = "steps"
     """Whether edit commands or a whole machine are asked for."""
     images: tuple[str, ...] = ()
@@ -81,7 +83,9 @@ class Refiner(Role[RefinerInput, Refinement]):
         """Everything that is known of the machine and was not switched off."""
         return {
             **task_context(given.brief),
-            **machine_context(given.machine, spatial=given.spatial),
+            **machine_context(
+                given.machine, spatial=given.spatial, representation=given.representation
+            ),
             **report_context(given.score, given.feedback),
             "blueprint": given.blueprint and given.blueprint.to_json(),
             "critique": given.critique,
@@ -118,12 +122,13 @@ def _edited(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]
 
 
 def _whole(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
-    reading = read_machine(found[STEPS], given.brief.blocks)
-    if reading.machine is None:
-        code = reading.problems[0].code if reading.problems else "unparsable"
-        problem = f"<{STEPS}> holds no valid machine:\n" + told(reading.problems)
-        return Parsed(None, problem, code, reading.repaired, parsed=False)
-    return _checked(found, given, reading.machine, "", (), repaired=reading.repaired)
+    report = read_reply(found[STEPS], given.brief, given.representation)
+    if report.machine is None:
+        code = report.problems[0].code if report.problems else "unparsable"
+        problem = f"<{STEPS}> holds no valid machine:\n" + told(report.problems)
+        parsed, spatial = report.file_valid, report.spatial_valid
+        return Parsed(None, problem, code, report.repaired, parsed=parsed, spatial=spatial)
+    return _checked(found, given, report.machine, "", (), repaired=report.repaired)
 
 
 def _checked(

@@ -90,6 +90,7 @@ async def _extend(bench: Bench, blueprint: Blueprint, number: int, slot: Slot, p
         machine=slot.machine,
         last=number == len(blueprint.structures),
         spatial=bench.settings.spatial,
+        representation=bench.settings.representation,
         rationale=bench.settings.rationale(place),
     )
 

@@ -152,6 +152,7 @@ class Trajectory:
             earlier=tuple(attempt.note for attempt in earlier if attempt.candidate is None),
             spatial=settings.spatial,
             format=settings.refinement,
+            representation=settings.representation,
             images=self._views,
         )
 
@@ -169,7 +170,12 @@ class Trajectory:
         """Ask the querier about a node; "" when it gives or asks nothing."""
         bench, machine = self._bench, node.candidate.machine
         given = QuerierInput(
-            bench.brief, machine, node.evaluation.score, _feedback(node), bench.settings.spatial
+            brief=bench.brief,
+            machine=machine,
+            score=node.evaluation.score,
+            feedback=_feedback(node),
+            spatial=bench.settings.spatial,
+            representation=bench.settings.representation,
         )
         label = f"querier/{self._name}/node-{node.id}"
         outcome = await bench.ask(Querier(), given, label)

@@ -33,6 +33,9 @@ class WorkflowSettings(BaseModel):
     )
     history: bool = Field(True, description="tell refiners the earlier edits")
     spatial: bool = Field(True, description="tell designers and refiners the 3D information")
+    representation: Literal["tree", "coordinates"] = Field(
+        "tree", description="how machines are written: construction tree, or absolute coordinates"
+    )
     vision: bool = Field(False, description="show refiners pictures of the machine")
     refinement: Literal["steps", "whole_machine"] = Field(
         "steps", description="refiners write edit commands or a whole machine"

@@ -45,6 +45,7 @@ async def whole_machines(bench: Bench) -> list[Candidate]:
         given = DesignerInput(
             bench.brief,
             spatial=bench.settings.spatial,
+            representation=bench.settings.representation,
             rationale=bench.settings.rationale(trajectory),
         )
         outcome = await bench.ask(Designer(), given, f"designer/traj-{trajectory}")
@@ -93,6 +94,7 @@ async def refined_blindly(
             critique=critique,
             spatial=bench.settings.spatial,
             format=bench.settings.refinement,
+            representation=bench.settings.representation,
             images=await bench.views(candidate.machine),
         )
         label = f"refiner/blind/traj-{candidate.trajectory}"
@@ -124,6 +126,7 @@ async def _critique(bench: Bench, candidate: Candidate, blueprint: Blueprint | N
         blueprint,
         groups=candidate.groups,
         spatial=bench.settings.spatial,
+        representation=bench.settings.representation,
     )
     label = f"inspector/traj-{candidate.trajectory}"
     outcome = await bench.ask(Inspector(), given, label)

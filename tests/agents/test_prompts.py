@@ -19,6 +19,7 @@ from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.blocks import library
 from agentflow.machine.brief import Brief
+from agentflow.machine.coordinates import read_coordinates
 from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
 from tests.agents.fakes import FRAME, PLAN, THROWER, THROWING, machine
 
@@ -53,6 +54,13 @@ def _inputs(brief: Brief) -> Iterator[tuple[Role[object, object], object]]:
     yield Refiner(), replace(FULL, brief=brief)
     yield Refiner(), replace(FULL, brief=brief, format="whole_machine", spatial=False)
     yield Refiner(), replace(FULL, brief=brief, images=("data:image/png;base64,",))
+
+
+def _in_coordinates(brief: Brief) -> Iterator[tuple[Role[object, object], object]]:
+    """The questions that show or ask for a machine, with machines in coordinates."""
+    for role, given in _inputs(brief):
+        if not isinstance(given, MetaDesignerInput):
+            yield role, replace(given, representation="coordinates")  # type: ignore[type-var]
 
 
 def _render(role: Role[object, object], given: object, name: str = "default") -> tuple[str, str]:
@@ -146,7 +154,7 @@ def test_headings_in_order(case: int, name: str) -> None:
 @pytest.mark.parametrize("task", [THROWING, *(get_task(name).brief for name in task_names())])
 @SETS
 def test_every_role_renders_for_every_task_and_set(task: Brief, name: str) -> None:
-    for role, given in _inputs(task):
+    for role, given in [*_inputs(task), *_in_coordinates(task)]:
         system, user = _render(role, given, name)
         assert f"Task: {task.name}\n{task.objective}\n" in user
         for sentence in (*task.scene, *task.schedule, *task.score):
@@ -232,6 +240,17 @@ def test_current_machine_can_be_read_back() -> None:
     _, user = _render(*ASKED[4])
     fence = _section(user, "Current machine").split("```")[1].removeprefix("json")
     assert json.loads(fence) == FRAME.to_json()
+
+
+@SETS
+def test_coordinates_are_shown_and_asked_for(name: str) -> None:
+    for role, given in _in_coordinates(THROWING):
+        system, user = _render(role, given, name)
+        assert '"face_id"' not in system + user
+        if "## Current machine" in user:
+            fence = _section(user, "Current machine").split("```")[1].removeprefix("json")
+            machine_ = getattr(given, "machine")  # noqa: B009
+            assert read_coordinates(fence, THROWING.blocks).machine == machine_
 
 
 def test_foreign_text_is_data() -> None:

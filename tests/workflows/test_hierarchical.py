@@ -225,6 +225,23 @@ async def test_designers_follow_the_rationale_of_another_run(name: str) -> None:
         assert (expected in prompt) == (request.role == "designer")
 
 
+@pytest.mark.parametrize("refinement", ["steps", "whole_machine"])
+@pytest.mark.parametrize("name", ["hierarchical", "iterative", "single"])
+async def test_coordinates_all_the_way(name: str, refinement: str) -> None:
+    """Machines are shown and sent as coordinates, and are the same as in the other notation."""
+    shown = {**SMALL, "refinement": refinement}
+    results = []
+    for representation in ("tree", "coordinates"):
+        run = Run(Author(seed=2, refused=0.0), {**shown, "representation": representation})
+        result = await run(name)
+        assert [stage.name for stage in result.stages][-1] == "env_feedback"
+        for request in run.client.requests:
+            system, user = (message.text for message in request.messages[:2])
+            assert representation == "tree" or '"face_id"' not in system + user
+        results.append(result.best and result.best.score)
+    assert results[0] == results[1]
+
+
 async def test_whole_machine_refinements() -> None:
     run = Run(Author(seed=1, refused=0.0), {**SMALL, "refinement": "whole_machine"})
     result = await run()

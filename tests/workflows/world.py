@@ -10,11 +10,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from agentflow.agents.base import Desk
+from agentflow.agents.replies import machine_items
 from agentflow.llm.budget import Budget, BudgetClient, BudgetSettings
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Reply, Request, Usage
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.machine.brief import Brief
+from agentflow.machine.coordinates import read_coordinates
 from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
@@ -108,12 +110,15 @@ class Author:
         return fenced(BLUEPRINT)
 
     def designer(self, prompt: str, chance: random.Random) -> str:
+        return fenced(_written(self._designed(prompt, chance), prompt))
+
+    def _designed(self, prompt: str, chance: random.Random) -> list[dict[str, int]]:
         built = _current(prompt)
         if "Name: Drive" not in prompt:
             built = steps((1, 0, chance.randrange(2)))
         if "Name: Body" not in prompt:
             built += [_step(len(built), 2, 0, chance.randrange(2, 4))]
-        return fenced(built)
+        return built
 
     def inspector(self, _prompt: str, _chance: random.Random) -> str:
         return CRITIQUE
@@ -126,7 +131,8 @@ class Author:
         parent = chance.choice([s["id"] for s in built if s["type"] != 2])
         face = chance.randrange(6)
         if "holds the whole modified machine" in prompt:
-            return edit(fenced([*built, _step(len(built), 1, parent, face)]))
+            whole = [*built, _step(len(built), 1, parent, face)]
+            return edit(fenced(_written(whole, prompt)))
         return edit(f"Add 1 to {parent} in {face}")
 
 
@@ -266,4 +272,16 @@ def machine_in(prompt: str) -> Machine:
 
 def _current(prompt: str) -> list[dict[str, int]]:
     found = re.search(r"## Current machine\n```json\n(.*?)```", prompt, re.DOTALL)
+    if found and '"Position"' in found[1]:
+        read = read_coordinates(found[1], BRIEF.blocks).machine
+        assert read is not None
+        return read.to_json()
     return json.loads(found[1]) if found else []
+
+
+def _written(steps: list[dict[str, int]], prompt: str) -> object:
+    """A tree as the prompt wants it; one that cannot be placed as it is."""
+    read = read_machine(steps).machine
+    if '"Position"' not in prompt.partition("## Your reply")[2] or read is None:
+        return steps
+    return machine_items(read, "coordinates")
