@@ -199,15 +199,20 @@ class _Joiner:
             f"{named(spot.index, spot.type)} has no parent at {_told(point)}: no earlier block has "
             f"a face within {TOLERANCE} m{that}"
         )
-        here = self._units(point)
+        if len(self.loose) < MAX_HINTS:
+            message += self._hint(self._units(point), facing)
+        return Problem("no_parent", (spot.index,), message)
+
+    def _hint(self, here: Vec3, facing: str | None) -> str:
+        """The nearest face that faces this way, in words; "" where there is none."""
         known = (face for cell in self.faces.values() for face in cell)
         fitting = [face for face in known if facing in (None, face.facing)]
-        if fitting and len(self.loose) < MAX_HINTS:
-            nearest = min(fitting, key=lambda face: (math.dist(here, face.at), face))
-            where = _told(add_floats(self.origin, to_metres(nearest.at)))
-            carrier = named(nearest.block, self.placed[nearest.block].type)
-            message += f"; the nearest such face is {nearest.face} of {carrier} at {where}"
-        return Problem("no_parent", (spot.index,), message)
+        if not fitting:
+            return ""
+        nearest = min(fitting, key=lambda face: (math.dist(here, face.at), face))
+        where = _told(add_floats(self.origin, to_metres(nearest.at)))
+        carrier = named(nearest.block, self.placed[nearest.block].type)
+        return f"; the nearest such face is {nearest.face} of {carrier} at {where}"
 
     def _units(self, point: Vec3) -> Vec3:
         x, y, z = ((part - own) * UNITS for part, own in zip(point, self.origin, strict=True))

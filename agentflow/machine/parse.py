@@ -15,7 +15,7 @@ from agentflow.machine.tree import ROOT, Machine, Step
 
 __all__ = ["MAX_BLOCKS", "Extracted", "Reading", "extract_json", "file_problems", "read_machine"]
 
-MAX_BLOCKS = 1000
+MAX_BLOCKS = 800
 """Most blocks that are read; machines that fit the building volume are far smaller."""
 MAX_COORDINATE = 1e6
 """Largest coordinate that is read, in metres."""

@@ -226,7 +226,7 @@ HOSTILE = [
     ("<a/>", "not_a_machine", "this is no machine file of Besiege: there is no Machine with "),
     ("<Machine/>", "not_a_machine", "this is no machine file of Besiege: there is no Machine "),
     (file(block(1, "0 0 0")), "root", "the file has no Starting Block, id 0"),
-    (file(*[ROOT] * 1001), "too_many_blocks", "the machine has 1001 blocks; at most 1000 are read"),
+    (file(*[ROOT] * 801), "too_many_blocks", "the machine has 801 blocks; at most 800 are read"),
 ]
 
 
