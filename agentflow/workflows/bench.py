@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from agentflow.agents.base import Attempt, Outcome, Role, ask
@@ -32,6 +32,15 @@ from agentflow.workflows.statistics import best_of, row
 
 In = TypeVar("In")
 Out = TypeVar("Out")
+
+
+@dataclass
+class _Count:
+    """What a stage has cost."""
+
+    calls: int = 0
+    tokens: int = 0
+    tried: set[Machine] = field(default_factory=set)
 
 
 class Bench:
@@ -59,15 +68,22 @@ class Bench:
         )
         self._simulate: Once[Machine] = Once(self._try)
         self._stages: list[Stage] = []
-        self._stage: StageName = "initial"
-        self._calls = self._tokens = self._tried = 0
+        self._counts: dict[str, _Count] = {}
+        """By stage name; trajectories may be in different stages at a time."""
 
     def stream(self, name: str) -> random.Random:
         """A random stream of its own for one purpose, derived from the run's seed by name."""
         return random.Random(f"{self._seed}/{name}")
 
     async def ask(
-        self, role: Role[In, Out], given: In, label: str, *, desk: str = "", once: bool = False
+        self,
+        role: Role[In, Out],
+        given: In,
+        label: str,
+        *,
+        stage: StageName,
+        desk: str = "",
+        once: bool = False,
     ) -> Outcome[Out] | None:
         """Ask a role, with its retries or `once`; None when the budget runs out before the answer.
 
@@ -75,19 +91,23 @@ class Bench:
             role: Who is asked.
             given: What it is told.
             label: Of the question; unique in the run.
+            stage: For which it is asked, and counted.
             desk: Whose model and sampling to use, if not the role's own.
             once: Whether one attempt is all; for searches, which own the attempts.
         """
         own = self._desks(desk or role.name)
-        used = replace(own, on_attempt=lambda attempt: self._note(attempt, own.on_attempt))
+        count = self._counts[stage]
+        used = replace(own, on_attempt=lambda made: self._note(made, count, own.on_attempt))
         try:
             return await ask(role, given, replace(used, max_retry=1) if once else used, label)
         except BudgetSpentError as spent:
             self.spent = spent
             return None
 
-    async def evaluate(self, machine: Machine, label: str) -> Evaluation:
-        """Simulate a machine, or remember what came of it, and note it under the label."""
+    async def evaluate(self, machine: Machine, stage: StageName, place: str) -> Evaluation:
+        """Simulate a machine, or remember what came of it, and note it as `stage/place`."""
+        label = f"{stage}/{place}"
+        self._counts[stage].tried.add(machine)
         evaluation = await self._simulate(machine, f"machine-{machine.digest}")
         trial: Trial = evaluation.details
         self.record.event(
@@ -120,22 +140,23 @@ class Bench:
         return await self._laboratory.views(machine) if self.settings.vision else ()
 
     def begin(self, name: StageName) -> None:
-        """Open a stage; calls, tokens and rollouts count for it from here on."""
-        self._stage = name
-        self._calls = self._tokens = 0
-        self._tried = self._simulate.count
-        self.record.event("stage_begin", name, trajectories=self.settings.trajectories)
+        """Open a stage; opening it again, for another trajectory, changes nothing."""
+        if name not in self._counts:
+            self._counts[name] = _Count()
+            self.record.event("stage_begin", name, trajectories=self.settings.trajectories)
 
-    def end(self, candidates: Sequence[Candidate]) -> Stage:
-        """Close the stage; trajectories without a candidate count as invalid."""
+    def end(self, name: StageName, candidates: Sequence[Candidate]) -> Stage:
+        """Close a stage, earlier ones first; trajectories without a candidate are invalid."""
+        count = self._counts[name]
+        earlier = (self._counts[stage.name].tried for stage in self._stages)
         found = {candidate.trajectory: candidate for candidate in candidates}
         every = range(1, self.settings.trajectories + 1)
         stage = Stage(
-            self._stage,
+            name,
             tuple(found.get(t) or Candidate(t, reason="ended in an earlier stage") for t in every),
-            self._calls,
-            self._tokens,
-            self._simulate.count - self._tried,
+            count.calls,
+            count.tokens,
+            len(count.tried.difference(*earlier)),
         )
         for candidate in stage.candidates:
             self.record.event(
@@ -176,9 +197,11 @@ class Bench:
         self.record.save_machine(machine.digest, machine.to_text())
         return await self._laboratory.evaluate(machine, label)
 
-    def _note(self, attempt: Attempt[Any], then: Callable[[Attempt[object]], None]) -> None:
-        self._calls += 1
-        self._tokens += attempt.reply.usage.total
+    def _note(
+        self, attempt: Attempt[Any], count: _Count, then: Callable[[Attempt[object]], None]
+    ) -> None:
+        count.calls += 1
+        count.tokens += attempt.reply.usage.total
         parsed = attempt.parsed
         data: dict[str, Any] = {
             "role": attempt.role,

@@ -96,7 +96,7 @@ async def _extend(bench: Bench, blueprint: Blueprint, number: int, slot: Slot, p
 
     async def design(index: int) -> Slot:
         label = f"designer/structure-{number}/traj-{place}/candidate-{index}"
-        outcome = await bench.ask(Designer(), given, label)
+        outcome = await bench.ask(Designer(), given, label, stage="initial")
         first = slot.first & first_of(outcome)
         if outcome is None or outcome.output is None:
             return Slot(first=first, reason=failure_of(outcome))

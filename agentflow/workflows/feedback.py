@@ -18,12 +18,12 @@ from agentflow.machine.tree import Machine
 from agentflow.search.concurrency import together
 from agentflow.search.node import Attempt, Evaluation, Found, Node
 from agentflow.search.registry import strategy
-from agentflow.workflows.base import Candidate, First, Trial
+from agentflow.workflows.base import Candidate, First, StageName, Trial
 from agentflow.workflows.bench import Bench
 from agentflow.workflows.searchrecord import SearchRecord
 from agentflow.workflows.stages import edit_of, failure_of, first_of
 
-STAGE = "env_feedback"
+STAGE: StageName = "env_feedback"
 
 
 @dataclass(frozen=True)
@@ -40,40 +40,32 @@ class Version:
 
 
 async def feedback_loop(
-    bench: Bench,
-    candidates: Sequence[Candidate],
-    blueprint: Blueprint | None,
-    *,
-    desk: str = "",
-) -> list[Candidate]:
-    """Let each trajectory search from its machine; yields each tree's best machine.
+    bench: Bench, candidate: Candidate, blueprint: Blueprint | None, *, desk: str = ""
+) -> Candidate:
+    """Let a trajectory search from its machine; yields its tree's best machine.
 
     Args:
         bench: The run.
-        candidates: Valid, simulated machines, one per trajectory.
-        blueprint: The plan they were built to.
+        candidate: A valid, simulated machine.
+        blueprint: The plan it was built to.
         desk: Whose model and sampling refines, if not the refiner's own.
     """
     numbers = bench.settings.search
-
-    async def explore(candidate: Candidate) -> Candidate:
-        assert candidate.machine is not None
-        assert candidate.evaluation is not None
-        name = f"traj-{candidate.trajectory}"
-        trajectory = Trajectory(bench, name, blueprint, desk)
-        notes = SearchRecord(bench.record, f"{STAGE}/{name}")
-        found = await strategy(numbers.strategy)(
-            Version(candidate.machine, candidate.edit),
-            candidate.evaluation,
-            trajectory.expand,
-            trajectory.evaluate,
-            numbers,
-            notes,
-        )
-        notes.found(found)
-        return _harvest(candidate, found, trajectory.first)
-
-    return await together(explore(candidate) for candidate in candidates)
+    assert candidate.machine is not None
+    assert candidate.evaluation is not None
+    name = f"traj-{candidate.trajectory}"
+    trajectory = Trajectory(bench, name, blueprint, desk)
+    notes = SearchRecord(bench.record, f"{STAGE}/{name}")
+    found = await strategy(numbers.strategy)(
+        Version(candidate.machine, candidate.edit),
+        candidate.evaluation,
+        trajectory.expand,
+        trajectory.evaluate,
+        numbers,
+        notes,
+    )
+    notes.found(found)
+    return _harvest(candidate, found, trajectory.first)
 
 
 class Trajectory:
@@ -95,7 +87,7 @@ class Trajectory:
 
     async def evaluate(self, version: Version, label: str) -> Evaluation:
         """Simulate a version."""
-        return await self._bench.evaluate(version.machine, f"{STAGE}/{self._name}/{label}")
+        return await self._bench.evaluate(version.machine, STAGE, f"{self._name}/{label}")
 
     async def expand(
         self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
@@ -128,7 +120,9 @@ class Trajectory:
         self, node: Node[Version], given: RefinerInput, label: str
     ) -> Attempt[Version] | None:
         full = f"refiner/feedback/{self._name}/{label}"
-        outcome = await self._bench.ask(Refiner(), given, full, desk=self._desk, once=True)
+        outcome = await self._bench.ask(
+            Refiner(), given, full, stage=STAGE, desk=self._desk, once=True
+        )
         if outcome is None:
             return None
         if label == "round-1/node-0/try-1":
@@ -178,7 +172,7 @@ class Trajectory:
             representation=bench.settings.representation,
         )
         label = f"querier/{self._name}/node-{node.id}"
-        outcome = await bench.ask(Querier(), given, label)
+        outcome = await bench.ask(Querier(), given, label, stage=STAGE)
         if outcome is None or outcome.output is None or not outcome.output.queries:
             return ""
         return await bench.query(machine, outcome.output.queries, label)

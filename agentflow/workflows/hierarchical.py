@@ -36,13 +36,13 @@ async def hierarchical(
             if blueprint
             else [Candidate(t, reason=reason) for t in range(1, settings.trajectories + 1)]
         )
-    return await refined(bench, bench.end(candidates), blueprint)
+    return await refined(bench, bench.end("initial", candidates), blueprint)
 
 
 async def _plan(bench: Bench) -> tuple[Blueprint | None, str]:
     """The blueprint, or why there is none."""
     given = MetaDesignerInput(bench.brief, detailed=bench.settings.meta_designer == "detailed")
-    outcome = await bench.ask(MetaDesigner(), given, "meta_designer")
+    outcome = await bench.ask(MetaDesigner(), given, "meta_designer", stage="initial")
     if outcome is None or outcome.output is None:
         return None, f"no valid blueprint: {failure_of(outcome)}"
     bench.record.event("blueprint", "meta_designer", **outcome.output.to_json())

@@ -24,8 +24,9 @@ from agentflow.workflows.base import (
     WorkflowResult,
 )
 from agentflow.workflows.bench import Bench
+from agentflow.workflows.feedback import STAGE
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages import tried
+from agentflow.workflows.stages import BLIND, tried
 
 VALID = First(parsed=True, spatial=True, valid=True)
 MAX_REPEATS = 20
@@ -52,17 +53,17 @@ async def random_dsl(
     total = settings.rollouts or 3 * per_stage
     bench.begin("initial")
     drawn = [_drawn(brief, t, chances[t]) for t in list(chances)[:total]]
-    initial = bench.end(await tried(bench, "initial", drawn))
+    initial = bench.end("initial", await tried(bench, "initial", drawn))
     left = total - initial.rollouts
     if bench.over(initial) or left <= 0:
         return bench.result()
-    bench.begin("blind_refinement")
-    blind = bench.end(await _blind(bench, initial.survivors[:left], chances))
+    bench.begin(BLIND)
+    blind = bench.end(BLIND, await _blind(bench, initial.survivors[:left], chances))
     left -= blind.rollouts
     if bench.over(blind) or left <= 0:
         return bench.result()
-    bench.begin("env_feedback")
-    bench.end(await _climb(bench, _better_of(initial, blind), chances, left))
+    bench.begin(STAGE)
+    bench.end(STAGE, await _climb(bench, _better_of(initial, blind), chances, left))
     return bench.result()
 
 
@@ -85,7 +86,7 @@ async def _blind(
         first = VALID if machine else First()
         edit = Entry("a random edit", "Success", before=candidate.score) if machine else None
         edited.append(Candidate(candidate.trajectory, machine, None, first, reason, edit=edit))
-    return await tried(bench, "blind_refinement", edited)
+    return await tried(bench, BLIND, edited)
 
 
 def _edited(bench: Bench, machine: Machine, chance: random.Random) -> Machine | None:
@@ -156,13 +157,13 @@ async def _step(bench: Bench, climber: _Climber, round_: int) -> bool:
     if machine is None:
         return False
     climber.tally.attempts += 1
-    label = f"env_feedback/traj-{old.trajectory}/round-{round_}"
-    evaluation = await bench.evaluate(machine, label)
+    place = f"traj-{old.trajectory}/round-{round_}"
+    evaluation = await bench.evaluate(machine, STAGE, place)
     assert old.evaluation is not None
     kept = better(evaluation, old.evaluation)
     bench.record.event(
         "edit",
-        label,
+        f"{STAGE}/{place}",
         parent=old.machine.digest if old.machine else None,
         machine=machine.digest,
         kept=kept,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from agentflow.machine.brief import Brief
+from agentflow.search.concurrency import together
 from agentflow.workflows.base import Desks, Laboratory, Record, WorkflowResult
 from agentflow.workflows.bench import Bench
-from agentflow.workflows.feedback import feedback_loop
+from agentflow.workflows.feedback import STAGE, feedback_loop
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages import whole_machines
 
@@ -28,8 +29,12 @@ async def single(
     alone = settings.model_copy(update={"querier": False, "search": chain})
     bench = Bench("single", brief, desks, laboratory, alone, record, seed)
     bench.begin("initial")
-    initial = bench.end(await whole_machines(bench))
+    initial = bench.end("initial", await whole_machines(bench))
     if not bench.over(initial) and chain.rounds:
-        bench.begin("env_feedback")
-        bench.end(await feedback_loop(bench, initial.survivors, None, desk="designer"))
+        bench.begin(STAGE)
+        revised = (
+            feedback_loop(bench, candidate, None, desk="designer")
+            for candidate in initial.survivors
+        )
+        bench.end(STAGE, await together(revised))
     return bench.result()

@@ -17,9 +17,10 @@ from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
 from agentflow.machine.validity import check
 from agentflow.search.concurrency import together
-from agentflow.workflows.base import Candidate, First
+from agentflow.workflows.base import Candidate, First, StageName
 from agentflow.workflows.bench import Bench
 
+BLIND: StageName = "blind_refinement"
 UNANSWERED = "the budget ran out before an answer"
 
 
@@ -48,7 +49,8 @@ async def whole_machines(bench: Bench) -> list[Candidate]:
             representation=bench.settings.representation,
             rationale=bench.settings.rationale(trajectory),
         )
-        outcome = await bench.ask(Designer(), given, f"designer/traj-{trajectory}")
+        label = f"designer/traj-{trajectory}"
+        outcome = await bench.ask(Designer(), given, label, stage="initial")
         first = first_of(outcome)
         if outcome is None or outcome.output is None:
             return Candidate(trajectory, first=first, reason=failure_of(outcome))
@@ -58,7 +60,7 @@ async def whole_machines(bench: Bench) -> list[Candidate]:
     return await tried(bench, "initial", await together(design(number) for number in every))
 
 
-async def tried(bench: Bench, stage: str, candidates: Sequence[Candidate]) -> list[Candidate]:
+async def tried(bench: Bench, stage: StageName, candidates: Sequence[Candidate]) -> list[Candidate]:
     """Simulate the candidates that have a valid machine; say of the others why not."""
 
     async def judge(candidate: Candidate) -> Candidate:
@@ -68,8 +70,7 @@ async def tried(bench: Bench, stage: str, candidates: Sequence[Candidate]) -> li
         report = check(machine, bench.brief)
         if not report.task_valid:
             return replace(candidate, reason=candidate.reason or report.problems[0].message)
-        label = f"{stage}/traj-{candidate.trajectory}"
-        evaluation = await bench.evaluate(machine, label)
+        evaluation = await bench.evaluate(machine, stage, f"traj-{candidate.trajectory}")
         reason = "" if evaluation.valid else "the simulation refused the machine"
         return replace(candidate, evaluation=evaluation, reason=reason)
 
@@ -77,38 +78,32 @@ async def tried(bench: Bench, stage: str, candidates: Sequence[Candidate]) -> li
 
 
 async def refined_blindly(
-    bench: Bench, candidates: Sequence[Candidate], blueprint: Blueprint | None
-) -> list[Candidate]:
-    """Criticise each machine, refine it once without having seen a simulation, simulate it.
+    bench: Bench, candidate: Candidate, blueprint: Blueprint | None
+) -> Candidate:
+    """Criticise a machine, refine it once without having seen a simulation, simulate it.
 
     A trajectory whose refiner gives nothing valid within its retries ends here (spec 5.2).
     """
-
-    async def refine(candidate: Candidate) -> Candidate:
-        critique = await _critique(bench, candidate, blueprint)
-        assert candidate.machine is not None
-        given = RefinerInput(
-            brief=bench.brief,
-            machine=candidate.machine,
-            blueprint=blueprint,
-            critique=critique,
-            spatial=bench.settings.spatial,
-            format=bench.settings.refinement,
-            representation=bench.settings.representation,
-            images=await bench.views(candidate.machine),
-        )
-        label = f"refiner/blind/traj-{candidate.trajectory}"
-        outcome = await bench.ask(Refiner(), given, label)
-        if outcome is None or outcome.output is None:
-            reason = failure_of(outcome)
-            return Candidate(candidate.trajectory, first=first_of(outcome), reason=reason)
-        edit = edit_of(outcome.output, candidate.score)
-        return Candidate(
-            candidate.trajectory, outcome.output.machine, first=first_of(outcome), edit=edit
-        )
-
-    refined = await together(refine(candidate) for candidate in candidates)
-    return await tried(bench, "blind_refinement", refined)
+    critique = await _critique(bench, candidate, blueprint)
+    assert candidate.machine is not None
+    given = RefinerInput(
+        brief=bench.brief,
+        machine=candidate.machine,
+        blueprint=blueprint,
+        critique=critique,
+        spatial=bench.settings.spatial,
+        format=bench.settings.refinement,
+        representation=bench.settings.representation,
+        images=await bench.views(candidate.machine),
+    )
+    label = f"refiner/blind/traj-{candidate.trajectory}"
+    outcome = await bench.ask(Refiner(), given, label, stage=BLIND)
+    first = first_of(outcome)
+    if outcome is None or outcome.output is None:
+        return Candidate(candidate.trajectory, first=first, reason=failure_of(outcome))
+    edit = edit_of(outcome.output, candidate.score)
+    made = Candidate(candidate.trajectory, outcome.output.machine, first=first, edit=edit)
+    return (await tried(bench, BLIND, [made]))[0]
 
 
 def edit_of(refinement: Refinement, before: float | None) -> Entry:
@@ -129,7 +124,7 @@ async def _critique(bench: Bench, candidate: Candidate, blueprint: Blueprint | N
         representation=bench.settings.representation,
     )
     label = f"inspector/traj-{candidate.trajectory}"
-    outcome = await bench.ask(Inspector(), given, label)
+    outcome = await bench.ask(Inspector(), given, label, stage=BLIND)
     if outcome is None or outcome.output is None:
         return ""
     found = outcome.output
