@@ -229,6 +229,7 @@ class Run:
         shelf: Shelf | None = None,
         budget: int | None = None,
         delays: random.Random | None = None,
+        client: Client | None = None,
         max_retry: int = 3,
         seed: int = 0,
     ) -> None:
@@ -238,7 +239,7 @@ class Run:
         self.settings = WorkflowSettings.model_validate(settings or {})
         self.max_retry, self.seed = max_retry, seed
         self.desks: list[str] = []
-        outer: Client = self.client if delays is None else Delayed(self.client, delays)
+        outer = client or self.client if delays is None else Delayed(self.client, delays)
         self._client = BudgetClient(outer, Budget(BudgetSettings(calls=budget)))
 
     async def __call__(self, name: str = "hierarchical") -> WorkflowResult:

@@ -1,0 +1,105 @@
+"""How long a run waits: measured in a clock that jumps to the next thing that happens."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import selectors
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from agentflow.llm.messages import Reply, Request
+from agentflow.machine.tree import Machine
+from agentflow.search.node import Evaluation
+from tests.workflows.world import Author, Run, Shelf
+
+LATENCY, ROLLOUT, WORKERS = 1.0, 0.15, 2
+"""Seconds per reply, seconds per simulation, simulations at a time."""
+
+
+class JumpingLoop(asyncio.SelectorEventLoop):
+    """An event loop whose clock jumps ahead whenever there is nothing to do but wait."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        super().__init__(_Jump(self))
+
+    def time(self) -> float:
+        return self.now
+
+
+class _Jump(selectors.SelectSelector):
+    def __init__(self, loop: JumpingLoop) -> None:
+        super().__init__()
+        self._loop = loop
+
+    def select(self, timeout: float | None = None) -> list[Any]:
+        self._loop.now += timeout or 0.0
+        return super().select(0)
+
+
+class Slow:
+    """A client that takes a second for every reply, as many at a time as are asked."""
+
+    name = "slow"
+
+    def __init__(self, answer: Callable[[Request], Reply]) -> None:
+        self.answer = answer
+        self.starts: list[tuple[str, float]] = []
+
+    async def complete(self, request: Request) -> Reply:
+        self.starts.append((request.label, asyncio.get_running_loop().time()))
+        await asyncio.sleep(LATENCY)
+        return self.answer(request)
+
+    async def aclose(self) -> None: ...
+
+
+class Bench(Shelf):
+    """A laboratory of two workers."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.workers = asyncio.Semaphore(WORKERS)
+
+    async def evaluate(self, found: Machine, label: str) -> Evaluation:
+        async with self.workers:
+            await asyncio.sleep(ROLLOUT)
+            return await super().evaluate(found, label)
+
+
+def critical_path(starts: list[tuple[str, float]]) -> float:
+    """Seconds of the longest chain of calls that need each other; simulations not counted.
+
+    Plans and structures are barriers (the beam is refilled between them); after that every
+    trajectory depends on itself alone. Calls of one trajectory at one moment are one wave.
+    """
+    chains: dict[str, dict[str, set[float]]] = defaultdict(lambda: defaultdict(set))
+    for label, start in starts:
+        stage = re.match(r"meta_designer|designer/structure-\d+", label)
+        place = re.search(r"traj-\d+", label)
+        chains[stage[0] if stage else "rest"][place[0] if place else ""].add(round(start, 6))
+    return LATENCY * sum(max(map(len, stage.values())) for stage in chains.values())
+
+
+@pytest.mark.parametrize("refused", [0.0, 0.3])
+@pytest.mark.parametrize("strategy", ["mcts", "best_of_n", "random"])
+def test_a_run_takes_little_longer_than_its_critical_path(refused: float, strategy: str) -> None:
+    """Eight trajectories, five rounds, all switches on; a second per reply and two workers."""
+    loop = JumpingLoop()
+    try:
+        slow = Slow(Author(seed=4, refused=refused))
+        run = Run(slow.answer, {"search": {"strategy": strategy}}, client=slow, max_retry=5)
+        run.shelf = Bench()
+        result = loop.run_until_complete(run())
+        assert len(result.stages) == 3
+        assert len(run.shelf.tried) > 40
+        path = critical_path(slow.starts)
+        assert path > 10 * LATENCY
+        assert loop.now <= 1.15 * path, (loop.now, path)
+        assert loop.now >= path
+    finally:
+        loop.close()
