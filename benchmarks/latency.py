@@ -1,0 +1,131 @@
+"""How much longer a run takes than the longest chain of calls and simulations that need each other.
+
+    python benchmarks/latency.py [--task throwing] [--seed 0] [--latency 1] [--workers 2]
+
+A full hierarchical run with all defaults, real physics, and replies that take `latency` seconds.
+The critical path adds up, per trajectory, its calls one after another and the longest simulation
+after each wave of calls, each for as long as it ran without waiting for a worker; plans and
+structures are barriers, because the beam is refilled before each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import re
+import time
+from collections import defaultdict
+from typing import Any
+
+from agentflow.agents.base import Desk
+from agentflow.env.pool import RolloutPool
+from agentflow.env.tasks.registry import get_task
+from agentflow.laboratory import PhysicsLaboratory
+from agentflow.llm.messages import Reply, Request
+from agentflow.llm.procedural import ProceduralClient
+from agentflow.prompts.render import PromptSet
+from agentflow.workflows.hierarchical import hierarchical
+from agentflow.workflows.settings import WorkflowSettings
+
+
+class Slow(ProceduralClient):
+    """The procedural model, asked from afar."""
+
+    def __init__(self, seed: int, latency: float) -> None:
+        super().__init__(seed)
+        self._latency = latency
+        self.spans: list[tuple[str, float, float]] = []
+
+    async def complete(self, request: Request) -> Reply:
+        """Wait, then answer."""
+        start = time.perf_counter()
+        await asyncio.sleep(self._latency)
+        reply = await super().complete(request)
+        self.spans.append((request.label, start, time.perf_counter()))
+        return reply
+
+
+class Timed(PhysicsLaboratory):
+    """A laboratory that remembers how long each simulation itself took."""
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """By machine digest."""
+        return {digest: rollout.wall_seconds for digest, rollout in self.rollouts.items()}
+
+
+class Notes:
+    """Keeps evaluations: which place tried which machine."""
+
+    def __init__(self) -> None:
+        self.tried: dict[str, str] = {}
+
+    def event(self, kind: str, label: str, **data: Any) -> None:
+        """Note one."""
+        if kind == "evaluation":
+            self.tried[label] = data["machine"]
+
+    def save_machine(self, digest: str, text: str) -> None:
+        """Not needed."""
+
+
+def critical_path(
+    spans: list[tuple[str, float, float]], tried: dict[str, str], seconds: dict[str, float]
+) -> float:
+    """Seconds of the longest chain."""
+    barriers: dict[str, float] = defaultdict(float)
+    waves: dict[str, dict[str, float]] = defaultdict(dict)
+    for label, start, end in spans:
+        place = re.search(r"traj-\d+", label)
+        wave = re.sub(r"try-\d+", "", label) + (f"{start:.1f}" if "try-" in label else "")
+        stage = re.match(r"meta_designer|designer/structure-\d+", label)
+        key = f"{stage[0]}/{place[0] if place else ''}" if stage else f"/{place and place[0]}"
+        waves[key][wave] = max(waves[key].get(wave, 0.0), end - start)
+    rounds: dict[tuple[str, str], float] = defaultdict(float)
+    for label, digest in tried.items():
+        place, around = re.search(r"traj-\d+", label), re.sub(r"/node-\d+", "", label)
+        if place:
+            best = max(rounds[place[0], around], seconds.get(digest, 0.0))
+            rounds[place[0], around] = best
+    for key, chain in waves.items():
+        stage, _, place_name = key.rpartition("/")
+        own = sum(value for (at, _), value in rounds.items() if at == place_name)
+        total = sum(chain.values()) + (0.0 if stage else own)
+        barriers[stage] = max(barriers[stage], total)
+    return sum(barriers.values())
+
+
+async def measure(options: argparse.Namespace) -> None:
+    """Run once and print both times."""
+    task, client, notes = get_task(options.task), Slow(options.seed, options.latency), Notes()
+    desk = Desk(client, PromptSet())
+    async with RolloutPool(options.workers) as pool:
+        laboratory = Timed(task, pool, options.seed)
+        start = time.perf_counter()
+        result = await hierarchical(
+            task.brief, lambda _: desk, laboratory, WorkflowSettings(), notes, options.seed
+        )
+        wall = time.perf_counter() - start
+    path = critical_path(client.spans, notes.tried, laboratory.seconds)
+    physics = sum(laboratory.seconds.values())
+    score = result.best.score if result.best else None
+    print(f"score {score}; {len(client.spans)} calls, {len(laboratory.rollouts)} rollouts")
+    print(f"physics alone {physics:.1f} s, over {options.workers} workers")
+    floor = max(path, physics / options.workers)
+    print(f"wall {wall:.1f} s, critical path {path:.1f} s, ratio {wall / path:.2f}")
+    print(f"floor (critical path, or all physics over the workers) {floor:.1f} s")
+    print(f"ratio to the floor {wall / floor:.2f}")
+
+
+def main() -> None:
+    """Read the options and measure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--task", default="throwing")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--latency", type=float, default=1.0)
+    parser.add_argument("--workers", type=int, default=2)
+    asyncio.run(measure(parser.parse_args()))
+
+
+if __name__ == "__main__":
+    main()
