@@ -128,7 +128,7 @@ WRONG = [
     (["design", "--set", "wall.hight=2"], 2, "unknown knob 'wall.hight' of throwing; known: "),
     (["design", "--set", "wall.height=99"], 2, "wall.height of throwing must be 0 to 10 m, not 99"),
     (["design", "--set", "search.rounds=-1"], 2, "settings.search.rounds: input should be gre"),
-    (["design", "--set", "prompts=nice"], 2, "unknown prompt set 'nice'; known: default"),
+    (["design", "--set", "prompts=nice"], 2, "unknown prompt set 'nice'; known: "),
     (["design", "--config", "none.yaml"], 2, "cannot read none.yaml: No such file or directory"),
     (["design", "--resume", "none"], 2, "none is no run: it has no readable run.yaml"),
     (["design", "--model", "m", "--base-url", "nowhere"], 2, "the base URL must look like "),
