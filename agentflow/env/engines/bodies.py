@@ -18,6 +18,9 @@ from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
 
 MOST_LINKS = 127
 """PyBullet truncates longer bodies without a word."""
+FASTEST = 1e6
+"""PyBullet cuts a body's speeds to this, m/s and rad/s, unless told to 100: so much that machines
+diverge instead of being held."""
 GROUND_FRICTION = 0.8
 GROUND_SIZE = 400.0
 GROUND_COLOR = (0.42, 0.5, 0.38, 1.0)
@@ -108,6 +111,7 @@ class Workshop:
             | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT,
             physicsClientId=self.client,
         )
+        pybullet.changeDynamics(uid, -1, maxJointVelocity=FASTEST, physicsClientId=self.client)
         built = Built(uid, body, {body.root: -1} | self._indices(uid, body))
         for part in order:
             self._dynamics(built, part, parts[part])

@@ -1,0 +1,87 @@
+"""Scores of the machines in tests/machines at several step rates (spec 2.1).
+
+    python benchmarks/convergence.py [--rates 60 120 240 480]
+
+The default rate is the cheapest whose scores are within 3 % of 480 Hz for machines that do not
+break. A score of 0 has no relative difference; the greatest reach of the boulder stands in for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+from agentflow.env.constants import constants
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Rollout
+from agentflow.machine.parse import read_machine
+from agentflow.machine.tree import Machine
+
+MACHINES = Path(__file__).parent.parent / "tests" / "machines"
+BOULDER = 36
+NEAR = 0.03
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--rates", type=float, nargs="+", default=[60, 120, 240, 480])
+    rates = parser.parse_args().rates
+    spent = dict.fromkeys(rates, 0.0)
+    off: dict[float, list[float]] = {rate: [] for rate in rates}
+    head = "".join(f"{f'{rate:g} Hz':>10s}" for rate in rates)
+    print(f"{'machine':24s} {'measure':>8s}{head}   breaks   differences from {rates[-1]:g} Hz")
+    for path in sorted(MACHINES.glob("*.json")):
+        machine = read_machine(path.read_text(encoding="utf-8")).machine
+        assert machine is not None
+        found = []
+        for rate in rates:
+            began = time.process_time()
+            found.append(simulate(machine, _task(machine), rate=rate))
+            spent[rate] += time.process_time() - began
+        measure = "score" if found[-1].score else "reach"
+        values = [_value(rollout, measure) for rollout in found]
+        differences = [abs(value / values[-1] - 1) if values[-1] else 0.0 for value in values]
+        breaks = [len(rollout.broken) for rollout in found]
+        if not any(breaks):
+            for rate, difference in zip(rates, differences, strict=True):
+                off[rate].append(difference)
+        print(
+            f"{path.stem:24s} {measure:>8s}"
+            + "".join(f"{value:10.3f}" for value in values)
+            + f"   {'/'.join(map(str, breaks)):8s}"
+            + " ".join(f"{100 * difference:6.2f} %" for difference in differences[:-1])
+        )
+    _summary(rates, off, spent)
+
+
+def _task(machine: Machine) -> Task:
+    thrower = any(step.type == BOULDER for step in machine)
+    return get_task("throwing" if thrower else "movement")
+
+
+def _value(rollout: Rollout, measure: str) -> float:
+    value = rollout.score if measure == "score" else rollout.terms.get("reach")
+    return float(value or 0.0)
+
+
+def _summary(rates: list[float], off: dict[float, list[float]], spent: dict[float, float]) -> None:
+    print(f"\n{len(off[rates[0]])} machines that break at no rate:")
+    for rate in rates:
+        worst = max(off[rate], default=0.0)
+        verdict = "within" if worst <= NEAR else "beyond"
+        print(
+            f"{rate:5g} Hz: greatest difference {100 * worst:5.2f} %, {verdict} "
+            f"{100 * NEAR:g} %; {spent[rate]:.1f} s of processor time in all"
+        )
+    print(f"default: {constants()['step_rate']:g} Hz; load average {os.getloadavg()[0]:.1f}")
+
+
+if __name__ == "__main__":
+    main()

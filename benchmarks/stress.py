@@ -1,0 +1,116 @@
+"""Runs random valid machines over all tasks and complains of every result that is not sound.
+
+    python benchmarks/stress.py [--machines 2000] [--workers 2] [--seed 0]
+
+Sound is a typed result all of whose numbers are finite (spec 2.5). Prints how results are spread,
+the slowest rollouts, the memory of the workers at the end, and every fault; exit status 1 if any.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+
+import numpy as np
+
+from agentflow.env.pool import RolloutPool
+from agentflow.env.rollout import rollout_json
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.env.trace import Rollout
+from agentflow.machine.random import random_machine
+from agentflow.machine.tree import Machine
+
+SCORED = {"ok", "invalid", "diverged"}
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--machines", type=int, default=2000)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    sys.exit(asyncio.run(_run(options.machines, options.workers, options.seed)))
+
+
+def cases(count: int, seed: int = 0) -> Iterator[tuple[str, Task, Machine]]:
+    """Name, task and machine of each case: the tasks in turn, each machine from its own seed."""
+    names = task_names()
+    for number in range(count):
+        task = get_task(names[number % len(names)])
+        machine = random_machine(Random(f"{seed}/{number}"), task.brief)
+        yield f"{number} {task.name}", task, machine
+
+
+def faults(rollout: Rollout) -> list[str]:
+    """What is wrong with a result; [] for a sound one."""
+    found = []
+    if (rollout.score is not None) != (rollout.status in SCORED):
+        found.append(f"score {rollout.score} with status {rollout.status}")
+    if rollout.status == "invalid":
+        found.append(f"a valid machine is refused: {rollout.feedback.text}")
+    try:
+        json.dumps(rollout_json(rollout), allow_nan=False)
+    except ValueError as error:
+        found.append(f"result: {error}")
+    if (rollout.trace is not None) != (rollout.status in ("ok", "diverged")):
+        found.append(f"trace {rollout.trace is not None} with status {rollout.status}")
+    for name, values in vars(rollout.trace).items() if rollout.trace else ():
+        numbers = isinstance(values, np.ndarray) and values.dtype.kind == "f"
+        if numbers and name != "utilisation" and not np.isfinite(values).all():
+            found.append(f"{name} is not finite")
+    return found
+
+
+async def _run(count: int, workers: int, seed: int) -> int:
+    began = time.perf_counter()
+    bad: list[str] = []
+    statuses: Counter[str] = Counter()
+    slowest: list[tuple[float, str]] = []
+    free = asyncio.Semaphore(2 * workers)
+
+    async def one(pool: RolloutPool, name: str, task: Task, machine: Machine) -> None:
+        try:
+            rollout = await pool.run(machine, task)
+        finally:
+            free.release()
+        statuses[f"{rollout.status}{', something broke' if rollout.broken else ''}"] += 1
+        bad.extend(f"{name}: {fault}" for fault in faults(rollout))
+        slowest.append((rollout.wall_seconds or 0.0, f"{name}, {len(machine)} blocks"))
+        slowest.sort(reverse=True)
+        del slowest[3:]
+
+    async with RolloutPool(workers) as pool:
+        running = []
+        for name, task, machine in cases(count, seed):
+            await free.acquire()
+            running.append(asyncio.create_task(one(pool, name, task, machine)))
+        await asyncio.gather(*running)
+        memory = [_memory(pid) for pid in pool.pids]
+    print(f"{count} machines over {len(task_names())} tasks in {time.perf_counter() - began:.0f} s")
+    for status, times in statuses.most_common():
+        print(f"  {status:24s} {times:6d}")
+    print("slowest: " + "; ".join(f"{seconds:.2f} s ({name})" for seconds, name in slowest))
+    print("memory of the workers: " + ", ".join(f"{size:.1f} MB" for size in memory))
+    print(f"{len(bad)} faults", *bad, sep="\n  ")
+    return int(bool(bad))
+
+
+def _memory(pid: int) -> float:
+    """MB, resident."""
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return next(float(line.split()[1]) for line in lines if line.startswith("VmRSS:")) / 1024
+
+
+if __name__ == "__main__":
+    main()

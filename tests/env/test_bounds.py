@@ -1,0 +1,118 @@
+"""Whatever a machine does, its rollout ends with a typed, finite result, and the next is sound."""
+
+from __future__ import annotations
+
+import asyncio
+from math import inf, nan
+
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.engines.bullet import pybullet
+from agentflow.env.engines.pybullet import PyBulletEngine
+from agentflow.env.pool import RolloutPool
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine.tree import Machine
+from benchmarks.stress import cases, faults
+from tests.env.machines import BALLASTED, CAR, machine
+from tests.env.test_pool import alive
+
+SHORT = get_task("movement", {"window": 1})
+
+
+def heap(count: int) -> Machine:
+    """Rows of wooden cubes on both sides of the root and of each other, 145 blocks at most."""
+    rows: list[tuple[int, ...]] = [(0, -1, -1)]
+    for side in (2, 3):
+        rows.append((15, 0, side))
+        rows += [(15, len(rows) - 1 + i, 0) for i in range(7)]
+    for beam in range(1, len(rows)):
+        for face in (3, 4):
+            rows.append((15, beam, face))
+            rows += [(15, len(rows) - 1 + i, 0) for i in range(3)]
+    return machine(*rows[:count])
+
+
+class Struck(PyBulletEngine):
+    """Gives the first body a velocity in the 100th step."""
+
+    velocity = 0.0
+    steps = 0
+
+    def step(self) -> None:
+        self.steps += 1
+        if self.steps == 100:
+            uid = self._built[0].uid
+            pybullet.resetBaseVelocity(uid, [0.0, self.velocity, 0.0], physicsClientId=self.client)
+        super().step()
+
+
+@pytest.mark.parametrize("velocity", [nan, inf, 1e4, 1e200])
+def test_a_body_that_leaves_the_finite_world_ends_its_rollout_only(velocity: float) -> None:
+    engine = Struck()
+    engine.velocity = velocity
+    rollout = simulate(CAR, SHORT, engine=engine)
+    assert (rollout.status, rollout.score) == ("diverged", 0.0)
+    assert faults(rollout) == []
+    again = simulate(CAR, SHORT, engine=engine)
+    assert again.digest == simulate(CAR, SHORT).digest
+    engine.close()
+
+
+def test_a_machine_of_120_blocks_is_simulated() -> None:
+    rollout = simulate(heap(120), SHORT)
+    assert rollout.status == "ok"
+    assert faults(rollout) == []
+
+
+def test_a_piece_may_have_127_links_and_not_one_more() -> None:
+    assert simulate(heap(128), SHORT).status == "ok"
+    rollout = simulate(heap(129), SHORT)
+    assert [problem["message"] for problem in rollout.problems] == [
+        "the machine has 129 parts in one piece; the engine holds at most 128"
+    ]
+
+
+@pytest.mark.slow
+def test_a_machine_that_falls_into_a_heap_of_blocks_ends() -> None:
+    """Every connection breaks under its own weight: 60 loose blocks in one place."""
+    brittle = constants().changed({"strength_force": 1.0, "strength_torque": 1.0})
+    engine = PyBulletEngine(brittle)
+    rollout = simulate(heap(60), SHORT, engine=engine, physics=brittle)
+    assert rollout.status == "ok"
+    assert len(rollout.broken) == 59
+    assert faults(rollout) == []
+    cut = simulate(heap(60), SHORT, engine=engine, physics=brittle, wall_limit=0.2)
+    assert (cut.status, cut.score, cut.trace) == ("timeout", None, None)
+    assert simulate(BALLASTED, SHORT, engine=engine).status == "invalid"
+    assert simulate(CAR, SHORT, engine=engine).digest == simulate(CAR, SHORT).digest
+    engine.close()
+
+
+async def test_a_rollout_over_its_wall_time_limit_leaves_the_others_alone() -> None:
+    async with RolloutPool(2) as pool:
+        pids = pool.pids
+        await pool.run(CAR, SHORT)
+        cut, *others = await asyncio.gather(
+            pool.run(CAR, get_task("movement", {"window": 60}), wall_limit=0.05),
+            *(pool.run(CAR, SHORT) for _ in range(3)),
+        )
+        assert (cut.status, cut.score) == ("timeout", None)
+        assert cut.feedback.text == "The simulation was cut off after 0.05 s of computing time."
+        assert {rollout.digest for rollout in others} == {simulate(CAR, SHORT).digest}
+        assert pool.pids == pids
+    assert alive(pids) == []
+
+
+@pytest.mark.slow
+async def test_random_machines_give_sound_results_at_every_task() -> None:
+    async with RolloutPool(2) as pool:
+
+        async def found(case: tuple[str, Task, Machine]) -> list[str]:
+            name, task, tree = case
+            return [f"{name}: {fault}" for fault in faults(await pool.run(tree, task))]
+
+        results = await asyncio.gather(*map(found, cases(150, seed=1)))
+    assert [fault for result in results for fault in result] == []
