@@ -24,6 +24,7 @@ PROCEDURAL = "procedural"
 
 
 KEY_VARIABLE = "OPENAI_API_KEY"
+_VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
 
 
 class RoleModel(BaseModel):
@@ -34,7 +35,9 @@ class RoleModel(BaseModel):
     name: str = Field(min_length=1, description="model name at the endpoint")
     base_url: str | None = Field(None, description="None is the run's endpoint, with its key")
     key_variable: str | None = Field(
-        None, description="environment variable of the key; None with a base_url sends no key"
+        None,
+        pattern=_VARIABLE,
+        description="environment variable of the key; None with a base_url sends no key",
     )
     sampling: Sampling | None = Field(None, description="None is the run's")
 
@@ -46,7 +49,9 @@ class ModelConfig(BaseModel):
 
     name: str = Field(PROCEDURAL, min_length=1, description="model name at the endpoint")
     base_url: str | None = Field(None, description="what precedes /chat/completions")
-    key_variable: str = Field(KEY_VARIABLE, description="environment variable of the key")
+    key_variable: str = Field(
+        KEY_VARIABLE, pattern=_VARIABLE, description="environment variable of the key"
+    )
     roles: dict[str, RoleModel] = Field({}, description="roles that another model answers for")
     prices: dict[str, Price] = Field(
         {}, description="model name: input, output and cached, per million tokens"
@@ -163,6 +168,8 @@ def _explain(error: ValidationError) -> str:
     name = ".".join(place)
     if first["type"] == "extra_forbidden":
         return str(UnknownNameError("configuration key", name, _names_beside(place)))
+    if place[-1] == "key_variable":  # whoever wrote the key itself there finds it nowhere again
+        return f"{name} takes the name of an environment variable, never a key"
     message = first["msg"].removeprefix("Value error, ")
     return f"{name}: {message[0].lower()}{message[1:]}, not {first['input']!r}"
 

@@ -52,6 +52,10 @@ def small(model: dict[str, object]) -> DesignConfig:
             "model.roles.refiner.name: field required",
         ),
         (
+            "model.key_variable=sk-models-4f1c77d09a",
+            "model.key_variable takes the name of an environment variable, never a key\n",
+        ),
+        (
             "model.prices={m: {input: 1}}",
             "model.prices.m.output: field required",
         ),
@@ -151,4 +155,5 @@ def test_a_run_that_loses_its_endpoint_says_so_and_goes_on_numbering(
     assert first[0].startswith(f"no answer from {server.base_url} (")
     remarks = [(e.label, e.data["text"]) for e in read_events(run) if e.kind == "remark"]
     assert remarks == [("1", first[0]), ("2", first[0])]
-    assert capsys.readouterr().err == f"agentflow: {first[0]}\n" * 2
+    hint = f"continue with: agentflow design --resume {run}"
+    assert capsys.readouterr().err == f"agentflow: {first[0]}; {hint}\n" * 2
