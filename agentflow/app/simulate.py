@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterable, Iterator, Sequence
+import threading
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,25 +47,60 @@ def simulate_text(
     return result
 
 
-def simulate_lines(
-    lines: Iterable[str], task: Task, *, seed: int, power: bool, workers: int
-) -> Iterator[dict[str, Any]]:
-    """Simulate one machine per line; one result per line, in order."""
-    sources = [line_value(line) for line in lines]
-    yield from asyncio.run(_simulate_all(sources, task, seed, power, workers))
+async def simulate_lines(
+    lines: Iterable[str],
+    task: Task,
+    *,
+    seed: int,
+    rate: float | None,
+    power: bool,
+    workers: int,
+) -> AsyncIterator[dict[str, Any]]:
+    """Simulate one machine per line, as lines come; one result per line, in order.
 
+    Holds a few rollouts per worker at a time, however many lines there are.
+    """
 
-async def _simulate_all(
-    sources: Sequence[object], task: Task, seed: int, power: bool, workers: int
-) -> list[dict[str, Any]]:
-    async def one(pool: RolloutPool, source: object) -> dict[str, Any]:
-        report = check(source, task.brief)  # type: ignore[arg-type]
+    async def result(line: str) -> dict[str, Any]:
+        report = check(line_value(line), task.brief)  # type: ignore[arg-type]
         if report.machine is None:
             return rollout_json(invalid(report.problems))
-        return rollout_json(await pool.run(report.machine, task, seed=seed, power=power))
+        rollout = await pool.run(report.machine, task, seed=seed, power=power, **_rate(rate))
+        return rollout_json(rollout)
+
+    ahead: asyncio.Queue[asyncio.Task[dict[str, Any]] | UsageError | None] = asyncio.Queue(
+        2 * workers
+    )
+
+    async def begin(line: str | UsageError | None) -> None:
+        await ahead.put(asyncio.create_task(result(line)) if isinstance(line, str) else line)
 
     async with RolloutPool(workers) as pool:
-        return list(await asyncio.gather(*(one(pool, source) for source in sources)))
+        loop = asyncio.get_running_loop()
+        threading.Thread(target=_feed, args=(lines, begin, loop), daemon=True).start()
+        while (begun := await ahead.get()) is not None:
+            if isinstance(begun, UsageError):
+                raise begun
+            yield await begun
+
+
+def _feed(
+    lines: Iterable[str],
+    begin: Callable[[str | UsageError | None], Coroutine[Any, Any, None]],
+    loop: asyncio.AbstractEventLoop,
+) -> None:
+    """Read lines, which may block for long, in a thread that nobody has to wait for."""
+
+    def hand_over(item: str | UsageError | None) -> None:
+        asyncio.run_coroutine_threadsafe(begin(item), loop).result()
+
+    try:
+        for line in lines:
+            hand_over(line)
+    except UsageError as problem:
+        hand_over(problem)
+    else:
+        hand_over(None)
 
 
 def _rate(rate: float | None) -> dict[str, Any]:

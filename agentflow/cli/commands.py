@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import sys
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
 from agentflow import __version__
+from agentflow.errors import UsageError
 
 commands = typer.Typer(
     name="agentflow",
@@ -238,9 +241,13 @@ def simulate(
 
     level, on = find_task(task, knobs or ()), power == "on"
     if lines:
+        if query or save:
+            raise UsageError("--query and --save take one machine; leave out --jsonl")
         source = machines.read_lines(machine)
-        for result in rollouts.simulate_lines(source, level, seed=seed, power=on, workers=workers):
-            _print_json(result)
+        results = rollouts.simulate_lines(
+            source, level, seed=seed, rate=rate, power=on, workers=workers
+        )
+        asyncio.run(_print_all(results))
         return
     result = rollouts.simulate_text(
         machines.machine_text(machine),
@@ -255,6 +262,11 @@ def simulate(
         _print_json(result)
     else:
         show_rollout(result)
+
+
+async def _print_all(results: AsyncIterator[Any]) -> None:
+    async for result in results:
+        _print_json(result)
 
 
 @commands.command(epilog="Example: agentflow render car.json --task movement --out car.mp4")

@@ -102,6 +102,20 @@ def test_an_invalid_machine_is_a_result(tmp_path: Path, capsys: pytest.CaptureFi
     assert {problem["code"] for problem in result["problems"]} == {"face_occupied", "overlap"}
 
 
+def test_simulate_lines_gives_one_result_per_line_in_order(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    short = [*CAR[:1], {"type": 63, "id": 1, "parent": 0, "face_id": 0}]
+    lines = [json.dumps(machine) for machine in (CAR, short, CAR)]
+    (tmp_path / "many.jsonl").write_text("\n".join([*lines, "nonsense"]) + "\n")
+    source = str(tmp_path / "many.jsonl")
+    assert main(["simulate", source, "--jsonl", "--task", "movement", "--workers", "2"]) == 0
+    first, second, third, last = map(json.loads, capsys.readouterr().out.splitlines())
+    assert first["digest"] == third["digest"]
+    assert (first["status"], second["status"], last["status"]) == ("ok", "ok", "invalid")
+    assert second["score"] < 0.01 < 40 < first["score"]
+
+
 def test_simulate_answers_queries(car: str, capsys: pytest.CaptureFixture[str]) -> None:
     query = json.dumps({"id": 0, "duration": [0, 0.4], "properties": ["position"]})
     arguments = ["simulate", car, "--task", "movement", "--query", query, "--json"]
@@ -137,6 +151,12 @@ WRONG = [
     (["simulate", "none.json", "--task", "x"], 2, "unknown task 'x'; known: "),
     (["simulate", "words", "--task", "movement"], 2, "words holds no machine: no JSON list found"),
     (["check", "words"], 2, "words holds no machine: no JSON list found"),
+    (["simulate", "none", "--jsonl", "--task", "movement"], 2, "cannot read none: No such file"),
+    (
+        ["simulate", "words", "--jsonl", "--task", "movement", "--save", "x.npz"],
+        2,
+        "--query and --save take one machine; leave out --jsonl",
+    ),
     (["blocks", "99"], 2, "unknown block type '99'; known: "),
     (["simulate"], 2, "Missing argument"),
     (["desing"], 2, "No such command 'desing'"),
