@@ -206,15 +206,13 @@ def _carry_out(
                 models = open_models(plan.config, tape, budget, remarks.tell)
                 conducted = asyncio.run(_conduct(plan, models, run))
             except EndpointError as error:
-                if len(tape):
-                    remarks.keep(str(error))
-                else:
+                if not len(tape):
                     run.discard()
-                raise
+                    raise
+                remarks.keep(str(error))
+                raise type(error)(f"{error}; {_go_on(run)}") from error
             except KeyboardInterrupt:
-                raise InterruptedRunError(
-                    f"interrupted; continue with: agentflow design --resume {run.path}"
-                ) from None
+                raise InterruptedRunError(f"interrupted; {_go_on(run)}") from None
         result = {
             **_answer(plan, conducted),
             "model": _asked(plan.config, models),
@@ -229,6 +227,10 @@ def _carry_out(
     finally:
         run.close()
     return result
+
+
+def _go_on(run: RunDirectory) -> str:
+    return f"continue with: agentflow design --resume {run.path}"
 
 
 def _answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:

@@ -34,10 +34,6 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
             f"best score {number(result['score'])} ({result['task']}), "
             f"{len(result['machine'])} blocks, found in stage {result['best_stage']}"
         )
-    else:
-        console.print(result["reason"])
-    if result["stopped"]:
-        console.print(f"stopped early: {result['stopped']}")
     table = _table("stage", "valid at first", "valid", "mean", "best")
     for row in result["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
@@ -52,6 +48,21 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     console.print(f"run: {result['run']}")
     for name, path in pictures.items():
         console.print(f"{name}: {path}")
+    if ending := ending_of(result):
+        console.print(ending)
+
+
+def ending_of(result: Data) -> str:
+    """Why a run ended before its time, in one line; "" when it went all the way."""
+    if result["stopped"] == "budget":
+        after = "the result is the best so far" if result["valid"] else "no machine was found"
+        return f"stopped early: the budget is spent; {after}"
+    if not result["valid"]:
+        return " ".join(result["reason"].split())
+    last = result["stages"][-1]
+    if last["valid"] == 0:
+        return f"ended early: no machine of stage {last['name']} was valid"
+    return ""
 
 
 def show_report(report: Data) -> None:

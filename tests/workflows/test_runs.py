@@ -140,3 +140,50 @@ async def test_a_node_fallen_back_to_knows_what_was_refused() -> None:
     assert "1. Success, score 2.00 -> 3.00" in history
     assert "2. Error, score 3.00 -> none" in history
     assert "Remove 9: Error (block_not_found" in history
+
+
+async def test_no_valid_initial_machine_is_a_result() -> None:
+    for name in ("iterative", "single"):
+        run = Run(Author(refused=1.0), {"trajectories": 2})
+        result = await run(name)
+        assert (result.best, result.stopped, len(result.stages)) == (None, None, 1)
+        assert result.reason.startswith("no valid machine: The reply holds no valid machine:")
+
+
+async def test_refinements_that_are_all_refused_leave_the_first_machines() -> None:
+    """Blind refinements refused: the run ends there. In the loop: every tree is its root."""
+
+    def replies(request):  # type: ignore[no-untyped-def]
+        return Author(refused=float(request.role == "refiner"))(request)
+
+    run = Run(replies, {"trajectories": 2, "search": {"rounds": 2, "width": 2, "waves": 2}})
+    result = await run("iterative")
+    assert [len(stage.survivors) for stage in result.stages] == [2, 0]
+    assert result.best_stage == "initial"
+    run = Run(replies, {"trajectories": 2, "search": {"rounds": 2, "width": 2, "waves": 2}})
+    result = await run("single")
+    assert result.best_stage == "initial"
+    assert [event["fallback"] for event in run.notes.of("expand").values()] == [True] * 4
+    assert [event["valid"] for event in run.notes.of("search").values()] == [0, 0]
+
+
+async def test_a_refusal_loop_is_visible_and_ends() -> None:
+    """The same invalid edit again and again: every attempt recorded with its code, then an end."""
+
+    def replies(request):  # type: ignore[no-untyped-def]
+        if request.role == "refiner":
+            return edit("Remove 99")
+        return Author(refused=0.0)(request)
+
+    run = Run(replies, {"trajectories": 1, "search": {"rounds": 2, "width": 2, "waves": 3}})
+    await run("iterative")
+    blind = [label for label in run.labels if "refiner/blind" in label]
+    assert len(blind) == run.max_retry
+    run = Run(replies, {"trajectories": 1, "search": {"rounds": 2, "width": 2, "waves": 3}})
+    await run("single")
+    codes = [
+        event["code"] for event in run.notes.of("attempt").values() if event["role"] == "refiner"
+    ]
+    assert codes == ["block_not_found"] * 6
+    told = run.prompt("refiner/feedback/traj-1/round-1/node-0/try-3/attempt-1")
+    assert told.count("Remove 99: Error (block_not_found") == 2

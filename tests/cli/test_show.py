@@ -1,0 +1,40 @@
+"""The last line of a run that did not go all the way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from agentflow.cli.show import ending_of
+
+
+def _result(**changes: Any) -> dict[str, Any]:
+    stages = [{"name": "initial", "valid": 2}, {"name": "blind_refinement", "valid": 1}]
+    return {"valid": True, "stopped": None, "reason": "", "stages": stages, **changes}
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, ""),
+        (
+            {"stopped": "budget"},
+            "stopped early: the budget is spent; the result is the best so far",
+        ),
+        (
+            {"stopped": "budget", "valid": False, "reason": "no valid machine: ..."},
+            "stopped early: the budget is spent; no machine was found",
+        ),
+        (
+            {"valid": False, "reason": "no valid machine: no valid blueprint:\n- it lacks a key"},
+            "no valid machine: no valid blueprint: - it lacks a key",
+        ),
+        (
+            {"stages": [{"name": "initial", "valid": 2}, {"name": "blind_refinement", "valid": 0}]},
+            "ended early: no machine of stage blind_refinement was valid",
+        ),
+    ],
+)
+def test_ending(changes: dict[str, Any], expected: str) -> None:
+    assert ending_of(_result(**changes)) == expected
