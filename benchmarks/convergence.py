@@ -49,7 +49,7 @@ def main() -> None:
         values = [_value(rollout, measure) for rollout in found]
         differences = [abs(value / values[-1] - 1) if values[-1] else 0.0 for value in values]
         breaks = [len(rollout.broken) for rollout in found]
-        if not any(breaks):
+        if not breaks[-1]:
             for rate, difference in zip(rates, differences, strict=True):
                 off[rate].append(difference)
         print(
@@ -72,13 +72,12 @@ def _value(rollout: Rollout, measure: str) -> float:
 
 
 def _summary(rates: list[float], off: dict[float, list[float]], spent: dict[float, float]) -> None:
-    print(f"\n{len(off[rates[0]])} machines that break at no rate:")
+    print(f"\n{len(off[rates[0]])} machines that do not break at {rates[-1]:g} Hz:")
     for rate in rates:
-        worst = max(off[rate], default=0.0)
-        verdict = "within" if worst <= NEAR else "beyond"
+        near = sum(difference <= NEAR for difference in off[rate])
         print(
-            f"{rate:5g} Hz: greatest difference {100 * worst:5.2f} %, {verdict} "
-            f"{100 * NEAR:g} %; {spent[rate]:.1f} s of processor time in all"
+            f"{rate:5g} Hz: {near} of them within {100 * NEAR:g} %, the worst "
+            f"{100 * max(off[rate], default=0.0):.2f} %; {spent[rate]:.1f} s of processor time in all"
         )
     print(f"default: {constants()['step_rate']:g} Hz; load average {os.getloadavg()[0]:.1f}")
 

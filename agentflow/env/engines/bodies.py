@@ -19,8 +19,8 @@ from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
 MOST_LINKS = 127
 """PyBullet truncates longer bodies without a word."""
 FASTEST = 1e6
-"""PyBullet cuts a body's speeds to this, m/s and rad/s, unless told to 100: so much that machines
-diverge instead of being held."""
+"""Where PyBullet cuts a body's speeds, m/s and rad/s. Its own 100 would hold machines that explode;
+they are to diverge. Told to a link instead of the base, the same setting changes contacts."""
 GROUND_FRICTION = 0.8
 GROUND_SIZE = 400.0
 GROUND_COLOR = (0.42, 0.5, 0.38, 1.0)
