@@ -77,7 +77,7 @@ def _summary(rates: list[float], off: dict[float, list[float]], spent: dict[floa
         near = sum(difference <= NEAR for difference in off[rate])
         print(
             f"{rate:5g} Hz: {near} of them within {100 * NEAR:g} %, the worst "
-            f"{100 * max(off[rate], default=0.0):.2f} %; {spent[rate]:.1f} s of processor time in all"
+            f"{100 * max(off[rate], default=0.0):.2f} %; {spent[rate]:.1f} s of processor time"
         )
     print(f"default: {constants()['step_rate']:g} Hz; load average {os.getloadavg()[0]:.1f}")
 
