@@ -7,7 +7,7 @@ import json
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, AnyStr, TextIO
 
 from agentflow.errors import UsageError
 from agentflow.machine import BlockType, Brief, library, place
@@ -15,6 +15,8 @@ from agentflow.machine import check as judge
 from agentflow.machine.formats import Form, read_any
 
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+LARGEST = 64 * 2**20
+"""Bytes (characters of standard input) of one text; an endless file is refused, not read."""
 NO_MACHINE = ("not_json", "not_xml", "not_a_machine")
 """Codes of problems that say that a text is something else."""
 
@@ -23,17 +25,24 @@ def read_text(source: str) -> str:
     """The text of a file, or of standard input for `-`; UTF-8, or UTF-16 with its mark.
 
     Raises:
-        UsageError: There is no such file, or it is no text.
+        UsageError: There is no such file, it is no text, or it is far too large.
     """
     if source == "-":
-        return _standard_input().read()
+        return _bounded(_standard_input().read(LARGEST + 1), "standard input")
     try:
-        data = Path(source).read_bytes()
+        with Path(source).open("rb") as file:
+            data = _bounded(file.read(LARGEST + 1), source)
         return data.decode("utf-16" if data.startswith(UTF_16_MARKS) else "utf-8-sig")
     except OSError as error:
         raise UsageError(f"cannot read {source}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise UsageError(f"{source} is not a text file") from None
+
+
+def _bounded(data: AnyStr, source: str) -> AnyStr:
+    if len(data) > LARGEST:
+        raise UsageError(f"{source} is larger than {LARGEST // 2**20} MB; no machine is")
+    return data
 
 
 def read_lines(source: str) -> Iterator[str]:

@@ -157,6 +157,7 @@ WRONG = [
         2,
         "--query and --save take one machine; leave out --jsonl",
     ),
+    (["check", "/dev/zero"], 2, "/dev/zero is larger than 64 MB; no machine is"),
     (["blocks", "99"], 2, "unknown block type '99'; known: "),
     (["simulate"], 2, "Missing argument"),
     (["desing"], 2, "No such command 'desing'"),
