@@ -61,6 +61,11 @@ def test_a_body_that_leaves_the_finite_world_ends_its_rollout_only(velocity: flo
     engine.close()
 
 
+def test_light_blocks_on_suspensions_do_not_explode() -> None:
+    tree = machine((0, -1, -1), (16, 0, 1), (41, 1, 4), (2, 1, 1), (35, 2, 0))
+    assert simulate(tree, get_task("movement/2")).status == "ok"
+
+
 def test_a_machine_of_120_blocks_is_simulated() -> None:
     rollout = simulate(heap(120), SHORT)
     assert rollout.status == "ok"

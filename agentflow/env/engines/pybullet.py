@@ -330,11 +330,23 @@ class PyBulletEngine:
                 pybullet.applyExternalForce(uid, index, force, at, pybullet.WORLD_FRAME, client)
 
     def _cushion(self, uid: int, index: int, drive: Drive) -> None:
-        """Apply one suspension."""
-        position, velocity = pybullet.getJointState(uid, index, self.client)[:2]
-        force = -drive.stiffness * position - drive.damping * velocity
+        """Apply one suspension; its damper is a brake, which light blocks cannot set swinging."""
+        client = self.client
+        position, velocity = pybullet.getJointState(uid, index, client)[:2]
         pybullet.setJointMotorControl2(
-            uid, index, pybullet.TORQUE_CONTROL, force=force, physicsClientId=self.client
+            uid,
+            index,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocity=0.0,
+            force=drive.damping * abs(velocity),
+            physicsClientId=client,
+        )
+        pybullet.setJointMotorControl2(
+            uid,
+            index,
+            pybullet.TORQUE_CONTROL,
+            force=-drive.stiffness * position,
+            physicsClientId=client,
         )
 
     # --- reading ----------------------------------------------------------------------------
