@@ -55,10 +55,10 @@ class PhysicsLaboratory:
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Draw a machine as built, once; beside the event loop, which goes on meanwhile."""
-        drawn = self._pictures.setdefault(
-            machine.digest, asyncio.ensure_future(asyncio.to_thread(picture_url, machine))
-        )
-        return (await asyncio.shield(drawn),)
+        if machine.digest not in self._pictures:
+            drawing = asyncio.to_thread(picture_url, machine)
+            self._pictures[machine.digest] = asyncio.ensure_future(drawing)
+        return (await asyncio.shield(self._pictures[machine.digest]),)
 
 
 def picture_url(machine: Machine) -> str:

@@ -5,6 +5,7 @@ What the lines mean belongs to those who write them; starting and replaying runs
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
@@ -43,11 +44,11 @@ class RunDirectory:
     loses at most the line in flight.
     """
 
-    def __init__(self, path: Path, held: IO[str], known: Iterable[tuple[str, str]]) -> None:
+    def __init__(self, path: Path, held: IO[str], known: Iterable[Event]) -> None:
         self.path = path
         self._made_parent = False
         self._held = held
-        self._known = set(known)
+        self._known = {(event.kind, event.label): event.data for event in known}
         self._started = time.monotonic()
         self._events = (path / "events.jsonl").open("a", encoding="utf-8")
         self.listeners: list[Listener] = []
@@ -86,7 +87,7 @@ class RunDirectory:
         read_document(path)
         held = _hold(path)
         _drop_half_line(path / "events.jsonl")
-        return cls(path, held, [(event.kind, event.label) for event in read_events(path)])
+        return cls(path, held, read_events(path))
 
     @property
     def tape(self) -> Path:
@@ -94,9 +95,13 @@ class RunDirectory:
         return self.path / "calls.jsonl"
 
     def event(self, kind: str, label: str, **data: Any) -> None:
-        """Append one event and tell the listeners; an event that is already recorded is skipped."""
+        """Append one event and tell the listeners.
+
+        A resumed run does not write again what is recorded. What comes out otherwise this time (a
+        rollout that had timed out) is appended: of events with one label the last holds.
+        """
         event = Event(kind, label, data)
-        if (kind, label) not in self._known:
+        if self._known.get((kind, label)) != json.loads(json.dumps(data)):
             at = round(time.monotonic() - self._started, 3)
             line = {"kind": kind, "label": label, "at": at, "data": data}
             self._events.write(json.dumps(line, ensure_ascii=False) + "\n")
@@ -124,7 +129,8 @@ class RunDirectory:
         self.close()
         shutil.rmtree(self.path)
         if self._made_parent:
-            self.path.parent.rmdir()
+            with contextlib.suppress(OSError):  # another run has come to lie there meanwhile
+                self.path.parent.rmdir()
 
 
 def read_document(path: Path) -> dict[str, Any]:
@@ -152,15 +158,21 @@ def read_document(path: Path) -> dict[str, Any]:
 def read_events(path: Path) -> Iterator[Event]:
     """The recorded events in the order in which they happened, without a half-written last line.
 
+    A label that a resumed run had to write again comes once, where it was written last.
+
     Raises:
         RunError: A line before the last is damaged.
     """
+    last: dict[tuple[str, str], Event] = {}
     for number, line in enumerate(_whole_lines(path / "events.jsonl"), start=1):
         try:
             item = json.loads(line)
-            yield Event(item["kind"], item["label"], item["data"])
+            event = Event(item["kind"], item["label"], item["data"])
+            last.pop((event.kind, event.label), None)
+            last[event.kind, event.label] = event
         except (ValueError, KeyError, TypeError):
             raise RunError(f"{path / 'events.jsonl'} is damaged in line {number}") from None
+    yield from last.values()
 
 
 def read_result(path: Path) -> dict[str, Any]:

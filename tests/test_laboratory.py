@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import io
 
@@ -18,8 +19,12 @@ async def test_views_are_pictures_and_the_same_whenever_asked() -> None:
     async with RolloutPool(1) as pool:
         laboratory = PhysicsLaboratory(task, pool, seed=0)
         machine = Machine((ROOT, Step(1, 63, 0, 4)))
+        before = len(asyncio.all_tasks())
         (url,) = await laboratory.views(machine)
-        assert await laboratory.views(machine) == (url,)
+        again = asyncio.ensure_future(laboratory.views(machine))
+        await asyncio.sleep(0)
+        assert len(asyncio.all_tasks()) <= before + 1, "it is drawn again"
+        assert await again == (url,)
         fresh = PhysicsLaboratory(task, pool, seed=1)
         assert await fresh.views(machine) == (url,)
     data = base64.b64decode(url.removeprefix("data:image/png;base64,"))

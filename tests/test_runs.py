@@ -97,3 +97,27 @@ def test_a_discarded_run_leaves_the_folder_as_it_was(tmp_path: Path) -> None:
     (tmp_path / "runs").mkdir()
     RunDirectory.create(tmp_path / "runs", "demo", {}).discard()
     assert os.listdir(tmp_path) == ["runs"]
+
+
+def test_what_comes_out_otherwise_on_resume_is_the_last_word(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    run.event("evaluation", "a", status="timeout", score=None)
+    run.event("evaluation", "b", status="ok", score=1.0)
+    run.close()
+    again = RunDirectory.resume(run.path)
+    again.event("evaluation", "a", status="ok", score=12.0)
+    again.event("evaluation", "b", status="ok", score=1.0)
+    again.close()
+    assert list(read_events(run.path)) == [
+        Event("evaluation", "b", {"status": "ok", "score": 1.0}),
+        Event("evaluation", "a", {"status": "ok", "score": 12.0}),
+    ]
+    assert len((run.path / "events.jsonl").read_text().splitlines()) == 3
+
+
+def test_discarding_spares_what_others_put_beside_it(tmp_path: Path) -> None:
+    first = RunDirectory.create(tmp_path / "runs", "demo", {})
+    second = RunDirectory.create(tmp_path / "runs", "demo", {})
+    first.discard()
+    assert os.listdir(tmp_path / "runs") == ["demo-2"]
+    second.close()

@@ -24,7 +24,7 @@ from agentflow.env.pool import RolloutPool
 from agentflow.env.rollout import save_npz
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import EndpointError, InterruptedRunError
+from agentflow.errors import EndpointError, InterruptedRunError, RunError
 from agentflow.laboratory import PhysicsLaboratory
 from agentflow.llm.budget import Budget
 from agentflow.llm.tape import Tape
@@ -86,11 +86,18 @@ def resume(path: Path, say: Say, listener: Listener | None = None) -> dict[str, 
     """Continue a run; recorded calls are not asked again. A finished run gives its result.
 
     Raises:
-        RunError: The run is damaged or in use.
+        RunError: The run is damaged or in use, or prompts or physics have changed since.
     """
     if (path / "result.json").exists():
         return read_result(path)
-    plan = Plan.of(build(read_document(path)["config"]))
+    document = read_document(path)
+    plan = Plan.of(build(document["config"]))
+    changed = _changed(plan, document)
+    if changed:
+        raise RunError(
+            f"{path} was begun with other {changed}: its record and a continuation would not "
+            "belong together; continue it with the version that began it"
+        )
     return _carry_out(plan, RunDirectory.resume(path), say, listener)
 
 
@@ -105,7 +112,11 @@ def replay(path: Path, say: Say) -> str | None:
         ReplayMissError: A request was not recorded.
     """
     recorded = read_result(path)
-    plan = Plan.of(build(read_document(path)["config"]))
+    document = read_document(path)
+    plan = Plan.of(build(document["config"]))
+    changed = _changed(plan, document)
+    if changed:
+        say(f"{path} was made with other {changed}, so differences are to be expected")
     memory = Memory()
     with Tape(path / "calls.jsonl", say, writable=False) as tape:
         cut = recorded["stopped"] == "budget"
@@ -202,6 +213,9 @@ def _carry_out(
     budget = Budget(plan.config.model.budget)
     try:
         with Tape(run.tape, remarks.tell) as tape:
+            for entry in tape.entries():
+                price = plan.config.model.prices.get(entry.model)
+                budget.count(entry.request, entry.reply, price)
             try:
                 models = open_models(plan.config, tape, budget, remarks.tell)
                 conducted = asyncio.run(_conduct(plan, models, run))
@@ -268,6 +282,12 @@ def _keep_rollouts(path: Path, conducted: Conducted) -> None:
         assert best.machine is not None
         digest = best.machine.digest
         save_npz(conducted.laboratory.rollouts[digest], path / "rollouts" / f"{digest}.npz")
+
+
+def _changed(plan: Plan, document: Mapping[str, Any]) -> str:
+    """What decides results and is no longer as when the run began, in words; "" if nothing."""
+    now = {"prompts": plan.prompts.digest, "constants": constants().digest}
+    return " and ".join(name for name, digest in now.items() if document.get(name) != digest)
 
 
 def _document(plan: Plan) -> dict[str, Any]:

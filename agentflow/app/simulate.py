@@ -14,7 +14,6 @@ from agentflow.env.pool import RolloutPool
 from agentflow.env.query import answer
 from agentflow.env.rollout import invalid, rollout_json, save_npz, simulate
 from agentflow.env.tasks.base import Task
-from agentflow.env.trace import Rollout
 from agentflow.errors import UsageError
 from agentflow.machine import check
 
@@ -32,7 +31,8 @@ def simulate_text(
     """Simulate one machine given as text or data; the result object of spec 2.6.
 
     Raises:
-        UsageError: A query is no JSON, or the states cannot be saved.
+        UsageError: A query is no JSON, or the states cannot be saved. (A machine that was not
+            simulated has no states; its result says so.)
     """
     asked = [_query(item) for item in queries]
     report = check(text, task.brief)  # type: ignore[arg-type]
@@ -42,8 +42,8 @@ def simulate_text(
     result = rollout_json(rollout)
     if asked:
         result["answers"] = answer(report.machine, rollout, asked).data
-    if save is not None:
-        _save(rollout, save)
+    if save is not None and rollout.trace is not None:
+        save_npz(rollout, save)
     return result
 
 
@@ -68,36 +68,36 @@ async def simulate_lines(
         rollout = await pool.run(report.machine, task, seed=seed, power=power, **_rate(rate))
         return rollout_json(rollout)
 
-    ahead: asyncio.Queue[asyncio.Task[dict[str, Any]] | UsageError | None] = asyncio.Queue(
+    ahead: asyncio.Queue[asyncio.Task[dict[str, Any]] | Exception | None] = asyncio.Queue(
         2 * workers
     )
 
-    async def begin(line: str | UsageError | None) -> None:
+    async def begin(line: str | Exception | None) -> None:
         await ahead.put(asyncio.create_task(result(line)) if isinstance(line, str) else line)
 
     async with RolloutPool(workers) as pool:
         loop = asyncio.get_running_loop()
         threading.Thread(target=_feed, args=(lines, begin, loop), daemon=True).start()
         while (begun := await ahead.get()) is not None:
-            if isinstance(begun, UsageError):
+            if isinstance(begun, Exception):
                 raise begun
             yield await begun
 
 
 def _feed(
     lines: Iterable[str],
-    begin: Callable[[str | UsageError | None], Coroutine[Any, Any, None]],
+    begin: Callable[[str | Exception | None], Coroutine[Any, Any, None]],
     loop: asyncio.AbstractEventLoop,
 ) -> None:
     """Read lines, which may block for long, in a thread that nobody has to wait for."""
 
-    def hand_over(item: str | UsageError | None) -> None:
+    def hand_over(item: str | Exception | None) -> None:
         asyncio.run_coroutine_threadsafe(begin(item), loop).result()
 
     try:
         for line in lines:
             hand_over(line)
-    except UsageError as problem:
+    except Exception as problem:  # noqa: BLE001 - handed over to the consumer, which raises it
         hand_over(problem)
     else:
         hand_over(None)
@@ -115,12 +115,3 @@ def _query(text: str) -> object:
             f"--query takes JSON such as "
             f'{{"id": 3, "duration": [0, 1], "properties": ["position"]}}, not {text!r}'
         ) from None
-
-
-def _save(rollout: Rollout, path: Path) -> None:
-    if rollout.trace is None:
-        raise UsageError(f"nothing to save to {path}: the machine was not simulated")
-    try:
-        save_npz(rollout, path)
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror}") from None

@@ -62,6 +62,7 @@ class RolloutPool:
         self._workers: set[_Worker] = set()
         self._idle: asyncio.Queue[_Worker] = asyncio.Queue()
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="rollout")
+        self._closed = False
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -82,7 +83,8 @@ class RolloutPool:
         self.close()
 
     def close(self) -> None:
-        """End every worker and wait until it is gone."""
+        """End every worker and wait until it is gone; rollouts under way end with an error."""
+        self._closed = True
         for worker in self._workers:
             worker.kill()
         self._threads.shutdown()
@@ -122,14 +124,16 @@ class RolloutPool:
 
     async def _ask(self, job: Job) -> Rollout:
         worker = await self._idle.get()
+        while not worker.alive and not self._closed:  # it died idle, which is no rollout's fault
+            self._replace(worker)
+            worker = await self._idle.get()
         loop = asyncio.get_running_loop()
         try:
             reply = await loop.run_in_executor(
                 self._threads, worker.ask, job, job.wall_limit + self._grace
             )
         except BaseException:  # died, hung or cancelled: whatever it does now, nobody waits for it
-            self._dismiss(worker)
-            self._hire()
+            self._replace(worker)
             raise
         self._idle.put_nowait(worker)
         if isinstance(reply, str):
@@ -141,9 +145,11 @@ class RolloutPool:
         self._workers.add(worker)
         self._idle.put_nowait(worker)
 
-    def _dismiss(self, worker: _Worker) -> None:
+    def _replace(self, worker: _Worker) -> None:
         self._workers.discard(worker)
         worker.kill()
+        if not self._closed:
+            self._hire()
 
 
 class _Worker:
@@ -163,6 +169,10 @@ class _Worker:
     @property
     def pid(self) -> int:
         return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        return self._process.poll() is None
 
     def ask(self, job: Job, patience: float) -> Rollout | str:
         """Send a job and wait for the rollout, or for the traceback of what went wrong."""

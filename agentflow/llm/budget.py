@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from pydantic import BaseModel, ConfigDict, Field
 
 from agentflow.errors import BudgetSpentError
@@ -25,9 +27,10 @@ class BudgetSettings(BaseModel):
 class Budget:
     """What is spent and what may be; one object for all clients of a run.
 
-    Calls answered from the record count like others, so that a resumed run stops where the
-    uninterrupted one stops. Where an endpoint reports no tokens the limits hold for an estimate
-    from the texts, which is never shown as usage or cost.
+    A resumed run counts what its record holds (`count`) before it begins, and is never refused a
+    call that is recorded, so that it stops where the uninterrupted one stops. Where an endpoint
+    reports no tokens the limits hold for an estimate from the texts, which is never shown as usage
+    or cost.
     """
 
     def __init__(self, settings: BudgetSettings | None = None) -> None:
@@ -56,6 +59,11 @@ class Budget:
                 raise BudgetSpentError(f"the budget of {limit} {unit} is spent")
         self.calls += 1
 
+    def count(self, request: Request, reply: Reply, price: Price | None) -> None:
+        """Count a call of the record, made by an earlier process."""
+        self.calls += 1
+        self.add(request, reply, price)
+
     def add(self, request: Request, reply: Reply, price: Price | None) -> None:
         """Count tokens and money of an answered call."""
         usage = reply.usage
@@ -77,12 +85,20 @@ class BudgetClient:
         inner: The client whose calls are counted.
         budget: Shared by all clients of the run.
         price: Of the inner client's model; None is unknown.
+        recorded: Whether the record holds a request; such a call costs nothing any more.
     """
 
-    def __init__(self, inner: Client, budget: Budget, price: Price | None = None) -> None:
+    def __init__(
+        self,
+        inner: Client,
+        budget: Budget,
+        price: Price | None = None,
+        recorded: Callable[[Request], bool] = lambda _request: False,
+    ) -> None:
         self._inner = inner
         self._budget = budget
         self._price = price
+        self._recorded = recorded
 
     @property
     def name(self) -> str:
@@ -91,6 +107,8 @@ class BudgetClient:
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; see `Client`."""
+        if self._recorded(request):
+            return await self._inner.complete(request)
         self._budget.begin()
         reply = await self._inner.complete(request)
         self._budget.add(request, reply, self._price)

@@ -72,5 +72,9 @@ def wrap(
     price: Price | None = None,
 ) -> Client:
     """The record and the budget around any client (also a procedural or scripted one)."""
-    recorded: Client = RecordingClient(inner, tape) if tape is not None else inner
-    return BudgetClient(recorded, budget, price) if budget is not None else recorded
+    if tape is None:
+        return BudgetClient(inner, budget, price) if budget is not None else inner
+    recorded = RecordingClient(inner, tape)
+    if budget is None:
+        return recorded
+    return BudgetClient(recorded, budget, price, recorded.holds)

@@ -29,6 +29,10 @@ class RecordingClient:
         """The model's name."""
         return self._inner.name
 
+    def holds(self, request: Request) -> bool:
+        """Whether the tape has the answer already."""
+        return key_of(self.name, request) in self._tape
+
     async def complete(self, request: Request) -> Reply:
         """Answer one request; see `Client`.
 

@@ -6,7 +6,6 @@ Replies and rollouts may come back in any order: nodes are numbered by attempt, 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
 from typing import Generic
 
 from agentflow.search.concurrency import Once, together
@@ -52,9 +51,9 @@ class Tree(Generic[C]):
             path.append(self.nodes[path[-1].parent])
         return path[::-1]
 
-    def best(self, among: Iterable[Node[C]] | None = None) -> Node[C]:
+    def best(self) -> Node[C]:
         """The best valid node; the lower id among equals; the first when none has a score."""
-        first, *others = self.nodes if among is None else among
+        first, *others = self.nodes
         for node in others:
             if better(node.evaluation, first.evaluation):
                 first = node

@@ -35,7 +35,8 @@ async def build(bench: Bench, blueprint: Blueprint) -> list[Candidate]:
     """Build all structures in order and simulate what is whole (spec 5.2, hierarchical).
 
     A structure for which no trajectory obtains a valid design, or a spent budget, ends the
-    construction with the machines built so far; those that are not whole are invalid candidates.
+    construction with the machines built so far; those that lack what the task requires are invalid
+    candidates.
     """
     chance = bench.stream("beam")
     beam = [Slot() for _ in range(bench.settings.trajectories)]

@@ -111,6 +111,16 @@ def test_the_same_seed_gives_the_same_result_and_another_does_not(
     assert other["machine"] != first["machine"]
 
 
+def test_a_run_is_not_continued_under_other_physics(run: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    subprocess.run(["cp", "-r", str(run), str(other)], check=True)
+    (other / "result.json").unlink()
+    document = yaml.safe_load((other / "run.yaml").read_text())
+    (other / "run.yaml").write_text(yaml.safe_dump({**document, "constants": "0" * 16}))
+    with pytest.raises(RunError, match="was begun with other constants: its record and"):
+        resume(other, ignore)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("after", [1, 12])
 def test_a_killed_run_resumes_to_the_same_result(run: Path, tmp_path: Path, after: int) -> None:

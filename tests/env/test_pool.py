@@ -189,3 +189,15 @@ def test_a_worker_ends_by_itself_when_its_parent_is_killed() -> None:
 def test_a_pool_needs_workers() -> None:
     with pytest.raises(ValueError, match="a pool needs at least one worker, not 0"):
         RolloutPool(0)
+
+
+async def test_workers_that_die_idle_are_no_rollouts_fault() -> None:
+    async with RolloutPool(2) as pool:
+        await pool.run(LONE_ROOT, get_task("movement"))
+        dead = pool.pids
+        for pid in dead:
+            os.kill(pid, signal.SIGKILL)
+        await asyncio.sleep(0.2)
+        rollout = await pool.run(LONE_ROOT, get_task("movement"))
+        assert rollout.status == "ok"
+        assert len(pool.pids) == 2

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from pydantic import ValidationError
 
 from agentflow.errors import BudgetSpentError
 from agentflow.llm.budget import Budget, BudgetClient, BudgetSettings
+from agentflow.llm.build import wrap
 from agentflow.llm.messages import Reply, Usage
 from agentflow.llm.prices import FREE, Price
 from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.tape import Tape
 from tests.llm.helpers import ask
 
 
@@ -93,3 +97,22 @@ async def test_limits_hold_where_no_tokens_are_reported_but_nothing_is_made_up()
 def test_a_budget_of_nothing_is_refused() -> None:
     with pytest.raises(ValidationError):
         BudgetSettings(calls=0)
+
+
+async def test_a_resumed_run_is_never_refused_what_is_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "calls.jsonl"
+    inner = scripted()
+    with Tape(path, pytest.fail) as tape:
+        client = wrap(inner, tape=tape, budget=Budget(BudgetSettings(calls=3)))
+        for label in ("a/1", "a/2"):
+            await client.complete(ask(label=label))
+    with Tape(path, pytest.fail) as tape:
+        budget = Budget(BudgetSettings(calls=3))
+        for entry in tape.entries():
+            budget.count(entry.request, entry.reply, None)
+        client = wrap(inner, tape=tape, budget=budget)
+        for label in ("a/1", "b/1", "a/2"):
+            await client.complete(ask(label=label))
+        with pytest.raises(BudgetSpentError):
+            await client.complete(ask(label="b/2"))
+        assert (budget.calls, len(tape), len(inner.requests)) == (3, 3, 3)

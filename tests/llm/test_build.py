@@ -194,8 +194,8 @@ async def test_parts_are_put_around_any_client(tmp_path: Path) -> None:
     inner = ScriptedClient(["one"])
     assert wrap(inner) is inner
     with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:
-        client = wrap(inner, tape=tape, budget=Budget(BudgetSettings(calls=2)))
+        client = wrap(inner, tape=tape, budget=Budget(BudgetSettings(calls=1)))
         for _ in range(2):
             assert await client.complete(ask()) == Reply(text="one", model="scripted")
         with pytest.raises(BudgetSpentError):
-            await client.complete(ask())
+            await client.complete(ask(label="another"))
