@@ -17,6 +17,7 @@ from agentflow.env.engines.base import Engine, TooLargeError
 from agentflow.env.engines.pybullet import PyBulletEngine
 from agentflow.env.loads import Loads
 from agentflow.env.recorder import Recorder, digest
+from agentflow.env.settling import Settling
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Broken, Event, Feedback, Rollout, Status, Trace, Verdict
 from agentflow.env.world import EngineWorld
@@ -125,11 +126,12 @@ class _Run:
         """Power off, until everything rests."""
         value = self._value
         least, most = value["settle_least"] * self._rate, value["settle_most"] * self._rate
+        settling = Settling(self._machine, self._engine, self._rate, value)
         while True:
             status = self._step()
             if status != "ok":
                 return status
-            if self._steps >= least and self._resting():
+            if settling.step(self._speeds) and self._steps >= least:
                 return "ok"
             if self._steps >= most:
                 self._events.append(

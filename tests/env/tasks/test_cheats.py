@@ -8,12 +8,45 @@ from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.env.trace import Rollout
 from agentflow.machine.tree import ROOT, Machine, Step
+from tests.env.machines import machine
 
 LONE_ROOT = Machine((ROOT,))
 WHEELS = ((1, 2), (1, 3), (2, 2), (2, 3))
 CHASSIS = (ROOT, Step(1, 1, 0, 0), Step(2, 1, 0, 1))
 CAR = (*CHASSIS, *(Step(3 + i, 2, block, face) for i, (block, face) in enumerate(WHEELS)))
 TOWER = (ROOT, Step(1, 1, 0, 4), *(Step(i, 1, i - 1, 0) for i in (2, 3)))
+
+TIPPING = {
+    "movement": machine(
+        (0, -1, -1),
+        (63, 0, 5),
+        (63, 1, 0),
+        (2, 2, 3),
+        (2, 2, 6),
+        (35, 0, 2),
+        (35, 5, 0),
+        (35, 0, 3),
+        (35, 7, 0),
+        (15, 0, 0),
+        (15, 9, 0),
+        (1, 0, 1),
+    ),
+    "throwing": machine(
+        (0, -1, -1),
+        (63, 0, 5),
+        (1, 1, 0),
+        (2, 2, 2),
+        (2, 2, 4),
+        (15, 0, 0),
+        (63, 5, 0),
+        (63, 0, 1),
+        (15, 7, 0),
+        (15, 0, 4),
+        (36, 9, 0),
+    ),
+}
+"""They stand on the point of tipping over, slower than what counts as rest for about a second, and
+would fall 8 and 10 m."""
 
 MACHINES = {
     "a boulder that rests in a container": (ROOT, Step(1, 30, 0, 4), Step(2, 36, 1, 0)),
@@ -44,6 +77,18 @@ def test_a_cheat_throws_nothing(name: str) -> None:
     rollout = throw(MACHINES[name])
     assert rollout.status == "ok", rollout.problems
     assert rollout.score == 0.0, rollout.feedback.text
+
+
+@pytest.mark.parametrize("power", [False, True])
+@pytest.mark.parametrize("family", TIPPING)
+def test_what_is_on_the_point_of_tipping_has_tipped_before_it_counts(
+    family: str, power: bool
+) -> None:
+    rollout = simulate(TIPPING[family], get_task(family), power=power)
+    assert rollout.status == "ok", rollout.problems
+    assert [event for event in rollout.events if event.kind == "unsettled"] == []
+    assert rollout.score is not None
+    assert rollout.score < 0.05
 
 
 @pytest.mark.parametrize("name", [name for name in task_names() if name.startswith("movement")])

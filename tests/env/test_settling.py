@@ -1,0 +1,64 @@
+"""What counts as settled: rest and creep do, a fall that begins slowly does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import exp
+
+import numpy as np
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.engines.base import State
+from agentflow.env.engines.pybullet import PyBulletEngine
+from agentflow.env.settling import Settling
+from agentflow.machine.tree import ROOT, Machine
+
+RATE = 120.0
+Path = Callable[[float], float]
+
+
+class OnRails(PyBulletEngine):
+    """One block whose height is given for every moment."""
+
+    now = 0.0
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+
+    def state(self) -> State:
+        centre = np.array([[0.0, self._path(self.now), 0.0]])
+        empty = np.zeros((0, 3))
+        return State(
+            centre, centre, empty, empty, empty, np.zeros(0), empty, np.zeros((0, 4)), empty
+        )
+
+
+def settled(path: Path, speed: float = 0.0) -> float | None:
+    """When it counts as settled, s; None if not within 3 s."""
+    engine = OnRails(path)
+    settling = Settling(Machine((ROOT,)), engine, RATE, constants())
+    found = None
+    for step in range(1, 361):
+        engine.now = step / RATE
+        if settling.step((speed, 0.0)):
+            found = engine.now
+            break
+    engine.close()
+    return found
+
+
+def test_what_rests_or_creeps_has_settled_at_once() -> None:
+    assert settled(lambda _: 1.0) == 0.4
+    assert settled(lambda time: 1.0 - 0.01 * time, 0.01) == 0.4
+    assert settled(lambda time: exp(-time), 0.04) == 0.4
+
+
+def test_what_is_too_fast_has_not_settled() -> None:
+    assert settled(lambda _: 1.0, 0.05) is None
+
+
+@pytest.mark.parametrize("speed", [1e-3, 0.01, 0.04])
+def test_a_fall_that_begins_slowly_is_no_rest(speed: float) -> None:
+    assert settled(lambda time: 1.0 - speed / 2 * exp(2 * time), speed) is None
