@@ -13,8 +13,9 @@ from agentflow.env.trace import Array
 from agentflow.machine.blocks import BOULDER, CONTAINER
 from agentflow.machine.tree import Machine
 
-INTERVALS = 3
-"""How many intervals in a row have to be free of growing motion."""
+INTERVALS, MORE = 3, 10
+"""How many intervals in a row have to be free of growing motion; more for what goes far in one,
+as it may be swinging out in one way while it begins to tip in another."""
 
 
 class Settling:
@@ -38,6 +39,7 @@ class Settling:
         """
         self._engine = engine
         self._limits = physics["rest_speed"], physics["rest_spin"]
+        self._far = physics["rest_drift"]
         self._gain, self._growth = physics["rest_gain"], 1.0 + physics["rest_growth"]
         self._interval = 2 * max(1, round(physics["rest_interval"] * rate / 2))
         """Steps; even, as resting contacts alternate between two states."""
@@ -64,15 +66,17 @@ class Settling:
         if self._steps % self._interval:
             return False
         self._places.append(self._engine.state().centre[self._free])
-        del self._places[: -INTERVALS - 1]
+        del self._places[: -MORE - 1]
         if self._slow < self._interval or len(self._places) <= INTERVALS:
             return False
-        return not self._gaining()
+        ways = self._ways()
+        count = MORE if (ways[-1] > self._far).any() else INTERVALS
+        before, after = ways[-count:][:-1], ways[-count:][1:]
+        gaining = after > np.maximum(before * self._growth, before + self._gain)
+        return len(ways) >= count and not gaining.any()
 
-    def _gaining(self) -> bool:
-        """Whether anything went further in one of the last intervals than in that before it."""
+    def _ways(self) -> Array:
+        """(T, N) metres that each block has gone in each of the last intervals."""
         moved = np.diff(np.array(self._places), axis=0)
         square = moved * moved
-        ways = np.sqrt(square[:, :, 0] + square[:, :, 1] + square[:, :, 2])
-        before, after = ways[:-1], ways[1:]
-        return bool((after > np.maximum(before * self._growth, before + self._gain)).any())
+        return np.asarray(np.sqrt(square[:, :, 0] + square[:, :, 1] + square[:, :, 2]))

@@ -49,10 +49,10 @@ def settled(path: Path, speed: float = 0.0) -> float | None:
     return found
 
 
-def test_what_rests_or_creeps_has_settled_at_once() -> None:
+def test_what_rests_or_creeps_has_settled_and_what_rolls_out_is_watched_for_longer() -> None:
     assert settled(lambda _: 1.0) == 0.4
     assert settled(lambda time: 1.0 - 0.01 * time, 0.01) == 0.4
-    assert settled(lambda time: exp(-time), 0.04) == 0.4
+    assert settled(lambda time: exp(-time), 0.04) == 1.1
 
 
 def test_what_is_too_fast_has_not_settled() -> None:
