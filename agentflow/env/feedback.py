@@ -29,6 +29,8 @@ STALL_SPEED = 0.5
 """rad/s: a motor that turns slower against its carrier stands still. A twentieth of the speed of a
 wheel, above the jitter of a loaded joint."""
 STALL_TIME = 1.0
+EPSILON = 1e-9
+"""s: below what tells two samples apart."""
 AXES = ("x+", "x-", "y+", "y-", "z+", "z-")
 
 
@@ -107,10 +109,15 @@ def _orientation_text(runs: Sequence[tuple[str, float, float]], interval: float)
     return f"changes {len(runs) - 1} times, faces " + "; ".join(shares)
 
 
-def stalled_motors(machine: Machine, trace: Trace) -> tuple[Event, ...]:
+def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[Event, ...]:
     """Motors that stand still against their carrier for over a second, once they should turn.
 
     Read from the samples: |angular velocity of the motor - of its parent| below 0.5 rad/s.
+
+    Args:
+        machine: What moved.
+        trace: How.
+        start: When motors are switched on, s.
     """
     events = []
     for step in machine:
@@ -120,12 +127,12 @@ def stalled_motors(machine: Machine, trace: Trace) -> tuple[Event, ...]:
         relative = trace.angular_velocity[:, step.id] - trace.angular_velocity[:, step.parent]
         still = np.linalg.norm(relative, axis=1) < STALL_SPEED
         still &= trace.alive[:, step.id]
-        still[0] = False  # every motor stands at t = 0
-        for start, end in _runs(still, trace.times):
-            if end - start >= STALL_TIME:
+        still &= trace.times > start + EPSILON  # every motor stands as it is switched on
+        for begin, end in _runs(still, trace.times):
+            if end - begin >= STALL_TIME:
                 name = block_name(machine, step.id)
-                text = f"{name} {start:.1f}-{end:.1f} s"
-                events.append(Event(start, "motor_stalled", (step.id,), text))
+                text = f"{name} {begin:.1f}-{end:.1f} s"
+                events.append(Event(begin, "motor_stalled", (step.id,), text))
     return tuple(events)
 
 

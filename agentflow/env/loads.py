@@ -6,7 +6,7 @@ Measuring reactions and splitting bodies is the engine's; sharing load in loops 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from math import exp
+from math import exp, isfinite
 
 import numpy as np
 
@@ -44,6 +44,8 @@ class Loads:
         self._take = blend * np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
         self._level = np.zeros((len(joints), 6))
         """Filtered load over strength."""
+        self.finite = True
+        """Whether the last step's loads were numbers; otherwise the simulation diverged."""
         self._broken = np.zeros(len(joints), dtype=bool)
         self.connections = [i for i, joint in enumerate(joints) if joint.strength]
         """Joint index of each connection."""
@@ -73,7 +75,8 @@ class Loads:
             reactions: (J, 6) force and torque through each joint of the spanning trees.
 
         Returns:
-            The joints that give way with their load over strength, the most loaded first.
+            The joints that give way with their load over strength, the most loaded first; none
+            when a load is no number (see `finite`).
         """
         if self._rings:
             reactions = reactions.copy()
@@ -82,7 +85,9 @@ class Loads:
         before = self._level
         self._level = reactions * self._take
         self._level += before * self._keep
-        if not np.maximum.reduce(self._level * self._level, axis=None, initial=0.0) > SAFE:
+        peak = np.maximum.reduce(self._level * self._level, axis=None, initial=0.0)
+        self.finite = isfinite(peak)
+        if peak <= SAFE or not self.finite:
             return {}
         share = np.sqrt(self._squares().max(axis=1))
         if not np.maximum.reduce(share) >= 1.0:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from dataclasses import replace
 from math import isfinite
 from time import perf_counter
 
@@ -15,18 +16,23 @@ from agentflow.env.constants import Constants, constants
 from agentflow.env.engines.assembly import assemble
 from agentflow.env.engines.base import Engine, TooLargeError
 from agentflow.env.engines.pybullet import PyBulletEngine
+from agentflow.env.feedback import stalled_motors
 from agentflow.env.loads import Loads
 from agentflow.env.recorder import Recorder, digest
 from agentflow.env.settling import Settling
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Broken, Event, Feedback, Rollout, Status, Trace, Verdict
 from agentflow.env.world import EngineWorld
+from agentflow.errors import UsageError
 from agentflow.machine.geometry import place
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
 __all__ = ["invalid", "load_npz", "rollout_json", "save_npz", "simulate"]
+
+RATES = (30, 1000)
+"""Hz: slowest and fastest stepping that still resolves contacts and load windows, and ends."""
 
 _local = threading.local()
 
@@ -58,19 +64,23 @@ def simulate(
         engine: Where to run it; by default one that this thread keeps.
         physics: Other constants than those of `constants.json`, for fitting; give them to an
             engine of your own as well.
+
+    Raises:
+        UsageError: `rate` is not within 30 to 1000 Hz, or `interval` not above 0.
     """
+    value = physics or constants()
+    rate, interval = _timing(rate, interval, value)
     report = check(machine, task.brief)
     if not report.task_valid:
         return invalid(report.problems)
-    value = physics or constants()
     try:
         run = _Run(
             machine,
             task,
             engine or _own_engine(),
-            rate or value["step_rate"],
+            rate,
             power,
-            interval or value["sample_interval"],
+            interval,
             wall_limit,
             value,
         )
@@ -110,6 +120,8 @@ class _Run:
         """Steps that settling took."""
         self._broken: list[tuple[int, int, float]] = []
         """Step, joint and load of each breakage."""
+        self._released: list[int] = []
+        """Joints that decouplers have let go."""
         self._giving: tuple[int, ...] = ()
         """Joints that gave way in the last step."""
         self._events: list[Event] = []
@@ -185,12 +197,13 @@ class _Run:
         if entry != "decouplers":
             self._engine.switch(entry, level)
             return
-        gone = {joint for _, joint, _ in self._broken}
+        gone = {*self._released, *(joint for _, joint, _ in self._broken)}
         loose = [
             i
             for i, joint in enumerate(self._assembly.joints)
             if joint.drive.starts == entry and i not in gone
         ]
+        self._released += loose
         self._loads.release(loose)
         self._giving = (*self._giving, *loose)
         for joint in (self._assembly.joints[i] for i in loose):
@@ -208,6 +221,8 @@ class _Run:
         if not (linear <= self._fastest and isfinite(angular)):
             return "diverged"
         broken = self._loads.update(self._engine.reactions)
+        if not self._loads.finite:
+            return "diverged"
         self._giving = tuple(broken)
         for joint, load in broken.items():
             self._broken.append((self._steps, joint, load))
@@ -266,6 +281,9 @@ class _Run:
         """Score and words: the task's after a whole window, else why there is none."""
         if status == "ok" and trace is not None:
             verdict = self._referee.verdict(trace)
+            if self._power:
+                stalls = stalled_motors(self._machine, trace, self._task.schedule.motors)
+                verdict = replace(verdict, events=(*verdict.events, *stalls))
             return verdict, self._task.feedback(self._machine, trace, broken, verdict)
         seconds = self._elapsed / self._rate
         if status == "diverged":
@@ -273,6 +291,18 @@ class _Run:
         else:
             text = f"The simulation was cut off after {self._wall_limit:g} s of computing time."
         return Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})
+
+
+def _timing(rate: float | None, interval: float | None, value: Constants) -> tuple[float, float]:
+    """Steps per second and seconds between samples, in range, the constants' where not given."""
+    rate = value["step_rate"] if rate is None else rate
+    interval = value["sample_interval"] if interval is None else interval
+    low, high = RATES
+    if not low <= rate <= high:
+        raise UsageError(f"the rate is {rate:g} Hz; it must be from {low} to {high} Hz")
+    if not interval > 0:
+        raise UsageError(f"the interval is {interval:g} s; it must be above 0 s")
+    return rate, interval
 
 
 def invalid(problems: Sequence[Problem]) -> Rollout:

@@ -79,21 +79,32 @@ def test_a_motor_that_stands_for_over_a_second_is_told() -> None:
     spin = np.zeros((26, 4, 3))
     spin[:, 1] = (10.0, 0.0, 0.0)
     spin[:6, 2] = (0.0, 0.0, 8.0)
-    events = stalled_motors(WHEELED, make_trace(4, angular_velocity=spin))
+    events = stalled_motors(WHEELED, make_trace(4, angular_velocity=spin), 0.0)
     assert [(event.kind, event.blocks, event.text) for event in events] == [
         ("motor_stalled", (2,), "block 2 (Rotating Block) 1.2-5.0 s")
     ]
 
 
+def test_a_motor_that_starts_late_does_not_stall_before() -> None:
+    spin = np.zeros((26, 4, 3))
+    spin[:, 2] = (0.0, 0.0, 8.0)
+    spin[16:, 1] = (10.0, 0.0, 0.0)
+    trace = make_trace(4, angular_velocity=spin)
+    assert stalled_motors(WHEELED, trace, 3.0) == ()
+    assert [event.time for event in stalled_motors(WHEELED, trace, 1.0)] == [pytest.approx(1.2)]
+
+
 def test_a_motor_that_broke_off_does_not_stall() -> None:
     alive = np.ones((26, 4), dtype=bool)
     alive[3:, 1:3] = False
-    assert stalled_motors(WHEELED, make_trace(4, alive=alive)) == ()
+    assert stalled_motors(WHEELED, make_trace(4, alive=alive), 0.0) == ()
 
 
 def test_a_motor_that_turns_with_its_carrier_stalls() -> None:
     spin = np.ones((26, 4, 3)) * 7.0
-    assert {e.blocks for e in stalled_motors(WHEELED, make_trace(4, angular_velocity=spin))} == {
+    assert {
+        e.blocks for e in stalled_motors(WHEELED, make_trace(4, angular_velocity=spin), 0.0)
+    } == {
         (1,),
         (2,),
     }

@@ -65,3 +65,12 @@ def test_joints_without_strength_are_no_connections() -> None:
     loads = Loads([free, *joints(1)], SHORT, STEP)
     assert loads.connections == [1]
     assert loads.update(pull(1e9, 1.0)) == {}
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_load_that_is_no_number_breaks_nothing_and_is_told(bad: float) -> None:
+    loads = Loads(joints(2), SHORT, STEP)
+    assert loads.update(pull(1.0, 1.0)) == {}
+    assert loads.finite
+    assert loads.update(pull(1.0, bad)) == {}
+    assert not loads.finite

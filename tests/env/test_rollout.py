@@ -179,6 +179,49 @@ def test_a_rollout_that_diverges_scores_nothing() -> None:
     )
 
 
+class Unreadable(PyBulletEngine):
+    """Its joints' loads are no numbers from the 100th step on, though nothing is fast."""
+
+    steps = 0
+
+    def step(self) -> None:
+        super().step()
+        self.steps += 1
+        if self.steps >= 100:
+            self.reactions[0] = nan
+
+
+def test_a_load_that_is_no_number_is_a_divergence() -> None:
+    rollout = simulate(CAR, get_task("movement"), engine=Unreadable())
+    assert (rollout.status, rollout.score, rollout.broken) == ("diverged", 0.0, ())
+    assert rollout.sim_seconds == pytest.approx(40 / 120)
+
+
+@pytest.mark.parametrize("rate", [0.0, -120.0, nan, 29.0, 1001.0])
+def test_a_rate_out_of_range_is_refused(rate: float) -> None:
+    with pytest.raises(UsageError) as caught:
+        simulate(CAR, get_task("movement"), rate=rate)
+    assert str(caught.value) == f"the rate is {rate:g} Hz; it must be from 30 to 1000 Hz"
+
+
+@pytest.mark.parametrize("interval", [0.0, -0.2, nan])
+def test_an_interval_that_is_not_above_zero_is_refused(interval: float) -> None:
+    with pytest.raises(UsageError) as caught:
+        simulate(CAR, get_task("movement"), interval=interval)
+    assert str(caught.value) == f"the interval is {interval:g} s; it must be above 0 s"
+
+
+def test_motors_that_are_never_switched_on_do_not_stall() -> None:
+    told = {}
+    for start, power in ((0.0, False), (3.0, True)):
+        task = get_task("movement", {"schedule.motors": start})
+        rollout = simulate(CAR, task, power=power)
+        told[power] = [event.kind for event in rollout.events], rollout.feedback.text
+    for kinds, text in told.values():
+        assert "motor_stalled" not in kinds
+        assert "Motor stalled" not in text
+
+
 def test_a_rollout_ends_when_everything_rests() -> None:
     rollout = simulate(machine((0, -1, -1)), get_task("movement"))
     assert rollout.sim_seconds == 0.5

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from agentflow.env.feedback import compose, series, stalled_motors
+from agentflow.env.feedback import compose, series
 from agentflow.env.scene import Scene, Thing, Vec3
 from agentflow.env.tasks.base import Parameters, World
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences, wall
@@ -105,9 +105,9 @@ class Movement(Family):
         across = (*_bumps(knobs.bump, width), *_ramp(knobs.ramp, width))
         return Scene((*_road_walls(knobs.road), *across), knobs.wind.velocity)
 
-    def referee(self, machine: Machine) -> MovementReferee:
+    def referee(self, machine: Machine) -> MovementReferee:  # noqa: ARG002 - the root is block 0
         """A fresh observer of the root."""
-        return MovementReferee(machine)
+        return MovementReferee()
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
@@ -130,8 +130,7 @@ class Movement(Family):
 class MovementReferee:
     """Follows the root's centre step by step."""
 
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
+    def __init__(self) -> None:
         self._start = 0.0
         self._best = 0.0
         self._best_time = 0.0
@@ -156,7 +155,7 @@ class MovementReferee:
             "final_distance": final,
             "drift": drift,
         }
-        return Verdict(self._best, terms, stalled_motors(self._machine, trace))
+        return Verdict(self._best, terms)
 
 
 def _road_walls(road: Road) -> tuple[Thing, ...]:

@@ -13,7 +13,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from agentflow.env.feedback import SAMPLE, block_name, compose, number, series, stalled_motors
+from agentflow.env.feedback import SAMPLE, block_name, compose, number, series
 from agentflow.env.scene import Scene, Thing, Vec3
 from agentflow.env.tasks.base import Body, Parameters, World
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences, wall
@@ -160,7 +160,7 @@ class ThrowReferee:
             from_root=hypot(x - root[0], z - root[2]),
         )
 
-    def verdict(self, trace: Trace) -> Verdict:
+    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
         """Score, terms and events; every term is always there, None where it does not apply."""
         landing = self._landing
         distance = landing.counted(landing.forward) if landing else 0.0
@@ -181,8 +181,7 @@ class ThrowReferee:
             "root_distance": landing.from_root if landing else None,
             "result": self._result(distance),
         }
-        events = (*self._events(left), *stalled_motors(self._machine, trace))
-        return Verdict(distance if self._score == "distance" else rl, terms, events)
+        return Verdict(distance if self._score == "distance" else rl, terms, self._events(left))
 
     def _events(self, left: float | None) -> tuple[Event, ...]:
         if self._landing is None or self._holder is None or left is None:

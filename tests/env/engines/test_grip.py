@@ -170,7 +170,7 @@ class Anything(Movement):
 
 @pytest.mark.parametrize("facing", FACINGS)
 def test_a_decoupler_lets_go_at_its_time(facing: str) -> None:
-    """A log on a decoupler at the top of a post falls off when the schedule says so."""
+    """A log on a decoupler at the top of a post falls off when the schedule says so, once."""
     rows = [*FOOT, (63, 0, 4), (15, 5, 0)]
     if facing == "y-":
         rows.append((63, 6, 1))
@@ -179,7 +179,8 @@ def test_a_decoupler_lets_go_at_its_time(facing: str) -> None:
     decoupler = len(rows)
     assert place(tree).blocks[decoupler].facing == facing
     task = get_task("movement", {"window": 2})
-    task = Anything(**{**vars(task), "schedule": Schedule(more=((1.0, "decouplers", 1.0),))})
+    twice = ((1.0, "decouplers", 1.0), (1.5, "decouplers", 1.0))
+    task = Anything(**{**vars(task), "schedule": Schedule(more=twice)})
     rollout = simulate(tree, task)
     assert rollout.problems == ()
     assert rollout.trace is not None
