@@ -22,14 +22,16 @@ class Springs:
         Args:
             pulls: All of them.
             members: Where the parts are.
-            levels: How far each schedule entry is switched on; looked up at every step.
+            levels: How far each schedule entry is switched on, looked up at every step: the share
+                of a pull; springs cannot push, so below 0 they exert nothing.
         """
         self._levels = levels
         self._pulls = [(pull, members.place(pull.a), members.place(pull.b)) for pull in pulls]
 
     def __call__(self, rows: Sequence[Row]) -> list[Push]:
         """What they do in this step."""
-        if not self._levels["springs"]:
+        level = max(self._levels["springs"], 0.0)
+        if not level:
             return []
         pushes = []
         for pull, (row_a, offset_a), (row_b, offset_b) in self._pulls:
@@ -42,7 +44,8 @@ class Springs:
                 continue
             along = scale(line, 1.0 / distance)
             parting = dot(subtract(speed_b, speed_a), along)
-            force = scale(along, max(pull.force * stretch + pull.damping * parting, 0.0))
+            strength = max(pull.force * stretch + pull.damping * parting, 0.0)
+            force = scale(along, level * strength)
             pushes += [Push(pull.a, force, at_a), Push(pull.b, scale(force, -1.0), at_b)]
         return pushes
 

@@ -38,8 +38,11 @@ def test_a_spring_pulls_beyond_its_natural_length_only() -> None:
     assert pull(0.5) == pull(0.3) == []
     assert pull(3.0, -2.0)[0][1] == pytest.approx((580.0, 0.0, 0.0))
     assert pull(3.0, -100.0)[0][1] == (0.0, 0.0, 0.0)
-    levels["springs"] = 0.0
-    assert pull(3.0) == []
+    levels["springs"] = 0.5
+    assert pull(3.0)[0][1] == (300.0, 0.0, 0.0)
+    for off in (0.0, -1.0):
+        levels["springs"] = off
+        assert pull(3.0) == []
 
 
 def in_space(assembly: Assembly) -> Assembly:
