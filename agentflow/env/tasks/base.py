@@ -25,7 +25,7 @@ class World(Protocol):
 
     @property
     def time(self) -> float:
-        """Seconds since t = 0; negative while settling."""
+        """Seconds since t = 0."""
 
     def centre(self, body: Body) -> Vec3:
         """Centre of a block or a thing, m."""
