@@ -30,8 +30,10 @@ class Thing:
     """Centre."""
     rotation: Quat = IDENTITY
     mass: float = 0.0
-    friction: float = 0.8
-    restitution: float = 0.18
+    friction: float | None = None
+    """None: as the physical constants have it; so is the ground's."""
+    restitution: float | None = None
+    """The same."""
     color: tuple[float, float, float, float] = (0.55, 0.57, 0.6, 1.0)
 
 

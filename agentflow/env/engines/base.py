@@ -51,8 +51,8 @@ class Part:
     inertia: Vec3
     """Principal moments about the centre of mass, along the axes of the machine frame at rest."""
     shapes: tuple[Shape, ...] = ()
-    friction: float = 0.8
-    restitution: float = 0.18
+    friction: float = 0.0
+    restitution: float = 0.0
     rolling_friction: float = 0.0
     linear_drag: float = 0.0
     """1/s: the part loses mass * drag * velocity."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import cos, pi, sin, sqrt
 
+from agentflow.env.constants import Constants
 from agentflow.env.engines.base import Joint, Part, Shape, TooLargeError
 from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.frames import swap, swap_quaternion, swap_turn
@@ -21,9 +22,6 @@ MOST_LINKS = 127
 FASTEST = 1e6
 """Where PyBullet cuts a body's speeds, m/s and rad/s. Its own 100 would hold machines that explode;
 they are to diverge. Told to a link instead of the base, the same setting changes contacts."""
-GROUND_FRICTION = 0.8
-GROUND_SIZE = 400.0
-GROUND_COLOR = (0.42, 0.5, 0.38, 1.0)
 CONE_SIDES = 24
 LONE_RADIUS = 0.1
 """Of the ball that stands for a body without any solid shape, m."""
@@ -39,37 +37,31 @@ _KINDS = {
 class Workshop:
     """Makes shapes and bodies in one client; equal shapes are made once per world."""
 
-    def __init__(self, client: int, visible: bool) -> None:
-        self.client, self.visible = client, visible
-        self._made: dict[object, int] = {}
+    def __init__(self, client: int, physics: Constants) -> None:
+        self.client = client
+        self._usual = physics["friction"], physics["restitution"]
+        self._made: dict[tuple[tuple[Shape, ...], Vec3], int] = {}
 
     def ground(self) -> int:
         """The plane y = 0."""
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
-        seen = -1
-        if self.visible:
-            seen = pybullet.createVisualShape(
-                pybullet.GEOM_BOX,
-                halfExtents=(GROUND_SIZE / 2, GROUND_SIZE / 2, 0.5),
-                visualFramePosition=(0.0, 0.0, -0.5),
-                rgbaColor=GROUND_COLOR,
-                physicsClientId=self.client,
-            )
-        uid = self._single(0.0, plane, seen, (0.0, 0.0, 0.0), IDENTITY)
-        self._surface(uid, -1, GROUND_FRICTION, 0.18, 0.0)
+        uid = self._single(0.0, plane, (0.0, 0.0, 0.0), IDENTITY)
+        self._surface(uid, -1, *self._usual, 0.0)
         return uid
 
     def thing(self, thing: Thing) -> int:
         """An object of the scene, standing or moving."""
         if thing.shape == "cone":
-            solid, seen = self._cone(thing)
+            solid = self._cone(thing)
         else:
-            shape = Shape(thing.shape, thing.size)
-            solid, seen = self._shapes((shape,), (0.0, 0.0, 0.0), thing.color)
-        uid = self._single(
-            thing.mass, solid, seen, swap(thing.position), swap_quaternion(thing.rotation)
-        )
-        self._surface(uid, -1, thing.friction, thing.restitution, 0.0)
+            solid = self._shapes((Shape(thing.shape, thing.size),), (0.0, 0.0, 0.0))
+        uid = self._single(thing.mass, solid, swap(thing.position), swap_quaternion(thing.rotation))
+        friction, restitution = self._usual
+        if thing.friction is not None:
+            friction = thing.friction
+        if thing.restitution is not None:
+            restitution = thing.restitution
+        self._surface(uid, -1, friction, restitution, 0.0)
         return uid
 
     def machine(self, body: Body, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:
@@ -87,15 +79,16 @@ class Workshop:
         frames |= {link.part: joints[link.joint].pivot for link in body.links}
         order = {body.root: 0} | {link.part: i for i, link in enumerate(body.links, 1)}
         lone = not any(shape.solid for part in order for shape in parts[part].shapes)
-        looks = {part: self._part(parts[part], frames[part], lone) for part in order}
+        solids = {part: self._part(parts[part], frames[part], lone) for part in order}
         root = parts[body.root]
         uid = pybullet.createMultiBody(
             root.mass,
-            *looks[body.root],
+            solids[body.root],
+            -1,
             swap(root.centre),
             linkMasses=[parts[link.part].mass for link in body.links],
-            linkCollisionShapeIndices=[looks[link.part][0] for link in body.links],
-            linkVisualShapeIndices=[looks[link.part][1] for link in body.links],
+            linkCollisionShapeIndices=[solids[link.part] for link in body.links],
+            linkVisualShapeIndices=[-1] * len(body.links),
             linkPositions=[
                 swap(subtract(frames[link.part], frames[link.parent])) for link in body.links
             ],
@@ -177,78 +170,55 @@ class Workshop:
                 physicsClientId=self.client,
             )
 
-    def _single(self, mass: float, solid: int, seen: int, position: Vec3, rotation: Quat) -> int:
+    def _single(self, mass: float, solid: int, position: Vec3, rotation: Quat) -> int:
         return int(
             pybullet.createMultiBody(
-                mass, solid, seen, position, rotation, physicsClientId=self.client
+                mass, solid, -1, position, rotation, physicsClientId=self.client
             )
         )
 
-    def _part(self, part: Part, frame: Vec3, lone: bool) -> tuple[int, int]:
+    def _part(self, part: Part, frame: Vec3, lone: bool) -> int:
         shapes = part.shapes
         if lone:
             shapes = (Shape("sphere", (2 * LONE_RADIUS,) * 3),)
-        return self._shapes(shapes, subtract(part.centre, frame), part.color)
+        return self._shapes(shapes, subtract(part.centre, frame))
 
-    def _shapes(
-        self, shapes: tuple[Shape, ...], offset: Vec3, color: Sequence[float]
-    ) -> tuple[int, int]:
-        """Collision and visual shape, -1 where there is none."""
+    def _shapes(self, shapes: tuple[Shape, ...], offset: Vec3) -> int:
+        """Collision shape of what is solid, -1 where nothing is."""
         solid = tuple(shape for shape in shapes if shape.solid)
-        solid_id = self._cached("solid", solid, offset, None) if solid else -1
-        if not self.visible:
-            return solid_id, -1
-        return solid_id, self._cached("seen", shapes, offset, tuple(color))
-
-    def _cached(
-        self, use: str, shapes: tuple[Shape, ...], offset: Vec3, color: tuple[float, ...] | None
-    ) -> int:
-        key = (use, shapes, offset, color)
+        if not solid:
+            return -1
+        key = (solid, offset)
         if key not in self._made:
-            self._made[key] = self._make(shapes, offset, color)
+            self._made[key] = self._make(solid, offset)
         return self._made[key]
 
-    def _make(
-        self, shapes: tuple[Shape, ...], offset: Vec3, color: tuple[float, ...] | None
-    ) -> int:
+    def _make(self, shapes: tuple[Shape, ...], offset: Vec3) -> int:
         geometry = [_geometry(shape) for shape in shapes]
-        frame = "collisionFrame" if color is None else "visualFrame"
-        places = {
-            f"{frame}Positions": [swap(add(offset, shape.offset)) for shape in shapes],
-            f"{frame}Orientations": [_orientation(shape) for shape in shapes],
-            "shapeTypes": [kind for kind, _, _, _ in geometry],
-            "halfExtents": [half for _, half, _, _ in geometry],
-            "radii": [radius for _, _, radius, _ in geometry],
-            "lengths": [length for _, _, _, length in geometry],
-            "physicsClientId": self.client,
-        }
-        if color is None:
-            return int(pybullet.createCollisionShapeArray(**places))
-        return int(pybullet.createVisualShapeArray(rgbaColors=[color] * len(shapes), **places))
+        return int(
+            pybullet.createCollisionShapeArray(
+                shapeTypes=[kind for kind, _, _, _ in geometry],
+                halfExtents=[half for _, half, _, _ in geometry],
+                radii=[radius for _, _, radius, _ in geometry],
+                lengths=[length for _, _, _, length in geometry],
+                collisionFramePositions=[swap(add(offset, shape.offset)) for shape in shapes],
+                collisionFrameOrientations=[_orientation(shape) for shape in shapes],
+                physicsClientId=self.client,
+            )
+        )
 
-    def _cone(self, thing: Thing) -> tuple[int, int]:
+    def _cone(self, thing: Thing) -> int:
         """A cone along y as the hull of its rim and its tip."""
         x, y, z = scale(thing.size, 0.5)
         turns = [2 * pi * i / CONE_SIDES for i in range(CONE_SIDES)]
         rim = [swap((x * cos(turn), -y, z * sin(turn))) for turn in turns]
-        points = [*rim, swap((0.0, y, 0.0))]
-        solid = pybullet.createCollisionShape(
-            pybullet.GEOM_MESH, vertices=points, physicsClientId=self.client
+        return int(
+            pybullet.createCollisionShape(
+                pybullet.GEOM_MESH,
+                vertices=[*rim, swap((0.0, y, 0.0))],
+                physicsClientId=self.client,
+            )
         )
-        if not self.visible:
-            return int(solid), -1
-        following = [*range(1, CONE_SIDES), 0]
-        sides = [(i, following[i], CONE_SIDES) for i in range(CONE_SIDES)]
-        base = [(0, i, i + 1) for i in range(1, CONE_SIDES - 1)]
-        faces = [corner for side in (*sides, *base) for corner in (*side, *reversed(side))]
-        seen = pybullet.createVisualShape(
-            pybullet.GEOM_MESH,
-            vertices=points,
-            indices=faces,
-            rgbaColor=thing.color,
-            physicsClientId=self.client,
-        )
-        return int(solid), int(seen)
 
 
 def _axis(joint: Joint, link: Link) -> Vec3:

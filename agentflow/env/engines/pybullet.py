@@ -58,7 +58,7 @@ class PyBulletEngine:
         """Give the client back."""
         pybullet.disconnect(self.client)
 
-    def build(self, assembly: Assembly, scene: Scene, rate: float, visible: bool = False) -> None:
+    def build(self, assembly: Assembly, scene: Scene, rate: float) -> None:
         """Make a fresh world."""
         pybullet.resetSimulation(physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
@@ -72,7 +72,7 @@ class PyBulletEngine:
         self._assembly, self._scene = assembly, scene
         self._broken: set[int] = set()
         self._on = dict.fromkeys(("motors", "steering_hinges", "springs", "winches"), 0.0)
-        self._workshop = Workshop(self.client, visible)
+        self._workshop = Workshop(self.client, self._constants)
         self._ground = self._workshop.ground()
         self._things = {thing.name: self._workshop.thing(thing) for thing in scene.things}
         stand(self.client, (self._ground, *self._things.values()))

@@ -84,7 +84,7 @@ GROUND = (
 
 
 def wall(
-    name: str, x: float, z: float, size: Vec3, friction: float = 0.8, base: float = 0.0
+    name: str, x: float, z: float, size: Vec3, friction: float | None = None, base: float = 0.0
 ) -> Thing:
     """A box that stands on height `base` with its centre over (x, z); size is full extents, m."""
     position = (x, base + size[1] / 2, z)

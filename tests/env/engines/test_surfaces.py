@@ -9,6 +9,7 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.engines.assembly import assemble
+from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.pybullet import PyBulletEngine
 from agentflow.env.scene import Scene, Thing
 from agentflow.machine.blocks import library
@@ -83,6 +84,39 @@ def test_a_lively_ball_bounces_as_the_pad_lets_it(
         if rise > 0.1:
             break
     assert rise / -fall == pytest.approx(bounce, rel=0.05)
+
+
+@pytest.mark.parametrize("restitution", [0.18, 0.6])
+def test_the_ground_is_as_lively_as_the_constants_say(restitution: float) -> None:
+    physics = constants().changed({"restitution": restitution})
+    engine = PyBulletEngine(physics)
+    ball = Thing("ball", "sphere", (0.6,) * 3, (5.0, 2.3, 0.0), mass=0.1)
+    tree = machine(ROOT)
+    engine.build(assemble(tree, place(tree), physics), Scene((ball,)), RATE)
+    speeds = []
+    for _ in range(round(0.6 * RATE)):
+        engine.step()
+        speeds.append(float(engine.state().thing_velocity[0][1]))
+    engine.close()
+    assert max(speeds) / -min(speeds) == pytest.approx(restitution, abs=0.08)
+
+
+@pytest.mark.parametrize("friction", [0.8, 0.2])
+def test_the_ground_is_as_rough_as_the_constants_say(friction: float) -> None:
+    """A box that slides to a stop: the way is v squared over twice friction times gravity."""
+    physics = constants().changed({"friction": friction})
+    engine = PyBulletEngine(physics)
+    tree = machine(ROOT)
+    slab = Thing("slab", "box", (2.0, 0.2, 2.0), (0.0, 0.1, 20.0), mass=1.0)
+    engine.build(assemble(tree, place(tree), physics), Scene((slab,), (0.0, 0.0, 0.0)), RATE)
+    run(engine, 0.5)
+    uid = engine._things["slab"]
+    pybullet.resetBaseVelocity(uid, (4.0, 0.0, 0.0), physicsClientId=engine.client)
+    start = engine.pose("slab")[0][0]
+    run(engine, 1.5)
+    way = engine.pose("slab")[0][0] - start
+    engine.close()
+    assert way == pytest.approx(16.0 / (2 * friction * GRAVITY), rel=0.1)
 
 
 def test_a_boulder_is_loose_and_rolls_as_its_friction_says(engine: PyBulletEngine) -> None:
