@@ -17,6 +17,7 @@ from agentflow.errors import UnknownNameError
 Vec3 = tuple[float, float, float]
 
 STARTING_BLOCK = 0
+GRABBER = 27
 CONTAINER = 30
 BOULDER = 36
 

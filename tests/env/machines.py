@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agentflow.env.engines.assembly import BOULDER
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
+from agentflow.machine.blocks import BOULDER
 from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine, Step
 

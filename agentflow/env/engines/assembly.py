@@ -11,11 +11,10 @@ from agentflow.env.engines.blockforms import caster_parts, drive_of, end_parts, 
 from agentflow.env.engines.fittings import WINCH, fit
 from agentflow.env.engines.vectors import add
 from agentflow.env.scene import Vec3
-from agentflow.machine.blocks import BlockType, library
+from agentflow.machine.blocks import BOULDER, BlockType, library
 from agentflow.machine.geometry import Geometry, Placed
 from agentflow.machine.tree import Machine
 
-BOULDER = 36
 SPRING = 9
 CASTERS = frozenset({50, 86})
 

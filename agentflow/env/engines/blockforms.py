@@ -11,7 +11,7 @@ from agentflow.env.constants import Constants
 from agentflow.env.engines.base import Color, Drive, JointKind, Part, Shape
 from agentflow.env.engines.vectors import add, length, scale, subtract, upright_to
 from agentflow.env.scene import Vec3
-from agentflow.machine.blocks import BlockType
+from agentflow.machine.blocks import CONTAINER, GRABBER, BlockType
 from agentflow.machine.geometry import Placed
 
 ROUND = frozenset({2, 38, 39, 40, 46, 51, 60})
@@ -19,9 +19,7 @@ ROUND = frozenset({2, 38, 39, 40, 46, 51, 60})
 TURNING = frozenset({13, 19, 22})
 """Joints that turn about their Front axis: round too, so that they clear their neighbours."""
 BALLS = frozenset({36, 44})
-CONTAINER = 30
 DECOUPLER = 4
-GRABBER = 27
 SUSPENSION = 16
 HINGE = 5
 STEERING_HINGE = 28

@@ -12,10 +12,9 @@ from agentflow.env.constants import Constants
 from agentflow.env.engines.actors import Actors, Grip, Lift, Mesh, Rope, Thrust
 from agentflow.env.engines.base import Joint
 from agentflow.env.engines.vectors import add, dot, length, scale, subtract
-from agentflow.machine.blocks import BlockType, library
+from agentflow.machine.blocks import GRABBER, BlockType, library
 from agentflow.machine.geometry import Placed
 
-GRABBER = 27
 WINCH = 45
 
 
