@@ -14,13 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from agentflow.env.constants import constants
 from agentflow.env.rotations import rotate
 from agentflow.env.trace import Array, Broken, Event, Feedback, Trace, Verdict
 from agentflow.machine.blocks import library
 from agentflow.machine.tree import Machine
 
-SAMPLE = 0.2
-"""Seconds between two samples of the published records; landing indices count these."""
 MAX_SAMPLES = 26
 """Most samples of a series, whatever the window (spec 3.2)."""
 MAX_LINES = 8
@@ -45,9 +44,14 @@ class Series:
     @property
     def text(self) -> str:
         """One line: what, how often, since when, and the points in brackets."""
-        step = self.times[1] - self.times[0] if len(self.times) > 1 else SAMPLE
+        step = _interval(self.times)
         points = " ".join("(" + ", ".join(number(v) for v in row) + ")" for row in self.values)
         return f"{self.label} every {step:.3g} s from t = {self.times[0]:.3g} s (x, y, z): {points}"
+
+
+def _interval(times: Sequence[float] | Array) -> float:
+    """Seconds between samples; the usual ones where there is one sample only."""
+    return float(times[1] - times[0]) if len(times) > 1 else constants()["sample_interval"]
 
 
 def number(value: float, digits: int = 2) -> str:
@@ -217,7 +221,7 @@ def compose(
         paths: series that end the text.
     """
     runs, loads = orientation(trace), most_loaded(trace)
-    interval = float(trace.times[1] - trace.times[0]) if len(trace.times) > 1 else SAMPLE
+    interval = _interval(trace.times)
     stalls = [event for event in verdict.events if event.kind == "motor_stalled"]
     text = [
         f"Score: {number(verdict.score)} {unit}".rstrip(),

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from agentflow.env.feedback import SAMPLE, block_name, number
+from agentflow.env.constants import constants
+from agentflow.env.feedback import block_name, number
 from agentflow.env.trace import Array, Rollout, Trace
 from agentflow.machine.tree import Machine
 
@@ -134,7 +135,7 @@ def _answer(machine: Machine, rollout: Rollout, query: _Query) -> tuple[str, dic
         last = float(times[-1])
         raise _Refused(
             f"no sample lies between {query.start:g} and {query.end:g} s; samples go from 0 to "
-            f"{last:g} s, one every {SAMPLE:g} s"
+            f"{last:g} s, one every {constants()['sample_interval']:g} s"
         )
     cut, sentence = _cut(machine, rollout, query)
     kept = np.flatnonzero(inside & (times < cut))
@@ -154,9 +155,10 @@ def _answer(machine: Machine, rollout: Rollout, query: _Query) -> tuple[str, dic
 
 def _on_grid(times: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Which samples lie on the 0.2 s grid; all of them when they are coarser."""
-    if len(times) > 1 and times[1] - times[0] > SAMPLE:
+    step = constants()["sample_interval"]
+    if len(times) > 1 and times[1] - times[0] > step:
         return np.ones(len(times), dtype=bool)
-    off = np.abs(times / SAMPLE - np.round(times / SAMPLE))
+    off = np.abs(times / step - np.round(times / step))
     grid: np.ndarray[Any, np.dtype[np.bool_]] = off < EPSILON
     return grid
 

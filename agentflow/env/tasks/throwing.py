@@ -13,7 +13,8 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from agentflow.env.feedback import SAMPLE, block_name, compose, number, series
+from agentflow.env.constants import constants
+from agentflow.env.feedback import block_name, compose, number, series
 from agentflow.env.scene import Scene, Thing, Vec3
 from agentflow.env.tasks.base import Body, Parameters, World
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences, wall
@@ -225,8 +226,8 @@ class _Landing:
 
     @property
     def index(self) -> int:
-        """The first 0.2 s sample at or after the touch."""
-        return int(np.ceil(self.time / SAMPLE - ROUNDING))
+        """The first of the usual samples at or after the touch."""
+        return int(np.ceil(self.time / constants()["sample_interval"] - ROUNDING))
 
     def counted(self, distance: float) -> float:
         """The distance, 0 where it is negative or the root has come along."""
