@@ -19,6 +19,8 @@ from agentflow.llm.messages import Sampling
 from agentflow.llm.prices import Price
 from agentflow.workflows.settings import WorkflowSettings
 
+NOT_YAML = (yaml.YAMLError, ValueError, RecursionError)
+"""What reading YAML raises: also for a date that there is not, and for a thousand brackets."""
 PROCEDURAL = "procedural"
 """The embedded model: rules and chance, no language model, no endpoint."""
 
@@ -33,7 +35,9 @@ class RoleModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str = Field(min_length=1, description="model name at the endpoint")
-    base_url: str | None = Field(None, description="None is the run's endpoint, with its key")
+    base_url: str | None = Field(
+        None, min_length=1, description="None is the run's endpoint, with its key"
+    )
     key_variable: str | None = Field(
         None,
         pattern=_VARIABLE,
@@ -48,7 +52,7 @@ class ModelConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
 
     name: str = Field(PROCEDURAL, min_length=1, description="model name at the endpoint")
-    base_url: str | None = Field(None, description="what precedes /chat/completions")
+    base_url: str | None = Field(None, min_length=1, description="what precedes /chat/completions")
     key_variable: str = Field(
         KEY_VARIABLE, pattern=_VARIABLE, description="environment variable of the key"
     )
@@ -73,7 +77,7 @@ class DesignConfig(BaseModel):
     task: str = Field("throwing", description="level, for instance throwing or throwing/3")
     knobs: dict[str, Any] = Field({}, description="knobs of the level that differ from its file")
     workflow: str = Field("hierarchical", description="way from the task to a machine")
-    seed: int = Field(0, description="of everything that is left to chance")
+    seed: int = Field(0, ge=-(2**63), lt=2**63, description="of everything that is left to chance")
     model: ModelConfig = ModelConfig()
     prompts: str = Field("default", description="prompt set")
     rationale_from: str | None = Field(
@@ -82,7 +86,7 @@ class DesignConfig(BaseModel):
     )
     max_retry: int = Field(5, ge=1, description="attempts per question outside a search")
     settings: WorkflowSettings = Field(WorkflowSettings(), description="switches of the workflow")
-    workers: int = Field(2, ge=1, description="processes for rollouts; changes no result")
+    workers: int = Field(2, ge=1, le=256, description="processes for rollouts; changes no result")
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -95,7 +99,7 @@ def load(path: Path) -> dict[str, Any]:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError):
+    except NOT_YAML:
         raise ConfigError(f"{path} is not YAML") from None
     if not isinstance(document, dict):
         raise ConfigError(f"{path} must hold a mapping of configuration keys")
@@ -116,17 +120,29 @@ def override(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, 
         path, equals, text = setting.partition("=")
         if not equals or not path:
             raise ConfigError(f"--set takes name=value, not {setting!r}")
-        keys = _keys_of(path.strip())
-        _put(result, keys, _value(text, path), path)
+        result = put(result, path.strip(), _value(text, path))
     return result
 
 
-def build(document: Mapping[str, Any]) -> DesignConfig:
+def put(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """The document with one key set; `path` as in `override`.
+
+    Raises:
+        ConfigError: The path runs through a plain value.
+    """
+    result = dict(document)
+    _put(result, _keys_of(path), value, path)
+    return result
+
+
+def build(document: object) -> DesignConfig:
     """Validate a document.
 
     Raises:
         ConfigError: Names the first wrong key, what came and what was expected.
     """
+    if not isinstance(document, Mapping):
+        raise ConfigError("the configuration must be a mapping of keys")
     try:
         return DesignConfig.model_validate(dict(document))
     except ValidationError as error:
@@ -147,7 +163,7 @@ def _keys_of(path: str) -> tuple[str, ...]:
 def _value(text: str, path: str) -> Any:
     try:
         return yaml.safe_load(text)
-    except yaml.YAMLError:
+    except NOT_YAML:
         raise ConfigError(f"--set {path}: {text!r} is not a YAML value") from None
 
 

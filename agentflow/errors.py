@@ -43,7 +43,8 @@ class UnknownNameError(UsageError):
         near = get_close_matches(str(name), names, n=3, cutoff=0.5)
         listed = near + [item for item in names if item not in near]
         shown = ", ".join(listed[:8]) + (", ..." if len(listed) > 8 else "")
-        super().__init__(f"unknown {kind} {str(name)!r}; known: {shown}")
+        said = str(name) if len(str(name)) <= 60 else f"{str(name)[:60]}..."
+        super().__init__(f"unknown {kind} {said!r}; known: {shown}")
         self.kind, self.name, self.nearest = kind, name, near
 
 

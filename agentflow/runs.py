@@ -46,7 +46,8 @@ class RunDirectory:
 
     def __init__(self, path: Path, held: IO[str], known: Iterable[Event]) -> None:
         self.path = path
-        self._made_parent = False
+        self._made: list[Path] = []
+        """Folders that were made for this run, the deepest first."""
         self._held = held
         self._known = {(event.kind, event.label): event.data for event in known}
         self._started = time.monotonic()
@@ -60,8 +61,8 @@ class RunDirectory:
         Raises:
             RunError: The folder cannot be made or written.
         """
-        made = not out.exists()
         try:
+            made = [folder for folder in (out, *out.parents) if not folder.exists()]
             out.mkdir(parents=True, exist_ok=True)
             path = _fresh(out, name)
             (path / "machines").mkdir()
@@ -70,7 +71,7 @@ class RunDirectory:
                 path / "run.yaml", yaml.safe_dump({"schema": SCHEMA, **document}, sort_keys=False)
             )
             run = cls(path, _hold(path), ())
-            run._made_parent = made
+            run._made = made
             return run
         except OSError as error:
             raise RunError(
@@ -104,8 +105,11 @@ class RunDirectory:
         if self._known.get((kind, label)) != json.loads(json.dumps(data)):
             at = round(time.monotonic() - self._started, 3)
             line = {"kind": kind, "label": label, "at": at, "data": data}
-            self._events.write(json.dumps(line, ensure_ascii=False) + "\n")
-            self._events.flush()
+            try:
+                self._events.write(json.dumps(line) + "\n")
+                self._events.flush()
+            except OSError as error:
+                raise _full(self.path / "events.jsonl", error) from None
         for listener in self.listeners:
             listener(event)
 
@@ -117,20 +121,21 @@ class RunDirectory:
 
     def finish(self, result: Mapping[str, Any]) -> None:
         """Write result.json; from then on the run is complete."""
-        _write(self.path / "result.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
+        _write(self.path / "result.json", json.dumps(result, indent=1) + "\n")
 
     def close(self) -> None:
         """Give the run free for other processes."""
-        self._events.close()
         self._held.close()
+        with contextlib.suppress(OSError):  # a full disk has been reported by the write itself
+            self._events.close()
 
     def discard(self) -> None:
         """Remove a run that never got an answer from its model."""
         self.close()
         shutil.rmtree(self.path)
-        if self._made_parent:
-            with contextlib.suppress(OSError):  # another run has come to lie there meanwhile
-                self.path.parent.rmdir()
+        with contextlib.suppress(OSError):  # another run has come to lie there meanwhile
+            for folder in self._made:
+                folder.rmdir()
 
 
 def read_document(path: Path) -> dict[str, Any]:
@@ -143,7 +148,7 @@ def read_document(path: Path) -> dict[str, Any]:
         document = yaml.safe_load((path / "run.yaml").read_text(encoding="utf-8"))
     except OSError:
         raise RunError(f"{path} is no run: it has no readable run.yaml") from None
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError, RecursionError):
         document = None
     if not isinstance(document, dict) or "schema" not in document:
         raise RunError(f"{path / 'run.yaml'} is damaged: expected a mapping with `schema`")
@@ -170,7 +175,7 @@ def read_events(path: Path) -> Iterator[Event]:
             event = Event(item["kind"], item["label"], item["data"])
             last.pop((event.kind, event.label), None)
             last[event.kind, event.label] = event
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             raise RunError(f"{path / 'events.jsonl'} is damaged in line {number}") from None
     yield from last.values()
 
@@ -188,7 +193,7 @@ def read_result(path: Path) -> dict[str, Any]:
             f"{path} has no result.json: the run is unfinished; continue it with "
             f"agentflow design --resume {path}"
         ) from None
-    except ValueError:
+    except (ValueError, RecursionError):
         result = None
     if not isinstance(result, dict):
         raise RunError(f"{path / 'result.json'} is damaged: expected a JSON object")
@@ -219,13 +224,22 @@ def _hold(path: Path) -> IO[str]:
 def _write(path: Path, text: str) -> None:
     """Write a whole file or nothing: a killed process leaves no half file under the final name."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        raise _full(path, error) from None
+
+
+def _full(path: Path, error: OSError) -> RunError:
+    return RunError(f"cannot write {path}: {error.strerror}; what is recorded can be resumed")
 
 
 def _whole_lines(path: Path) -> Iterator[str]:
     if not path.exists():
         return
+    if not path.is_file():
+        raise RunError(f"{path} is damaged: expected a file")
     with path.open("rb") as lines:
         for line in lines:
             if line.endswith(b"\n"):

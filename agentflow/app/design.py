@@ -41,6 +41,9 @@ from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import WITHOUT_MODEL, workflow
 from agentflow.workflows.statistics import row
 
+RESULT = ("score", "valid", "machine", "stages", "model", "stopped", "run")
+"""Keys without which a result is none."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -89,9 +92,9 @@ def resume(path: Path, say: Say, listener: Listener | None = None) -> dict[str, 
         RunError: The run is damaged or in use, or prompts or physics have changed since.
     """
     if (path / "result.json").exists():
-        return read_result(path)
+        return {**finished(path), "run": str(path)}
     document = read_document(path)
-    plan = Plan.of(build(document["config"]))
+    plan = Plan.of(build(document.get("config")))
     changed = _changed(plan, document)
     if changed:
         raise RunError(
@@ -111,9 +114,9 @@ def replay(path: Path, say: Say) -> str | None:
         RunError: The run is unfinished or damaged.
         ReplayMissError: A request was not recorded.
     """
-    recorded = read_result(path)
     document = read_document(path)
-    plan = Plan.of(build(document["config"]))
+    recorded = finished(path)
+    plan = Plan.of(build(document.get("config")))
     changed = _changed(plan, document)
     if changed:
         say(f"{path} was made with other {changed}, so differences are to be expected")
@@ -124,6 +127,19 @@ def replay(path: Path, say: Say) -> str | None:
     return first_difference(read_events(path), memory.events) or _result_differs(
         recorded, _answer(plan, outcome)
     )
+
+
+def finished(path: Path) -> dict[str, Any]:
+    """The result of a finished run.
+
+    Raises:
+        RunError: The run is unfinished, or its result is damaged.
+    """
+    result = read_result(path)
+    missing = [key for key in RESULT if key not in result]
+    if missing:
+        raise RunError(f"{path / 'result.json'} is damaged: it lacks {', '.join(missing)}")
+    return result
 
 
 @dataclass

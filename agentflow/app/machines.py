@@ -63,6 +63,8 @@ def read_lines(source: str) -> Iterator[str]:
 
 def _standard_input() -> TextIO:
     """Standard input as UTF-8; what is none of it is replaced."""
+    if sys.stdin is None:
+        raise UsageError("standard input is closed; name a file")
     if isinstance(sys.stdin, io.TextIOWrapper):
         sys.stdin.reconfigure(encoding="utf-8-sig", errors="replace")
     return sys.stdin

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from agentflow.config import (
     build,
     load,
     override,
+    put,
 )
 from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.budget import Budget
@@ -44,7 +44,10 @@ def with_environment(document: Mapping[str, Any], environ: Mapping[str, str]) ->
     A key alone never spends money: it takes a model's name to leave the procedural model.
     """
     result = dict(document)
-    model = dict(result.get("model") or {})
+    given = result.get("model", {})
+    if not isinstance(given, Mapping):
+        return result
+    model = dict(given)
     name = environ.get("AGENTFLOW_MODEL", "").strip()
     url = environ.get("OPENAI_BASE_URL", "").strip()
     if name:
@@ -70,7 +73,7 @@ def configured(
     document = override(load(path) if path is not None else {}, settings)
     for key, value in options.items():
         if value is not None:
-            document = override(document, [f"{key}={json.dumps(value)}"])
+            document = put(document, key, value)
     return build(with_environment(document, os.environ))
 
 

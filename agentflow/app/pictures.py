@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
+from agentflow.app.design import finished
 from agentflow.app.machines import machine_text
 from agentflow.config import build
 from agentflow.env.film import save_film
@@ -15,8 +15,9 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Rollout
 from agentflow.errors import RunError, UnknownNameError, UsageError
-from agentflow.machine import Machine, check, read_machine
-from agentflow.runs import read_document, read_result
+from agentflow.machine import Machine, check, library, read_machine
+from agentflow.machine.formats import read_any
+from agentflow.runs import read_document
 
 STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"
 SAMPLES = {GIF: 10, MP4: 20, GLB: 20}
@@ -31,8 +32,8 @@ def render_run(path: Path, out: Path | None = None, view: str = "three-quarter")
     Raises:
         RunError: The run is unfinished, or found no valid machine.
     """
-    result: dict[str, Any] = read_result(path)
-    config = build(read_document(path)["config"])
+    result = finished(path)
+    config = build(read_document(path).get("config"))
     machine = read_machine(result["machine"], range(1000)).machine
     if machine is None:
         raise RunError(f"{path} found no valid machine to draw")
@@ -46,24 +47,26 @@ def render_file(source: str, task: Task, seed: int, out: Path, view: str) -> dic
     Raises:
         UsageError: The machine cannot be built; names the first problem.
     """
-    report = check(machine_text(source))
+    report = check(read_any(machine_text(source), blocks=tuple(library())))
     if report.machine is None or not report.machine_valid:
         raise UsageError(f"{source} cannot be built: {report.problems[0].message}")
     return _render(report.machine, task, seed, out, view)
 
 
 def _render(machine: Machine, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
-    files = [out] if out.suffix else [out.with_suffix(STILL), out.with_suffix(GIF)]
+    if not out.name:
+        raise UsageError(f"--out takes the name of a file, not {str(out)!r}")
+    files = [out] if out.suffix else [out.with_suffix(GIF), out.with_suffix(STILL)]
     try:
         for file in files:
             _write(machine, task, seed, file, view)
     except OSError as error:
         raise UsageError(f"cannot write {file}: {error.strerror}") from None
-    return {NAMES[file.suffix]: str(file) for file in files}
+    return {NAMES[file.suffix.lower()]: str(file) for file in reversed(files)}
 
 
 def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> None:
-    kind = file.suffix
+    kind = file.suffix.lower()
     if kind == STILL:
         render_png(machine, file, view=view)
     elif kind in SAMPLES:

@@ -16,6 +16,7 @@ from agentflow.env.rollout import invalid, rollout_json, save_npz, simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import check
+from agentflow.machine.formats import read_any
 
 
 def simulate_text(
@@ -35,10 +36,10 @@ def simulate_text(
             simulated has no states; its result says so.)
     """
     asked = [_query(item) for item in queries]
-    report = check(text, task.brief)  # type: ignore[arg-type]
+    report = check(read_any(text, blocks=task.brief.blocks), task.brief)
     if report.machine is None:
         return rollout_json(invalid(report.problems))
-    rollout = simulate(report.machine, task, seed=seed, power=power, **_rate(rate))
+    rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate)
     result = rollout_json(rollout)
     if asked:
         result["answers"] = answer(report.machine, rollout, asked).data
@@ -62,10 +63,10 @@ async def simulate_lines(
     """
 
     async def result(line: str) -> dict[str, Any]:
-        report = check(line_value(line), task.brief)  # type: ignore[arg-type]
+        report = check(read_any(line_value(line), blocks=task.brief.blocks), task.brief)
         if report.machine is None:
             return rollout_json(invalid(report.problems))
-        rollout = await pool.run(report.machine, task, seed=seed, power=power, **_rate(rate))
+        rollout = await pool.run(report.machine, task, seed=seed, power=power, rate=rate)
         return rollout_json(rollout)
 
     ahead: asyncio.Queue[asyncio.Task[dict[str, Any]] | Exception | None] = asyncio.Queue(
@@ -103,15 +104,11 @@ def _feed(
         hand_over(None)
 
 
-def _rate(rate: float | None) -> dict[str, Any]:
-    return {} if rate is None else {"rate": rate}
-
-
 def _query(text: str) -> object:
     try:
         return json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         raise UsageError(
             f"--query takes JSON such as "
-            f'{{"id": 3, "duration": [0, 1], "properties": ["position"]}}, not {text!r}'
+            f'{{"id": 3, "duration": [0, 1], "properties": ["position"]}}, not {text[:60]!r}'
         ) from None

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from contextlib import suppress
 
 from agentflow.errors import AgentflowError
 
@@ -31,9 +33,17 @@ def main(arguments: list[str] | None = None) -> int:
     debug = "--debug" in given
     try:
         status = commands(args=[item for item in given if item != "--debug"], standalone_mode=False)
+        sys.stdout.flush()
         return status if isinstance(status, int) else 0
-    except typer.Abort:
+    except (typer.Abort, KeyboardInterrupt):
         return _say("interrupted", INTERRUPTED)
+    except BrokenPipeError:  # who read our output wants no more of it
+        return _give_up_output(0)
+    except OSError as error:
+        if debug:
+            raise
+        _say(f"cannot write the output: {error.strerror or error}", USAGE)
+        return _give_up_output(USAGE)
     except usage_error as error:
         return _say(_usage(error), USAGE)
     except AgentflowError as error:
@@ -46,9 +56,17 @@ def _usage(error: BaseException) -> str:
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "agentflow"
     message = getattr(error, "format_message", error.__str__)()
-    return f"{message.rstrip('.')}. Try '{command} --help'."
+    return f"{message.rstrip('.?')}. Try '{command} --help'."
 
 
 def _say(message: str, status: int) -> int:
-    print(f"agentflow: {message}", file=sys.stderr)
+    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message)
+    with suppress(OSError, ValueError):  # nobody reads; the exit status says it all the same
+        print(f"agentflow: {shown}", file=sys.stderr, flush=True)
+    return status
+
+
+def _give_up_output(status: int) -> int:
+    """Lead standard output nowhere, so that Python does not complain of it once more at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status

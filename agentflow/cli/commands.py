@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -55,7 +56,16 @@ def common(
 
 def _print_json(value: Any) -> None:
     """One line of JSON, at once: who reads lines may wait for each. ASCII, for any terminal."""
-    print(json.dumps(value), flush=True)
+    print(json.dumps(_finite(value), allow_nan=False), flush=True)
+
+
+def _finite(value: Any) -> Any:
+    """The value with null for every number that JSON does not know."""
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    return [_finite(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 @commands.command(
@@ -91,6 +101,7 @@ def design(
     from agentflow.app.design import design as start
     from agentflow.app.design import resume as go_on
     from agentflow.app.models import configured
+    from agentflow.app.pictures import render_run
     from agentflow.cli.live import watch
     from agentflow.cli.show import show_result
 
@@ -104,22 +115,19 @@ def design(
         "rationale_from": rationale_from,
         "settings.rollouts": rollouts,
     }
+    given = [name for name, value in options.items() if value is not None]
+    if resume is not None and (given or config or settings):
+        raise UsageError("--resume continues a run as it was begun; leave out the other options")
     with watch(quiet) as (listener, say):
         if resume is not None:
             result = go_on(resume, say, listener)
         else:
             result = start(configured(config, settings or (), options), out, say, listener)
-    pictures = _pictures(result)
+    pictures = render_run(Path(result["run"])) if result["valid"] else {}
     if as_json:
         _print_json(result)
     else:
         show_result(result, pictures)
-
-
-def _pictures(result: dict[str, Any]) -> dict[str, str]:
-    from agentflow.app.pictures import render_run
-
-    return render_run(Path(result["run"])) if result["valid"] else {}
 
 
 @commands.command(epilog="Example: agentflow replay runs/recorded-throwing")
@@ -165,6 +173,8 @@ def check(
 def _brief(task: str | None, knobs: list[str] | None) -> Any:
     from agentflow.app.tasks import find_task
 
+    if task is None and knobs:
+        raise UsageError("--set changes a task; name it with --task")
     return None if task is None else find_task(task, knobs or ()).brief
 
 
@@ -291,6 +301,8 @@ def render(
     from agentflow.app.tasks import find_task
 
     if Path(source).is_dir():
+        if task is not None or knobs or seed:
+            raise UsageError("a run has its own task and seed; leave out --task, --set and --seed")
         files = render_run(Path(source), out, view)
     else:
         level = find_task(task or "movement", knobs or ())

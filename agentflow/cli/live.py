@@ -9,7 +9,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,7 +43,13 @@ def watch(quiet: bool) -> Iterator[tuple[Listener | None, Say]]:
 
 
 def _complain(line: str) -> None:
-    print(f"agentflow: {line}", file=sys.stderr, flush=True)
+    _tell(f"agentflow: {line}")
+
+
+def _tell(line: str) -> None:
+    """Print to stderr; a run goes on when nobody is there to read."""
+    with suppress(OSError, ValueError):
+        print(line, file=sys.stderr, flush=True)
 
 
 @dataclass
@@ -145,7 +151,7 @@ def _first_line(text: str) -> str:
 
 def _print_event(event: Event) -> None:
     if event.kind not in BOOKKEEPING:
-        print(_line(event), file=sys.stderr, flush=True)
+        _tell(_line(event))
 
 
 def _line(event: Event) -> str:

@@ -15,8 +15,16 @@ from agentflow.cli.live import number
 Data = Mapping[str, Any]
 
 
+class _Output(Console):
+    """Standard output; a reader who has had enough is left to cli.main."""
+
+    def on_broken_pipe(self) -> None:
+        """Instead of ending the process with status 1."""
+        raise BrokenPipeError
+
+
 def _out() -> Console:
-    return Console(highlight=False, soft_wrap=True, markup=False)
+    return _Output(highlight=False, soft_wrap=True, markup=False)
 
 
 def _table(*columns: str) -> Table:

@@ -14,15 +14,20 @@ from agentflow.errors import UsageError
 
 
 def rollout_json(rollout: Rollout) -> dict[str, Any]:
-    """A rollout as JSON data with exactly the keys of spec 2.6."""
+    """A rollout as JSON data with exactly the keys of spec 2.6; null what was not simulated."""
+    simulated = rollout.status != "invalid"
     return {
         "status": rollout.status,
         "score": rollout.score,
-        "terms": dict(rollout.terms),
+        "terms": dict(rollout.terms) if simulated else None,
         "problems": [dict(problem) for problem in rollout.problems],
-        "broken": [asdict(item) for item in rollout.broken],
-        "events": [asdict(item) | {"blocks": list(item.blocks)} for item in rollout.events],
-        "feedback": rollout.feedback.text,
+        "broken": [asdict(item) for item in rollout.broken] if simulated else None,
+        "events": (
+            [asdict(item) | {"blocks": list(item.blocks)} for item in rollout.events]
+            if simulated
+            else None
+        ),
+        "feedback": rollout.feedback.text if simulated else None,
         "digest": rollout.digest,
         "sim_seconds": rollout.sim_seconds,
         "wall_seconds": rollout.wall_seconds,

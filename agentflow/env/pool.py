@@ -19,6 +19,7 @@ from types import TracebackType
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Feedback, Rollout, Status
+from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
 
 GRACE = 30.0
@@ -110,7 +111,8 @@ class RolloutPool:
             `timeout` when its worker hung.
 
         Raises:
-            RuntimeError: `simulate` raised, which is a bug; with the worker's traceback.
+            UsageError: As `simulate` does.
+            RuntimeError: `simulate` raised anything else, which is a bug; with its traceback.
         """
         job = Job(machine, task, seed, rate, power, interval, wall_limit)
         for _ in range(ATTEMPTS):
@@ -136,6 +138,8 @@ class RolloutPool:
             self._replace(worker)
             raise
         self._idle.put_nowait(worker)
+        if isinstance(reply, UsageError):
+            raise reply
         if isinstance(reply, str):
             raise RuntimeError(f"a rollout failed in its worker:\n{reply}")
         return reply
@@ -174,12 +178,12 @@ class _Worker:
     def alive(self) -> bool:
         return self._process.poll() is None
 
-    def ask(self, job: Job, patience: float) -> Rollout | str:
+    def ask(self, job: Job, patience: float) -> Rollout | UsageError | str:
         """Send a job and wait for the rollout, or for the traceback of what went wrong."""
         self.connection.send(job)
         if not self.connection.poll(patience):
             raise TimeoutError
-        reply: Rollout | str = self.connection.recv()
+        reply: Rollout | UsageError | str = self.connection.recv()
         return reply
 
     def kill(self) -> None:
@@ -197,7 +201,7 @@ def serve(descriptor: int) -> None:
             except EOFError:
                 return
             try:
-                reply: Rollout | str = simulate(
+                reply: Rollout | UsageError | str = simulate(
                     job.machine,
                     job.task,
                     seed=job.seed,
@@ -206,6 +210,8 @@ def serve(descriptor: int) -> None:
                     interval=job.interval,
                     wall_limit=job.wall_limit,
                 )
+            except UsageError as error:
+                reply = error
             except Exception:  # noqa: BLE001 - handed over to the parent, which raises it
                 reply = traceback.format_exc()
             connection.send(reply)

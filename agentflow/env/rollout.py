@@ -6,7 +6,6 @@ Physics is the engine's, scores are the tasks', loads are loads.py's, files are 
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 from dataclasses import replace
 from math import isfinite
 from time import perf_counter
@@ -19,20 +18,17 @@ from agentflow.env.engines.pybullet import PyBulletEngine
 from agentflow.env.feedback import stalled_motors
 from agentflow.env.loads import Loads
 from agentflow.env.recorder import Recorder, digest
+from agentflow.env.refusals import invalid, timing
 from agentflow.env.settling import Settling
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Broken, Event, Feedback, Rollout, Status, Trace, Verdict
 from agentflow.env.world import EngineWorld
-from agentflow.errors import UsageError
 from agentflow.machine.geometry import place
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
 __all__ = ["invalid", "load_npz", "rollout_json", "save_npz", "simulate"]
-
-RATES = (30, 1000)
-"""Hz: slowest and fastest stepping that still resolves contacts and load windows, and ends."""
 
 _local = threading.local()
 
@@ -69,7 +65,7 @@ def simulate(
         UsageError: `rate` is not within 30 to 1000 Hz, or `interval` not above 0.
     """
     value = physics or constants()
-    rate, interval = _timing(rate, interval, value)
+    rate, interval = timing(rate, interval, value)
     report = check(machine, task.brief)
     if not report.task_valid:
         return invalid(report.problems)
@@ -291,40 +287,6 @@ class _Run:
         else:
             text = f"The simulation was cut off after {self._wall_limit:g} s of computing time."
         return Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})
-
-
-def _timing(rate: float | None, interval: float | None, value: Constants) -> tuple[float, float]:
-    """Steps per second and seconds between samples, in range, the constants' where not given."""
-    rate = value["step_rate"] if rate is None else rate
-    interval = value["sample_interval"] if interval is None else interval
-    low, high = RATES
-    if not low <= rate <= high:
-        raise UsageError(f"the rate is {rate:g} Hz; it must be from {low} to {high} Hz")
-    if not interval > 0:
-        raise UsageError(f"the interval is {interval:g} s; it must be above 0 s")
-    return rate, interval
-
-
-def invalid(problems: Sequence[Problem]) -> Rollout:
-    """The result of a machine that is not simulated because of these problems."""
-    listed = tuple(problem.to_json() for problem in problems)
-    text = "The machine is invalid and was not simulated: " + "; ".join(
-        str(problem["message"]) for problem in listed
-    )
-    return Rollout(
-        status="invalid",
-        score=0.0,
-        terms={},
-        problems=listed,
-        broken=(),
-        events=(),
-        feedback=Feedback(text, {"status": "invalid", "problems": list(listed)}),
-        trace=None,
-        digest=None,
-        sim_seconds=None,
-        wall_seconds=None,
-        constants=constants().digest,
-    )
 
 
 def _own_engine() -> Engine:

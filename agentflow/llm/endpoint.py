@@ -87,9 +87,10 @@ class Endpoint:
 def _parsed(base_url: str) -> httpx.URL:
     try:
         url = httpx.URL(base_url.strip())
-    except httpx.InvalidURL:
-        url = httpx.URL("")
-    if url.scheme not in ("http", "https") or not url.host:
+        usable = url.scheme in ("http", "https") and bool(url.host) and (url.port or 0) < 65536
+    except (httpx.InvalidURL, ValueError):
+        usable = False
+    if not usable:
         raise ConfigError(
             "the base URL must look like http://127.0.0.1:8000/v1; "
             "change --base-url or OPENAI_BASE_URL"

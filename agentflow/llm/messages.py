@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 Finish = Literal["stop", "length", "empty", "content_filter"]
 """Why a reply ended. Only `stop` is a whole answer."""
@@ -36,8 +36,8 @@ class JsonSchema(_Frozen):
 class Sampling(_Frozen):
     """How a reply is drawn. Defaults as published: temperature 0.7, top-p 0.95."""
 
-    temperature: float = 0.7
-    top_p: float = 0.95
+    temperature: float = Field(0.7, ge=0, allow_inf_nan=False)
+    top_p: float = Field(0.95, gt=0, le=1)
     max_tokens: int | None = None
     """Most output tokens; None leaves it to the endpoint."""
     seed: int | None = None

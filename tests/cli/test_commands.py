@@ -102,6 +102,28 @@ def test_an_invalid_machine_is_a_result(tmp_path: Path, capsys: pytest.CaptureFi
     assert {problem["code"] for problem in result["problems"]} == {"face_occupied", "overlap"}
 
 
+@pytest.mark.parametrize("ending", [".coords.json", ".bsg"])
+def test_simulate_takes_every_form(
+    car: str, ending: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = str(tmp_path / f"car{ending}")
+    assert main(["convert", car, other]) == 0
+    capsys.readouterr()
+    scores = []
+    for source in (car, other):
+        assert main(["simulate", source, "--task", "movement", "--json"]) == 0
+        scores.append(json.loads(capsys.readouterr().out)["score"])
+    assert scores[0] == scores[1]
+
+
+@pytest.mark.parametrize("rate", ["0", "-5", "nan", "1e12"])
+def test_a_rate_out_of_range_is_refused(
+    car: str, rate: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", car, "--task", "movement", "--rate", rate]) == 2
+    assert "it must be from 30 to 1000 Hz" in capsys.readouterr().err
+
+
 def test_simulate_lines_gives_one_result_per_line_in_order(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -146,7 +168,7 @@ WRONG = [
     (["design", "--config", "none.yaml"], 2, "cannot read none.yaml: No such file or directory"),
     (["design", "--resume", "none"], 2, "none is no run: it has no readable run.yaml"),
     (["design", "--model", "m", "--base-url", "nowhere"], 2, "the base URL must look like "),
-    (["replay", "none"], 2, "none has no result.json"),
+    (["replay", "none"], 2, "none is no run: it has no readable run.yaml"),
     (["check", "none.json"], 2, "cannot read none.json: No such file or directory"),
     (["simulate", "none.json", "--task", "x"], 2, "unknown task 'x'; known: "),
     (["simulate", "words", "--task", "movement"], 2, "words holds no machine: no JSON list found"),
@@ -158,6 +180,22 @@ WRONG = [
         "--query and --save take one machine; leave out --jsonl",
     ),
     (["check", "/dev/zero"], 2, "/dev/zero is larger than 64 MB; no machine is"),
+    (["design", "--base-url", ""], 2, "model.base_url: string should have at least 1 character"),
+    (["design", "--set", "model=5"], 2, "model: input should be a valid dictionary"),
+    (
+        ["design", "--set", "search.rounds=2001-99-99"],
+        2,
+        "--set search.rounds: '2001-99-99' is not",
+    ),
+    (
+        ["design", "--set", "model.sampling.temperature=.nan"],
+        2,
+        "model.sampling.temperature: input",
+    ),
+    (["design", "--workers", "100000"], 2, "workers: input should be less than or equal to 256"),
+    (["design", "--resume", "x", "--seed", "1"], 2, "--resume continues a run as it was begun"),
+    (["check", "words", "--set", "window=5"], 2, "--set changes a task; name it with --task"),
+    (["tasks", "x" * 500], 2, f"unknown task '{'x' * 60}...'; known: "),
     (["blocks", "99"], 2, "unknown block type '99'; known: "),
     (["simulate"], 2, "Missing argument"),
     (["desing"], 2, "No such command 'desing'"),

@@ -48,9 +48,11 @@ def upright_to(direction: Vec3) -> Quat:
     """The shortest rotation that turns y+ into a direction (any length but 0)."""
     size = length(direction)
     x, y, z = direction[0] / size, direction[1] / size, direction[2] / size
-    if y < -0.999999:
+    # almost straight down 1 + y loses its digits
+    square = (x * x + z * z) / (2.0 - 2.0 * y) if y < -0.999999 else (1.0 + y) / 2.0
+    if square < 1e-24:
         return (1.0, 0.0, 0.0, 0.0)
-    w = sqrt((1.0 + y) / 2.0)
+    w = sqrt(square)
     return (z / (2.0 * w), 0.0, -x / (2.0 * w), w)
 
 
