@@ -1,21 +1,20 @@
-"""Owns a design run from configuration to result: fresh, resumed, or replayed from its record."""
+"""Owns a design run from configuration to result, fresh or resumed; repeating it is replay.py's."""
 
 from __future__ import annotations
 
 import asyncio
-import json
 import platform
 import subprocess
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from agentflow import __version__
 from agentflow.agents.base import Desk
-from agentflow.app.models import Models, answerers, open_models, replaying, shown
+from agentflow.app.models import Models, answerers, open_models, shown
 from agentflow.app.rationales import with_rationales
 from agentflow.app.remarks import REMARK, Remarks, Say
 from agentflow.config import DesignConfig, build
@@ -30,11 +29,9 @@ from agentflow.llm.budget import Budget
 from agentflow.llm.tape import Tape
 from agentflow.prompts.render import PromptSet
 from agentflow.runs import (
-    Event,
     Listener,
     RunDirectory,
     read_document,
-    read_events,
     read_result,
 )
 from agentflow.workflows.base import Record, WorkflowResult
@@ -95,38 +92,13 @@ def resume(path: Path, say: Say, listener: Listener | None = None) -> dict[str, 
         return {**finished(path), "run": str(path)}
     document = read_document(path)
     plan = Plan.of(build(document.get("config")))
-    changed = _changed(plan, document)
-    if changed:
+    other = changed(plan, document)
+    if other:
         raise RunError(
-            f"{path} was begun with other {changed}: its record and a continuation would not "
+            f"{path} was begun with other {other}: its record and a continuation would not "
             "belong together; continue it with the version that began it"
         )
     return _carry_out(plan, RunDirectory.resume(path), say, listener)
-
-
-def replay(path: Path, say: Say) -> str | None:
-    """Run a finished run again from its record and compare every event and the result.
-
-    Returns:
-        None when identical, else the first difference.
-
-    Raises:
-        RunError: The run is unfinished or damaged.
-        ReplayMissError: A request was not recorded.
-    """
-    document = read_document(path)
-    recorded = finished(path)
-    plan = Plan.of(build(document.get("config")))
-    changed = _changed(plan, document)
-    if changed:
-        say(f"{path} was made with other {changed}, so differences are to be expected")
-    memory = Memory()
-    with Tape(path / "calls.jsonl", say, writable=False) as tape:
-        cut = recorded["stopped"] == "budget"
-        outcome = asyncio.run(_conduct(plan, replaying(plan.config, tape, cut=cut), memory))
-    return first_difference(read_events(path), memory.events) or _result_differs(
-        recorded, _answer(plan, outcome)
-    )
 
 
 def finished(path: Path) -> dict[str, Any]:
@@ -142,51 +114,6 @@ def finished(path: Path) -> dict[str, Any]:
     return result
 
 
-@dataclass
-class Memory:
-    """A record in memory."""
-
-    events: dict[tuple[str, str], Mapping[str, Any]] = field(default_factory=dict)
-
-    def event(self, kind: str, label: str, **data: Any) -> None:
-        """Keep one event as it would be read back from a file."""
-        self.events[kind, label] = json.loads(json.dumps(data))
-
-    def save_machine(self, digest: str, text: str) -> None:
-        """Machines are in the events by digest; that is enough to compare."""
-
-
-def first_difference(
-    recorded: Any, repeated: Mapping[tuple[str, str], Mapping[str, Any]]
-) -> str | None:
-    """The first recorded event that the repetition lacks or has otherwise; then what is new."""
-    rest = dict(repeated)
-    event: Event
-    for event in recorded:
-        if event.kind == REMARK:
-            continue
-        again = rest.pop((event.kind, event.label), None)
-        if again is None:
-            return f"{event.kind} {event.label}: recorded, but not in the repetition"
-        if again != event.data:
-            key = next(k for k in {**event.data, **again} if event.data.get(k) != again.get(k))
-            return (
-                f"{event.kind} {event.label}: {key} was {event.data.get(key)!r}, "
-                f"is now {again.get(key)!r}"
-            )
-    if rest:
-        kind, label = next(iter(rest))
-        return f"{kind} {label}: in the repetition, but not recorded"
-    return None
-
-
-def _result_differs(recorded: Mapping[str, Any], again: Mapping[str, Any]) -> str | None:
-    for key, value in json.loads(json.dumps(again)).items():
-        if recorded.get(key) != value:
-            return f"result: {key} was {recorded.get(key)!r}, is now {value!r}"
-    return None
-
-
 @dataclass(frozen=True)
 class Conducted:
     """What a workflow gave, and the laboratory that tried its machines."""
@@ -195,7 +122,7 @@ class Conducted:
     laboratory: PhysicsLaboratory
 
 
-async def _conduct(plan: Plan, models: Models, record: Record) -> Conducted:
+async def conduct(plan: Plan, models: Models, record: Record) -> Conducted:
     config = plan.config
     asked = _asked(config, models)
     record.event("run", "start", task=plan.task.name, workflow=config.workflow, model=asked)
@@ -234,7 +161,7 @@ def _carry_out(
                 budget.count(entry.request, entry.reply, price)
             try:
                 models = open_models(plan.config, tape, budget, remarks.tell)
-                conducted = asyncio.run(_conduct(plan, models, run))
+                conducted = asyncio.run(conduct(plan, models, run))
             except EndpointError as error:
                 if not len(tape):
                     run.discard()
@@ -244,7 +171,7 @@ def _carry_out(
             except KeyboardInterrupt:
                 raise InterruptedRunError(f"interrupted; {_go_on(run)}") from None
         result = {
-            **_answer(plan, conducted),
+            **answer(plan, conducted),
             "model": _asked(plan.config, models),
             "calls": budget.calls,
             "tokens": budget.usage.total,
@@ -263,7 +190,7 @@ def _go_on(run: RunDirectory) -> str:
     return f"continue with: agentflow design --resume {run.path}"
 
 
-def _answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
+def answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
     """What does not depend on the clock or the place; equal for equal records."""
     result = conducted.result
     best = result.best
@@ -300,7 +227,7 @@ def _keep_rollouts(path: Path, conducted: Conducted) -> None:
         save_npz(conducted.laboratory.rollouts[digest], path / "rollouts" / f"{digest}.npz")
 
 
-def _changed(plan: Plan, document: Mapping[str, Any]) -> str:
+def changed(plan: Plan, document: Mapping[str, Any]) -> str:
     """What decides results and is no longer as when the run began, in words; "" if nothing."""
     now = {"prompts": plan.prompts.digest, "constants": constants().digest}
     return " and ".join(name for name, digest in now.items() if document.get(name) != digest)

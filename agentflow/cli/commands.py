@@ -133,7 +133,7 @@ def design(
 @commands.command(epilog="Example: agentflow replay runs/recorded-throwing")
 def replay(run: Run) -> None:
     """Repeat a run from its record and compare everything: `identical` or the first difference."""
-    from agentflow.app.design import replay as repeat
+    from agentflow.app.replay import replay as repeat
 
     difference = repeat(run, lambda line: print(f"agentflow: {line}", file=sys.stderr))
     print(difference or "identical")

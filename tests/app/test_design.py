@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agentflow.app.design import design, replay, resume
+from agentflow.app.design import design, resume
 from agentflow.app.models import configured
+from agentflow.app.replay import replay
 from agentflow.cli import main
 from agentflow.config import build, load
 from agentflow.errors import RunError

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design import design, replay
+from agentflow.app.design import design
 from agentflow.app.models import answerers, open_models
+from agentflow.app.replay import replay
 from agentflow.cli import main
 from agentflow.config import DesignConfig, build
 from agentflow.errors import ConfigError

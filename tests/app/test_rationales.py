@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design import design, replay
+from agentflow.app.design import design
 from agentflow.app.rationales import rationales_of
+from agentflow.app.replay import replay
 from agentflow.config import build
 from agentflow.errors import RunError
 from agentflow.runs import read_document
