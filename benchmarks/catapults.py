@@ -5,12 +5,12 @@ from __future__ import annotations
 from random import Random
 
 from agentflow.env.tasks.registry import get_task
-from agentflow.machine.blocks import library
+from agentflow.machine.blocks import BOULDER, CONTAINER, library
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.machine.validity import check
 
 BASE, TOWER, ARM = (1, 15, 35, 63), (1, 15, 63), (1, 15, 63)
-ROTOR, CONTAINER, BOULDER = 22, 30, 36
+ROTOR = 22
 TRIES = 40
 """Faces and types tried for a step before the machine is begun anew."""
 

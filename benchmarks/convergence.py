@@ -18,11 +18,11 @@ from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Rollout
+from agentflow.machine.blocks import BOULDER
 from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine
 
 MACHINES = Path(__file__).parent.parent / "tests" / "machines"
-BOULDER = 36
 NEAR = 0.03
 
 
