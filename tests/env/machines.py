@@ -9,6 +9,9 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.machine.blocks import BOULDER
 from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine, Step
+from tests.machine.builders import CAR, CATAPULT
+
+__all__ = ["BALLASTED", "CAR", "CRADLE", "PRINTED", "SHIPPED", "machine", "shipped", "task_of"]
 
 Row = tuple[int, ...]
 
@@ -18,25 +21,7 @@ def machine(*rows: Row) -> Machine:
     return Machine(tuple(Step(i, *row) for i, row in enumerate(rows)))
 
 
-CAR = machine((0, -1, -1), (1, 0, 0), (1, 0, 1), (2, 1, 1), (2, 1, 3), (2, 2, 1), (2, 2, 3))
-"""Root, a wooden block on its front and back face, a powered wheel left and right of each."""
-
-PRINTED = machine(
-    (0, -1, -1),
-    (1, 0, 1),
-    (1, 0, 2),
-    (1, 0, 0),
-    (1, 1, 2),
-    (1, 2, 4),
-    (1, 0, 3),
-    (1, 6, 6),
-    (1, 7, 6),
-    (15, 8, 0),
-    (22, 8, 4),
-    (63, 10, 3),
-    (30, 11, 0),
-    (36, 12, 0),
-)
+PRINTED = CATAPULT
 """The printed blocks of the one published rollout; blocks 14 to 16 are known in words only."""
 
 BALLASTED = machine(*((s.type, s.parent, s.face_id) for s in PRINTED), (35, 10, 0))

@@ -18,7 +18,7 @@ def build(*blocks: Spec) -> Machine:
 PUBLISHED_OVERLAP = build(
     (63, 0, 0), (63, 0, 1), (22, 1, 4), (22, 1, 2), (22, 2, 5), (22, 2, 5), (22, 1, 2)
 )
-"""Issue 3: overlaps (4, 7) and (5, 6)."""
+"""The published example of overlaps: (4, 7) and (5, 6)."""
 
 CATAPULT = build(
     (1, 0, 1),
@@ -35,7 +35,7 @@ CATAPULT = build(
     (30, 11, 0),
     (36, 12, 0),
 )
-"""Issue 3: the published catapult."""
+"""The published catapult."""
 
 CAR = build((1, 0, 0), (1, 0, 1), (2, 1, 1), (2, 1, 3), (2, 2, 1), (2, 2, 3))
 """A plain four-wheel car: wheels face x- and x+."""
