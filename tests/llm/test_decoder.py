@@ -1,0 +1,80 @@
+"""The client against a genuine decoder: transformers' server with a tiny model of random weights.
+
+Optional, also in CI: `scripts/servers decoder` makes its environment.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from agentflow.llm.doctor import diagnose
+from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.http import HttpSettings, OpenAIClient
+from agentflow.llm.messages import Reply, Usage
+from tests.llm.foreign import ROOT, foreign
+from tests.llm.helpers import ask
+
+ENVIRONMENT = ".venv-decoder"
+PYTHON = ROOT / ENVIRONMENT / "bin" / "python"
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.xdist_group("foreign"),
+    pytest.mark.skipif(
+        not PYTHON.exists(), reason=f"{ENVIRONMENT} is missing: run scripts/servers decoder"
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def decoder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Endpoint]:
+    """`transformers serve` with a model that was never trained, named tiny."""
+    folder = tmp_path_factory.mktemp("decoder")
+    script = Path(__file__).with_name("decoder.py")
+    local = {"HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"}
+    subprocess.run([PYTHON, script, "tiny"], cwd=folder, env=local, check=True, timeout=120)
+    arguments = ["-m", "transformers.cli.transformers", "serve", "tiny", "--device", "cpu"]
+    arguments += ["--host", "127.0.0.1", "--port", "{port}"]
+    with foreign(ENVIRONMENT, arguments, "/health", folder, local) as url:
+        yield Endpoint("tiny", url)
+
+
+async def reply_of(endpoint: Endpoint, *, streamed: bool, **sampling: object) -> Reply:
+    """A reply by a client that may or may not ask for a stream."""
+    client = OpenAIClient(endpoint, HttpSettings(), pytest.fail)
+    if not streamed:
+        client.quirks.refused["stream"] = "left out"  # as after a refusal
+    try:
+        reply = await client.complete(ask("hi there", seed=1, **sampling))
+    finally:
+        await client.aclose()
+    assert client.streams is streamed
+    return reply
+
+
+async def test_a_decoder_streams_and_answers_whole(decoder: Endpoint) -> None:
+    streamed = await reply_of(decoder, streamed=True, max_tokens=24)
+    whole = await reply_of(decoder, streamed=False, max_tokens=24)
+    for reply in (streamed, whole):
+        assert (reply.finish, reply.model) == ("length", "tiny@main")
+        assert reply.usage == Usage(prompt=len("hi there\n"), completion=24)
+        assert len(reply.text) == 24
+    assert streamed.text == whole.text  # drawn with the same seed
+
+
+@pytest.mark.parametrize("streamed", [True, False])
+async def test_a_decoder_ends_where_it_is_told_to(decoder: Endpoint, streamed: bool) -> None:
+    stop = tuple("0123456789")
+    reply = await reply_of(decoder, streamed=streamed, max_tokens=900, stop=stop)
+    assert reply.finish == "stop"
+    assert reply.usage.completion < 900
+
+
+async def test_a_decoder_examined(decoder: Endpoint) -> None:
+    found = await diagnose(decoder, HttpSettings())
+    assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
+    assert (found.streaming, found.usage, found.reasoning) == (True, True, False)
+    assert (dict(found.refused), found.answered_as, found.problem) == ({}, "tiny@main", "")
