@@ -171,11 +171,13 @@ def check(
 
 
 def _brief(task: str | None, knobs: list[str] | None) -> Any:
+    if task is None:
+        if knobs:
+            raise UsageError("--set changes a task; name it with --task")
+        return None
     from agentflow.app.tasks import find_task
 
-    if task is None and knobs:
-        raise UsageError("--set changes a task; name it with --task")
-    return None if task is None else find_task(task, knobs or ()).brief
+    return find_task(task, knobs or ()).brief
 
 
 @commands.command(
