@@ -151,6 +151,7 @@ def test_headings_in_order(case: int, name: str) -> None:
     assert _headings(user, "###") == ["Scene", "Schedule", "Score"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", [THROWING, *(get_task(name).brief for name in task_names())])
 @SETS
 def test_every_role_renders_for_every_task_and_set(task: Brief, name: str) -> None:
@@ -166,6 +167,7 @@ def test_every_role_renders_for_every_task_and_set(task: Brief, name: str) -> No
         assert "\n\n\n" not in system + user
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", [THROWING, *(get_task(name).brief for name in task_names())])
 @SETS
 def test_block_table_has_exactly_the_allowed_types(task: Brief, name: str) -> None:

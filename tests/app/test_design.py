@@ -73,6 +73,7 @@ def test_the_best_machine_scores_again_what_the_run_says(
     assert json.loads(capsys.readouterr().out)["score"] == result["score"]
 
 
+@pytest.mark.slow
 def test_a_replay_is_identical(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", str(run)]) == 0
     assert capsys.readouterr().out == "identical\n"
@@ -174,6 +175,7 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
     assert resume(run, ignore)["valid"] is True
 
 
+@pytest.mark.slow
 def test_a_spent_budget_ends_a_run_cleanly_and_replays(tmp_path: Path) -> None:
     config = configured(SMALL, ["model.budget.calls=9"], {})
     result = design(config, tmp_path, ignore)

@@ -108,6 +108,7 @@ async def test_roles_with_the_same_model_share_its_client(tmp_path: Path) -> Non
     assert models.samplings["designer"].temperature == 0.7
 
 
+@pytest.mark.slow
 def test_a_run_keeps_what_the_endpoint_did_and_what_it_cost_but_no_key(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

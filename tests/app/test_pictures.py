@@ -22,6 +22,7 @@ def car(tmp_path: Path) -> str:
     return str(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "first", "options"),
     [

@@ -22,6 +22,7 @@ def ignore(_line: str) -> None:
     """Takes a remark for the user."""
 
 
+@pytest.mark.slow
 def test_plans_are_followed_and_kept(tmp_path: Path) -> None:
     first = Path(design(build(TINY), tmp_path, ignore)["run"])
     plans = rationales_of(first)
@@ -38,6 +39,7 @@ def test_plans_are_followed_and_kept(tmp_path: Path) -> None:
     assert replay(second, ignore) is None
 
 
+@pytest.mark.slow
 def test_the_plans_of_structures_follow_each_other(tmp_path: Path) -> None:
     settings = {**TINY["settings"], "inspector": False}  # type: ignore[dict-item]
     run = design(build({"workflow": "hierarchical", "settings": settings}), tmp_path, ignore)

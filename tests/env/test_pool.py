@@ -90,6 +90,7 @@ async def test_an_invalid_machine_is_a_result(pool: RolloutPool) -> None:
     assert (rollout.status, rollout.score) == ("invalid", 0.0)
 
 
+@pytest.mark.slow
 async def test_a_worker_that_dies_is_replaced_and_its_rollout_repeated(
     pool: RolloutPool, tmp_path: Path
 ) -> None:
@@ -191,6 +192,7 @@ def test_a_pool_needs_workers() -> None:
         RolloutPool(0)
 
 
+@pytest.mark.slow
 async def test_workers_that_die_idle_are_no_rollouts_fault() -> None:
     async with RolloutPool(2) as pool:
         await pool.run(LONE_ROOT, get_task("movement"))

@@ -85,6 +85,7 @@ def critical_path(starts: list[tuple[str, float]]) -> float:
     return LATENCY * sum(max(map(len, stage.values())) for stage in chains.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refused", [0.0, 0.3])
 @pytest.mark.parametrize("strategy", ["mcts", "best_of_n", "random"])
 def test_a_run_takes_little_longer_than_its_critical_path(refused: float, strategy: str) -> None:

@@ -93,6 +93,7 @@ async def test_completion_order_changes_nothing() -> None:
     assert other.best != seen[0][0].best
 
 
+@pytest.mark.slow
 async def test_a_task_that_no_random_machine_meets_is_a_result() -> None:
     numbers = WorkflowSettings(trajectories=1)
     task = replace(TASK, size_limit=(1.0, 1.0, 1.0))

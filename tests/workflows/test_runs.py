@@ -39,6 +39,7 @@ async def test_every_workflow_with_every_strategy(name: str, strategy: str) -> N
     assert len(run.shelf.tried) == sum(stage.rollouts for stage in result.stages)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ASKING)
 async def test_completion_order_changes_nothing(name: str) -> None:
     """Replies and rollouts delayed at random: the same events, whatever their order."""
@@ -52,6 +53,7 @@ async def test_completion_order_changes_nothing(name: str) -> None:
     assert len(seen[0][1]) > 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ASKING)
 async def test_a_spent_budget_ends_cleanly_wherever_it_runs_out(name: str) -> None:
     """With more to spend a run only gets further: what was asked before is asked again."""
