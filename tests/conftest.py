@@ -11,6 +11,10 @@ from pathlib import Path
 
 import httpx
 import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile("steady", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("steady")  # no test fails for what else the machine is doing
 
 FIXTURES = Path(__file__).parent / "stub_fixtures.yaml"
 
