@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from agentflow.env.rollout import simulate
-from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.env.tasks.registry import get_level, get_task, task_names
 from agentflow.env.trace import Rollout
 from agentflow.machine.tree import ROOT, Machine, Step
+from benchmarks.shelf import Cheat, families, load, read
 from tests.env.machines import machine
 
 LONE_ROOT = Machine((ROOT,))
@@ -124,3 +125,47 @@ def test_the_same_level_is_the_same_world_everywhere(name: str) -> None:
     first, second = (simulate(machine, get_task(name), seed=seed) for seed in (7, 7))
     assert first.status == "ok", first.problems
     assert first.digest == second.digest
+
+
+LISTED = tuple(
+    (cheat, level)
+    for family in families()
+    for cheat in read(family).cheats
+    for level in cheat.levels
+)
+FIRST = tuple({level.split("/")[0]: (cheat, level) for cheat, level in reversed(LISTED)}.values())
+MOST = 0.05
+"""Share of a good score that a cheat may be allowed, because contacts move a little."""
+
+
+def earns_nothing(cheat: Cheat, level: str) -> None:
+    rollout = simulate(load(cheat.machine), get_task(level))
+    assert rollout.status == "ok", rollout.problems
+    assert rollout.score is not None
+    assert rollout.score <= cheat.most, rollout.feedback.text
+
+
+def named(case: tuple[Cheat, str]) -> str:
+    return f"{case[0].machine} at {case[1]}"
+
+
+@pytest.mark.parametrize("case", FIRST, ids=named)
+def test_a_listed_cheat_of_each_family_earns_nothing(case: tuple[Cheat, str]) -> None:
+    earns_nothing(*case)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", LISTED, ids=named)
+def test_every_listed_cheat_earns_nothing(case: tuple[Cheat, str]) -> None:
+    cheat, level = case
+    assert cheat.most <= MOST * get_level(level).file.good
+    earns_nothing(cheat, level)
+
+
+def test_there_are_cheats_enough_for_every_level() -> None:
+    """Issue 5: at least 25 machines; spec 3.1: the lone root earns nothing anywhere."""
+    machines = {cheat.machine for cheat, _ in LISTED}
+    assert len(machines) >= 25
+    assert {level for cheat, level in LISTED if cheat.machine == "common/lone_root.json"} == set(
+        task_names()
+    )

@@ -1,0 +1,91 @@
+"""Owns the search for reference machines: hill climbing by random legal edits, with restarts.
+
+Which machines are kept, and where, is references.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from agentflow.env.pool import RolloutPool
+from agentflow.env.tasks.base import Task
+from agentflow.env.trace import Rollout
+from agentflow.errors import UsageError
+from agentflow.machine.brief import Brief
+from agentflow.machine.random import random_edit, random_machine
+from agentflow.machine.tree import Machine
+from agentflow.machine.validity import check
+
+EDITS = (1, 1, 1, 2, 2, 3, 4)
+"""How many edits a neighbour is away; one of these, at random."""
+PATIENCE = 60
+"""Rollouts without a gain after which a climb is given up for a new one."""
+
+Value = tuple[float, float]
+"""Score, and what decides between equal scores."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A machine and what it was worth."""
+
+    machine: Machine
+    value: Value
+
+
+async def climb(
+    task: Task,
+    rollouts: int,
+    rng: Random,
+    start: Machine | None = None,
+    aim: str | None = None,
+    tell: Callable[[int, Found], None] = lambda _count, _found: None,
+) -> Found:
+    """The best machine of so many rollouts.
+
+    Each climb starts from `start`, or from a random machine, and goes on to a neighbour that is
+    worth at least as much; one that gains nothing for long is given up.
+
+    Args:
+        task: What to be good at.
+        rollouts: How many machines are tried.
+        rng: Where chance comes from.
+        start: A valid machine.
+        aim: The term of the score that decides between equal scores.
+        tell: Called with the number of rollouts so far whenever a better machine was found.
+    """
+    best: Found | None = None
+    here: Found | None = None
+    idle = 0
+    async with RolloutPool(1) as pool:
+        for count in range(1, rollouts + 1):
+            machine = _next(here, start, task.brief, rng)
+            found = Found(machine, _value(await pool.run(machine, task), aim))
+            idle = 0 if here is None or found.value > here.value else idle + 1
+            if here is None or found.value >= here.value:
+                here = found
+            if best is None or found.value > best.value:
+                best = found
+                tell(count, best)
+            if idle >= PATIENCE:
+                here, idle = None, 0
+    if best is None:
+        raise UsageError(f"a search needs at least one rollout, not {rollouts}")
+    return best
+
+
+def _next(here: Found | None, start: Machine | None, brief: Brief, rng: Random) -> Machine:
+    if here is None:
+        return start or random_machine(rng, brief)
+    machine = here.machine
+    for _ in range(rng.choice(EDITS)):
+        machine = random_edit(machine, rng, brief)
+    return machine if check(machine, brief).task_valid else here.machine
+
+
+def _value(rollout: Rollout, aim: str | None) -> Value:
+    """A rollout that the computer failed is worth nothing; so is a term that does not apply."""
+    tie = rollout.terms.get(aim) if aim else None
+    return rollout.score or 0.0, float(tie) if isinstance(tie, int | float) else 0.0

@@ -1,0 +1,119 @@
+"""Reference machines (tests/machines/<family>.yaml): find, simulate, draw them.
+
+    python benchmarks/references.py --task T [--rollouts N] [--seed S] [--from machine.json]
+                                    [--aim term] [--out machine.json] [--picture]
+    python benchmarks/references.py --update [family ...]
+    python benchmarks/references.py --table [family ...]
+
+The first searches by random legal edits and writes the best machine found; `--aim` names the term
+of the score that decides between equal scores. `--update` simulates what the files list and writes
+the scores into them; `--table` prints each reference on every level of its family.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+from pathlib import Path
+from random import Random
+
+from climbing import Found, climb
+from PIL import Image
+from shelf import DIGITS, Shelf, families, here, load, load_file, read, write
+
+from agentflow.env.render import render_png
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.registry import get_level, get_task, task_names
+from agentflow.machine.tree import Machine
+
+SIZE, COLORS = (480, 360), 48
+
+
+def main() -> None:
+    """Do what the options ask for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("families", nargs="*", help="all by default")
+    parser.add_argument("--task")
+    parser.add_argument("--rollouts", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--from", dest="start", type=Path)
+    parser.add_argument("--aim")
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--picture", action="store_true")
+    parser.add_argument("--update", action="store_true")
+    parser.add_argument("--table", action="store_true")
+    options = parser.parse_args()
+    for family in options.families or families():
+        if options.update:
+            update(read(family))
+        if options.table:
+            table(read(family))
+    if options.task:
+        search(options)
+
+
+def search(options: argparse.Namespace) -> None:
+    """Look for a better machine and keep it; without rollouts only the picture is drawn."""
+    task = get_task(options.task)
+    start = load_file(options.start) if options.start else None
+    out = options.out or options.start or Path(f"{task.name.replace('/', '-')}.json")
+    machine = start
+    if options.rollouts:
+        rng = Random(options.seed)
+        found = asyncio.run(climb(task, options.rollouts, rng, start, options.aim, _tell))
+        machine = found.machine
+        out.write_text(machine.to_text() + "\n", encoding="utf-8")
+        print(f"{out}: {found.value[0]:.{DIGITS}f}")
+    if options.picture and machine is not None:
+        draw(machine, out.with_suffix(".png"))
+
+
+def _tell(count: int, found: Found) -> None:
+    blocks = len(found.machine)
+    print(f"{count:6d} {found.value[0]:10.3f} {found.value[1]:10.3f} {blocks:4d}", file=sys.stderr)
+
+
+def draw(machine: Machine, path: Path) -> None:
+    """A small picture of a machine as built."""
+    render_png(machine, path, size=SIZE)
+    with Image.open(path) as picture:
+        few = picture.quantize(COLORS, dither=Image.Dither.NONE)
+    few.save(path, "PNG", optimize=True)
+
+
+def score_of(machine: Machine, level: str, power: bool = True) -> float:
+    """Rounded as it is kept; not a number where there is none."""
+    score = simulate(machine, get_task(level), power=power).score
+    return float("nan") if score is None else round(score, DIGITS)
+
+
+def update(shelf: Shelf) -> None:
+    """Simulate a family's references and cheats, write the references' scores, tell all."""
+    found = []
+    for item in shelf.references:
+        score = score_of(load(item.machine), item.level)
+        share = score / get_level(item.level).file.good
+        print(
+            f"{item.level:12s} {item.machine:36s} {item.score:10.3f} -> {score:10.3f} {share:5.0%}"
+        )
+        found.append(item.model_copy(update={"score": score}))
+    for cheat in shelf.cheats:
+        scores = [score_of(load(cheat.machine), level) for level in cheat.levels]
+        print(f"{'cheat':12s} {cheat.machine:36s} {scores} <= {cheat.most:g}")
+    write(shelf.model_copy(update={"references": tuple(found), "platform": here()}))
+
+
+def table(shelf: Shelf) -> None:
+    """Each reference on every level of its family."""
+    levels = [name for name in task_names() if get_task(name).family == shelf.family]
+    print(f"{'machine':36s}" + "".join(f"{level:>12s}" for level in levels))
+    for name in dict.fromkeys(item.machine for item in shelf.references):
+        scores = [score_of(load(name), level) for level in levels]
+        print(f"{name:36s}" + "".join(f"{score:12.2f}" for score in scores))
+
+
+if __name__ == "__main__":
+    main()
