@@ -20,6 +20,7 @@ from agentflow.cli import main
 from agentflow.config import build, load
 from agentflow.errors import RunError
 from agentflow.runs import read_events, read_result
+from agentflow.runs.document import document_text
 
 ROOT = Path(__file__).parents[2]
 SMALL = ROOT / "configs" / "small.yaml"
@@ -118,7 +119,7 @@ def test_a_run_is_not_continued_under_other_physics(run: Path, tmp_path: Path) -
     subprocess.run(["cp", "-r", str(run), str(other)], check=True)
     (other / "result.json").unlink()
     document = yaml.safe_load((other / "run.yaml").read_text())
-    (other / "run.yaml").write_text(yaml.safe_dump({**document, "constants": "0" * 16}))
+    (other / "run.yaml").write_text(document_text({**document, "constants": "0" * 16}))
     with pytest.raises(RunError, match="was begun with other constants: its record and"):
         resume(other, ignore)
 

@@ -65,24 +65,6 @@ def test_resume_drops_the_half_line_and_repeats_nothing(tmp_path: Path) -> None:
     assert labels == ["designer/1", "designer/2"]
 
 
-def test_a_damaged_middle_line_is_named(tmp_path: Path) -> None:
-    run = RunDirectory.create(tmp_path, "demo", {})
-    run.close()
-    (run.path / "events.jsonl").write_text("nonsense\n{}\n")
-    with pytest.raises(RunError, match="damaged in line 1"):
-        list(read_events(run.path))
-
-
-def test_foreign_schema_no_run_and_unfinished_run_are_said(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match=r"is no run: it has no readable run\.yaml"):
-        read_document(tmp_path)
-    (tmp_path / "run.yaml").write_text("schema: 99\n")
-    with pytest.raises(RunError, match="has schema 99, this version reads 1"):
-        read_document(tmp_path)
-    with pytest.raises(RunError, match="the run is unfinished"):
-        read_result(tmp_path)
-
-
 def test_an_unwritable_folder_names_the_flag(tmp_path: Path) -> None:
     blocker = tmp_path / "file"
     blocker.write_text("")

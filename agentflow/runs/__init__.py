@@ -1,0 +1,30 @@
+"""Run directories (spec 6.1): written by one process at a time, read by anyone, also meanwhile.
+
+What the lines mean belongs to those who write them; starting and replaying runs is app's.
+"""
+
+from agentflow.runs.document import SCHEMA, read_document
+from agentflow.runs.reading import (
+    Event,
+    State,
+    find_runs,
+    read_calls,
+    read_events,
+    read_result,
+    state_of,
+)
+from agentflow.runs.writing import Listener, RunDirectory
+
+__all__ = [
+    "SCHEMA",
+    "Event",
+    "Listener",
+    "RunDirectory",
+    "State",
+    "find_runs",
+    "read_calls",
+    "read_document",
+    "read_events",
+    "read_result",
+    "state_of",
+]

@@ -1,0 +1,147 @@
+"""Reading run directories: one line at a time, in any state, damaged ones named."""
+
+from __future__ import annotations
+
+import json
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from agentflow.errors import RunError
+from agentflow.runs import (
+    Event,
+    RunDirectory,
+    find_runs,
+    read_calls,
+    read_events,
+    read_result,
+    state_of,
+)
+
+
+def made(folder: Path, name: str = "demo") -> Path:
+    run = RunDirectory.create(folder, name, {})
+    run.close()
+    return run.path
+
+
+def write_events(path: Path, count: int) -> None:
+    with (path / "events.jsonl").open("w") as lines:
+        for number in range(count):
+            event = {
+                "kind": "attempt",
+                "label": f"a/{number}",
+                "at": 1.0,
+                "data": {"text": "x" * 200},
+            }
+            lines.write(json.dumps(event) + "\n")
+
+
+def peak(path: Path) -> tuple[int, int]:
+    """Events read, and bytes held at most meanwhile."""
+    tracemalloc.start()
+    try:
+        count = sum(1 for _ in read_events(path))
+        return count, tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_memory_does_not_grow_with_events(tmp_path: Path) -> None:
+    few, many = made(tmp_path, "few"), made(tmp_path, "many")
+    write_events(few, 100)
+    write_events(many, 10_000)
+    assert peak(few)[0] == 100
+    count, held = peak(many)
+    assert count == 10_000
+    assert held < 200_000  # the lines themselves are 2.4 MB
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_events_are_read_in_constant_memory(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    write_events(path, 100_000)
+    count, held = peak(path)
+    assert count == 100_000
+    assert held < 200_000
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "nonsense",
+        "[]",
+        "{}",
+        '{"kind": "a", "label": "b"}',
+        '{"kind": 1, "label": "b", "data": {}}',
+        '{"kind": "a", "label": "b", "data": []}',
+        "[" * 100_000,
+    ],
+)
+def test_a_damaged_middle_line_is_named(tmp_path: Path, line: str) -> None:
+    path = made(tmp_path)
+    good = '{"kind": "a", "label": "b", "at": 1.5, "data": {}}'
+    (path / "events.jsonl").write_text(f"{good}\n{line}\n{good}\n")
+    events = read_events(path)
+    first = next(events)
+    assert (first, first.at) == (Event("a", "b", {}), 1.5)
+    with pytest.raises(RunError) as caught:
+        next(events)
+    assert str(caught.value) == f"{path / 'events.jsonl'} is damaged in line 2"
+
+
+def test_a_half_written_last_line_is_passed_over(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    (path / "events.jsonl").write_text(
+        '{"kind": "a", "label": "b", "data": {}}\n{"kind": "a", "lab'
+    )
+    assert list(read_events(path)) == [Event("a", "b", {})]
+
+
+def test_calls_are_data(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    call = {"key": "k", "model": "m", "request": {"role": "designer"}, "reply": {"text": "t"}}
+    (path / "calls.jsonl").write_text(json.dumps(call) + '\n{"key"')
+    assert list(read_calls(path)) == [call]
+    (path / "calls.jsonl").write_text('{"key": "k"}\n')
+    with pytest.raises(RunError, match=r"calls\.jsonl is damaged in line 1"):
+        list(read_calls(path))
+
+
+def test_a_run_without_lines_has_none(tmp_path: Path) -> None:
+    assert list(read_events(tmp_path)) == list(read_calls(tmp_path)) == []
+
+
+def test_a_folder_where_a_file_should_be_is_named(tmp_path: Path) -> None:
+    (tmp_path / "events.jsonl").mkdir()
+    with pytest.raises(RunError, match=r"events\.jsonl is damaged: expected a file"):
+        list(read_events(tmp_path))
+
+
+@pytest.mark.parametrize("text", ["", "[1]", '{"score": ', "\x00\xff"])
+def test_a_damaged_result_is_named(tmp_path: Path, text: str) -> None:
+    (tmp_path / "result.json").write_bytes(text.encode("latin-1"))
+    with pytest.raises(RunError, match=r"result\.json is damaged: expected a JSON object"):
+        read_result(tmp_path)
+
+
+def test_states(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    assert state_of(run.path) == "running"
+    run.close()
+    assert state_of(run.path) == "stopped"
+    again = RunDirectory.resume(run.path)
+    again.finish({"score": 1.0})
+    assert state_of(run.path) == "done"
+    again.close()
+
+
+def test_runs_are_found_in_folders_of_folders_but_not_in_runs(tmp_path: Path) -> None:
+    first = made(tmp_path / "b" / "c")
+    second = made(tmp_path / "a")
+    made(first, "inside")
+    (tmp_path / "file").write_text("")
+    assert list(find_runs(tmp_path)) == [second, first]
+    assert list(find_runs(first)) == [first]
+    assert list(find_runs(tmp_path / "none")) == []
