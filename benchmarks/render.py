@@ -62,7 +62,7 @@ def measured(machine: Machine, level: str, folder: str) -> list[float]:
         seconds(lambda: render_png(machine, still, view="sheet")),
         seconds(lambda: save(film.with_suffix(".gif"))) * share,
         seconds(lambda: save(film.with_suffix(".mp4"))) * share,
-        seconds(lambda: rollout_glb(machine, task, rollout)),
+        seconds(lambda: rollout_glb(machine, rollout)),
     ]
 
 

@@ -72,7 +72,7 @@ def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> No
     elif kind in SAMPLES:
         rollout = _rollout(machine, task, seed, 1.0 / SAMPLES[kind])
         if kind == GLB:
-            file.write_bytes(rollout_glb(machine, task, rollout))
+            file.write_bytes(rollout_glb(machine, rollout))
         else:
             save_film(machine, task, rollout, file, size=SIZES[kind])
     else:

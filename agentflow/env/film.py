@@ -70,13 +70,14 @@ def _frames(
     machine: Machine, task: Task, rollout: Rollout, trace: Trace, size: Size
 ) -> Iterator[Image.Image]:
     """One picture per sample of the trace."""
-    hero, figures, scene = hero_of(machine), Figures(machine), task.scene()
+    assert rollout.scene is not None
+    hero, figures = hero_of(machine), Figures(machine)
     for index, camera in enumerate(_cameras(trace, hero, View(back=SIDE, size=size))):
         time = float(trace.times[index])
         alive = set(np.flatnonzero(trace.alive[index]).tolist())
         pose = Pose(trace.centre[index], trace.rotation[index], alive)
         solids = figures.things(pose, broken_at(rollout, time))
-        others = _unhidden(_things_at(scene, trace, index), camera)
+        others = _unhidden(_things_at(rollout.scene, trace, index), camera)
         picture = shoot(camera, solids, others, GRID)
         _mark(picture, camera, trace.centre[:index, hero])
         caption(picture, f"{task.name}   {time:4.1f} s   score {rollout.score or 0.0:.1f}")

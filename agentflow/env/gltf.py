@@ -13,7 +13,6 @@ from agentflow.env.figures import BROKEN, Figures, Pose
 from agentflow.env.film import TRAIL, hero_of
 from agentflow.env.glb import Glb, Rgba
 from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Array, Rollout, Trace
 from agentflow.machine.blocks import library
 from agentflow.machine.tree import Machine, Step
@@ -37,16 +36,16 @@ def machine_glb(machine: Machine) -> bytes:
     return glb.to_bytes([glb.node("machine", blocks)])
 
 
-def rollout_glb(machine: Machine, task: Task, rollout: Rollout) -> bytes:
+def rollout_glb(machine: Machine, rollout: Rollout) -> bytes:
     """A rollout with the scene and the path of the boulder or the root; broken blocks turn red.
 
     Args:
         machine: What was simulated.
-        task: At what.
         rollout: With a trace.
     """
-    trace = rollout.trace
+    trace, scene = rollout.trace, rollout.scene
     assert trace is not None
+    assert scene is not None
     glb, figures = Glb(), Figures(machine)
     breaks = {item.block: item.time for item in reversed(rollout.broken)}
     poses = [
@@ -58,7 +57,7 @@ def rollout_glb(machine: Machine, task: Task, rollout: Rollout) -> bytes:
         blocks.append(_block(glb, step, figures, poses[0], breaks.get(step.id)))
         _follow(glb, blocks[-1], step, figures, trace, poses)
     path = glb.line("path", trace.centre[:, hero_of(machine)], TRAIL_COLOR)
-    return glb.to_bytes([glb.node("machine", blocks), _scene(glb, task.scene(), trace), path])
+    return glb.to_bytes([glb.node("machine", blocks), _scene(glb, scene, trace), path])
 
 
 def _block(glb: Glb, step: Step, figures: Figures, pose: Pose, breaks: float | None = None) -> int:

@@ -19,6 +19,7 @@ from types import TracebackType
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Feedback, Rollout, Status
+from agentflow.env.trials import joined
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
 
@@ -39,7 +40,7 @@ _ALONE = {"OPENBLAS_NUM_THREADS": "1"}
 
 @dataclass(frozen=True)
 class Job:
-    """One rollout to run; travels to the worker by pickle."""
+    """One trial to run; travels to the worker by pickle."""
 
     machine: Machine
     task: Task
@@ -104,24 +105,32 @@ class RolloutPool:
         interval: float | None = None,
         wall_limit: float = 60.0,
     ) -> Rollout:
-        """`simulate` in the next free worker; arguments as there.
+        """`simulate` in the next free workers, one trial in each; arguments as there.
 
         Returns:
-            What `simulate` returned; status `crashed` when the rollout took two workers down,
+            What `simulate` would return; status `crashed` when a trial took two workers down,
             `timeout` when its worker hung.
 
         Raises:
             UsageError: As `simulate` does.
             RuntimeError: `simulate` raised anything else, which is a bug; with its traceback.
         """
-        job = Job(machine, task, seed, rate, power, interval, wall_limit)
+        jobs = [
+            Job(machine, trial, seed, rate, power, interval, wall_limit)
+            for trial in task.trials(seed)
+        ]
+        return joined(await asyncio.gather(*map(self._play, jobs)))
+
+    async def _play(self, job: Job) -> Rollout:
+        """One trial, once more if it took its worker down."""
         for _ in range(ATTEMPTS):
             try:
                 return await self._ask(job)
             except (EOFError, ConnectionError):
                 continue
             except TimeoutError:
-                return _without_score("timeout", f"no answer within {wall_limit + self._grace:g} s")
+                patience = job.wall_limit + self._grace
+                return _without_score("timeout", f"no answer within {patience:g} s")
         return _without_score("crashed", f"its process died {ATTEMPTS} times")
 
     async def _ask(self, job: Job) -> Rollout:

@@ -22,6 +22,7 @@ from agentflow.env.refusals import invalid, timing
 from agentflow.env.settling import Settling
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Broken, Event, Feedback, Rollout, Status, Trace, Verdict
+from agentflow.env.trials import joined
 from agentflow.env.world import EngineWorld
 from agentflow.machine.geometry import place
 from agentflow.machine.problems import Problem
@@ -37,7 +38,7 @@ def simulate(
     machine: Machine,
     task: Task,
     *,
-    seed: int = 0,  # noqa: ARG001 - for tasks with random trials
+    seed: int = 0,
     rate: float | None = None,
     power: bool = True,
     interval: float | None = None,
@@ -45,7 +46,7 @@ def simulate(
     engine: Engine | None = None,
     physics: Constants | None = None,
 ) -> Rollout:
-    """Try a machine at a task (spec 2.5). Never raises for what a machine does.
+    """Try a machine at a task (spec 2.5), all trials of it. Never raises for what a machine does.
 
     Args:
         machine: File-valid; everything else is judged here first, and an invalid machine is not
@@ -56,7 +57,7 @@ def simulate(
         rate: Steps per second; the constants' rate by default.
         power: Off is the control experiment: the schedule never starts.
         interval: Seconds between samples; the constants' by default, at least one step.
-        wall_limit: Wall-clock seconds after which the rollout ends as `timeout`.
+        wall_limit: Wall-clock seconds after which a trial ends as `timeout`.
         engine: Where to run it; by default one that this thread keeps.
         physics: Other constants than those of `constants.json`, for fitting; give them to an
             engine of your own as well.
@@ -69,20 +70,17 @@ def simulate(
     report = check(machine, task.brief)
     if not report.task_valid:
         return invalid(report.problems)
-    try:
-        run = _Run(
-            machine,
-            task,
-            engine or _own_engine(),
-            rate,
-            power,
-            interval,
-            wall_limit,
-            value,
-        )
-    except TooLargeError as error:
-        return invalid([Problem("too_many_parts", (), str(error))])
-    return run.play()
+    chosen = engine or _own_engine()
+    played: list[Rollout] = []
+    for trial in task.trials(seed):
+        try:
+            run = _Run(machine, trial, chosen, rate, power, interval, wall_limit, value)
+        except TooLargeError as error:
+            return invalid([Problem("too_many_parts", (), str(error))])
+        played.append(run.play())
+        if played[-1].status == "timeout":
+            break
+    return joined(played)
 
 
 class _Run:
@@ -107,7 +105,8 @@ class _Run:
         self._fastest = physics["speed_limit"]
         self._still = physics["rest_speed"], physics["rest_spin"]
         self._assembly = assemble(machine, place(machine), self._value)
-        engine.build(self._assembly, task.scene(), rate)
+        self._scene = task.scene(machine)
+        engine.build(self._assembly, self._scene, rate)
         self._loads = Loads(self._assembly.joints, self._value["load_window"], 1.0 / rate)
         self._recorder = Recorder(self._assembly, self._loads.connections, engine.moving_things)
         self._world = EngineWorld(engine)
@@ -156,6 +155,7 @@ class _Run:
             self._events.append(Event(0.0, "locked", (joint.block,), text))
         self._referee = self._task.referee(self._machine)
         self._referee.start(self._world)
+        self._engine.switch("gusts", 1.0)
         self._sample()
 
     def _window(self) -> Status:
@@ -269,6 +269,7 @@ class _Run:
             sim_seconds=self._elapsed / self._rate,
             wall_seconds=perf_counter() - self._began,
             constants=self._value.digest,
+            scene=self._scene,
         )
 
     def _judge(

@@ -5,7 +5,8 @@ Game frame throughout: left-handed, x right, y up, z forward; metres, kilograms,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import cos, pi, radians, sin
 from typing import Literal
 
 Vec3 = tuple[float, float, float]
@@ -38,9 +39,54 @@ class Thing:
 
 
 @dataclass(frozen=True)
+class Start:
+    """How the machine is put down: on the plane through (0, height, 0), turned with it.
+
+    The centre of its bounding box lies over x = z = 0 before it is turned, its lowest point on the
+    plane.
+    """
+
+    height: float = 0.0
+    """m above the ground."""
+    pitch: float = 0.0
+    """Degrees by which the plane's z+ end is raised."""
+    yaw: float = 0.0
+    """Degrees by which the machine is turned on the plane, its front towards x+."""
+
+    @property
+    def rotation(self) -> Quat:
+        """First the yaw, then the pitch."""
+        p, q = radians(self.pitch) / 2, radians(self.yaw) / 2
+        return (-sin(p) * cos(q), cos(p) * sin(q), -sin(p) * sin(q), cos(p) * cos(q))
+
+
+@dataclass(frozen=True)
+class Gust:
+    """One wave in the strength of the wind."""
+
+    share: float
+    """How much it adds to and takes from the mean wind, as a share of it."""
+    period: float
+    """s."""
+    phase: float
+    """Radians at t = 0."""
+
+
+@dataclass(frozen=True)
 class Scene:
     """Flat ground at y = 0 and what stands on it; wind blows everywhere at one velocity."""
 
     things: tuple[Thing, ...] = ()
     wind: Vec3 = (0.0, 0.0, 0.0)
-    """Velocity of the air, m/s."""
+    """Mean velocity of the air, m/s; until t = 0 it blows steadily."""
+    gusts: tuple[Gust, ...] = ()
+    """How the wind's strength changes from t = 0 on; its direction does not."""
+    start: Start = field(default_factory=Start)
+    friction: float | None = None
+    """Of the ground; None: as the physical constants have it."""
+
+    def strength(self, time: float) -> float:
+        """Share of the mean wind that blows at a time, s since t = 0."""
+        return 1.0 + sum(
+            gust.share * sin(2 * pi * time / gust.period + gust.phase) for gust in self.gusts
+        )

@@ -13,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from agentflow.env.scene import Scene
+
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Status = Literal["ok", "invalid", "diverged", "timeout", "crashed"]
@@ -118,3 +120,5 @@ class Rollout:
     wall_seconds: float | None
     constants: str | None
     """Hash of the physical constants."""
+    scene: Scene | None = None
+    """What stood around the machine of the trace; not kept in files."""

@@ -118,7 +118,7 @@ def test_a_rollout_is_animated_from_its_first_to_its_last_sample() -> None:
     task, rollout = throw()
     trace = rollout.trace
     assert trace is not None
-    parsed = Parsed(rollout_glb(BALLASTED, task, rollout))
+    parsed = Parsed(rollout_glb(BALLASTED, rollout))
     assert len(parsed.blocks) == len(BALLASTED)
     for block, node in parsed.blocks.items():
         times, places = parsed.follows(node, "translation")
@@ -134,10 +134,10 @@ def test_a_rollout_is_animated_from_its_first_to_its_last_sample() -> None:
 
 
 def test_broken_blocks_turn_red_at_the_moment_they_break() -> None:
-    task, rollout = throw()
+    _, rollout = throw()
     first = Broken(block=4, type=1, partner=1, time=0.43, load=1.2)
     later = Broken(block=4, type=1, partner=9, time=0.8, load=1.2)
-    parsed = Parsed(rollout_glb(BALLASTED, task, replace(rollout, broken=(first, later))))
+    parsed = Parsed(rollout_glb(BALLASTED, replace(rollout, broken=(first, later))))
     nodes = parsed.json["nodes"]
     whole, broken = nodes[parsed.blocks[4]]["children"]
     assert (nodes[whole]["name"], nodes[broken]["name"]) == ("whole", "broken")
@@ -158,12 +158,12 @@ def test_a_spring_that_lets_go_vanishes() -> None:
     alive = rollout.trace.alive.copy()
     alive[3:, 7] = False
     gone = replace(rollout, trace=replace(rollout.trace, alive=alive))
-    parsed = Parsed(rollout_glb(SPRUNG, task, gone))
+    parsed = Parsed(rollout_glb(SPRUNG, gone))
     _, sizes = parsed.follows(parsed.blocks[7], "scale")
     assert (sizes[:3] > 0).all()
     assert (sizes[3:] == 0).all()
 
 
 def test_a_file_has_the_same_bytes_every_time() -> None:
-    task, rollout = throw()
-    assert rollout_glb(BALLASTED, task, rollout) == rollout_glb(BALLASTED, task, rollout)
+    _, rollout = throw()
+    assert rollout_glb(BALLASTED, rollout) == rollout_glb(BALLASTED, rollout)

@@ -45,7 +45,7 @@ class Trouble(Movement):
     times: int = 0
     act: str = "die"
 
-    def scene(self) -> Scene:
+    def scene(self, machine: Machine | None = None) -> Scene:
         done = Path(self.folder)
         if len(list(done.iterdir())) < self.times:
             (done / str(os.getpid())).touch()
@@ -54,7 +54,7 @@ class Trouble(Movement):
             if self.act == "sleep":
                 time.sleep(30)
             os.kill(os.getpid(), signal.SIGKILL)
-        return super().scene()
+        return super().scene(machine)
 
 
 def trouble(folder: Path, times: int, act: str) -> Task:

@@ -207,8 +207,9 @@ class Engine(Protocol):
         """Set what a schedule entry controls: 1 starts it, 0 holds it, -1 runs it backwards.
 
         Args:
-            entry: `motors` (thrusters too), `steering_hinges`, `springs`, `winches` or
-                `grabbers`. Grabbers grip from the beginning and let go at 0; the others hold.
+            entry: `motors` (thrusters too), `steering_hinges`, `springs`, `winches`, `grabbers`
+                or `gusts`. Grabbers grip from the beginning and let go at 0; the others hold. A
+                scene's gusts count their time from being switched on.
             level: Share of the full speed or thrust.
         """
 

@@ -42,11 +42,12 @@ class Workshop:
         self._usual = physics["friction"], physics["restitution"]
         self._made: dict[tuple[tuple[Shape, ...], Vec3], int] = {}
 
-    def ground(self) -> int:
-        """The plane y = 0."""
+    def ground(self, friction: float | None) -> int:
+        """The plane y = 0; without friction of its own as the constants have it."""
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
         uid = self._single(0.0, plane, (0.0, 0.0, 0.0), IDENTITY)
-        self._surface(uid, -1, *self._usual, 0.0)
+        usual, restitution = self._usual
+        self._surface(uid, -1, usual if friction is None else friction, restitution, 0.0)
         return uid
 
     def thing(self, thing: Thing) -> int:

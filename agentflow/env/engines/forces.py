@@ -153,7 +153,7 @@ def _resist(row: Row, law: Sequence[float]) -> tuple[Vec3, Vec3]:
 
 
 class Wind:
-    """Steady wind on every part and thing: 0.6 * area facing it * speed squared (spec 2.1)."""
+    """Wind on every part and thing: 0.6 * area facing it * speed squared (spec 2.1)."""
 
     def __init__(self, members: Members, extents: Array, wind: Array, drag: float) -> None:
         """Set up the boxes.
@@ -161,22 +161,22 @@ class Wind:
         Args:
             members: Places of all parts and things.
             extents: (P, 3) boxes that the wind sees, engine frame, m.
-            wind: (3,) velocity of the air, engine frame, m/s.
+            wind: (3,) mean velocity of the air, engine frame, m/s.
             drag: Force over area times squared speed, kg/m3.
         """
         self._members, self._wind, self._drag = members, wind, drag
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
 
-    def __call__(self, rows: Array) -> list[Push]:
-        """What the wind does to every part, then to every thing."""
+    def __call__(self, rows: Array, strength: float = 1.0) -> list[Push]:
+        """What the wind does to every part, then to every thing, at a share of its mean."""
         row = self._members.row
         rotation = matrices(rows[:, ROTATION])[row]
         arms = turn(rotation, self._members.offset)
         velocity = rows[row, VELOCITY] + cross(rows[row, SPIN], arms)
-        along = turn_back(rotation, self._wind - velocity)
+        along = turn_back(rotation, self._wind * strength - velocity)
         facing = self._areas * np.abs(along)
-        strength = self._drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
-        force = turn(rotation, strength[:, None] * along)
+        push = self._drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
+        force = turn(rotation, push[:, None] * along)
         places = rows[row, POSITION] + arms
         return [
             Push(i, (x, y, z), (p, q, r))

@@ -38,7 +38,8 @@ from agentflow.env.engines.ropes import Ropes
 from agentflow.env.engines.springs import Springs
 from agentflow.env.engines.struts import Struts
 from agentflow.env.engines.tree import Skeleton, skeleton
-from agentflow.env.scene import Quat, Scene, Vec3
+from agentflow.env.engines.vectors import add, turned
+from agentflow.env.scene import Quat, Scene, Start, Vec3
 from agentflow.env.tasks.base import Body
 from agentflow.env.trace import Array
 
@@ -71,9 +72,10 @@ class PyBulletEngine:
         pybullet.setGravity(0.0, 0.0, -self._constants["gravity"], physicsClientId=self.client)
         self._assembly, self._scene = assembly, scene
         self._broken: set[int] = set()
-        self._on = dict.fromkeys(("motors", "steering_hinges", "springs", "winches"), 0.0)
+        self._on = dict.fromkeys(("motors", "steering_hinges", "springs", "winches", "gusts"), 0.0)
+        self._interval, self._blown = 1.0 / rate, 0
         self._workshop = Workshop(self.client, self._constants)
-        self._ground = self._workshop.ground()
+        self._ground = self._workshop.ground(scene.friction)
         self._things = {thing.name: self._workshop.thing(thing) for thing in scene.things}
         stand(self.client, (self._ground, *self._things.values()))
         self._moving = tuple(thing for thing in scene.things if thing.mass > 0)
@@ -85,14 +87,15 @@ class PyBulletEngine:
         moving = {thing.name: self._things[thing.name] for thing in self._moving}
         self._grips = Grips(self.client, assembly.actors.grips, moving)
         self._raise(skeleton(len(assembly.parts), assembly.joints))
+        self._put(scene.start)
         self._read()
 
     def switch(self, entry: str, level: float) -> None:
-        """Set motors, steering_hinges, springs, winches or grabbers."""
+        """Set motors, steering_hinges, springs, winches, grabbers or gusts."""
         self._on[entry] = float(level)
         if entry == "grabbers":
             self._grips.switch(level > 0)
-        elif entry not in ("springs", "winches"):
+        elif entry not in ("springs", "winches", "gusts"):
             self._drive(entry)
 
     def step(self) -> None:
@@ -103,7 +106,7 @@ class PyBulletEngine:
         for act in self._acting:
             self._shove(act(self._rows))
         if self._wind is not None:
-            self._shove(self._wind(self._table))
+            self._shove(self._wind(self._table, self._strength()))
         for uid, index, drive in self._buffers:
             self._cushion(uid, index, drive)
         pybullet.stepSimulation(self.client)
@@ -219,6 +222,25 @@ class PyBulletEngine:
             self._grips.bind(self._built)
         for entry in ("motors", "steering_hinges"):
             self._drive(entry)
+
+    def _put(self, start: Start) -> None:
+        """Turn and raise what has just been raised on the ground."""
+        if start == Start():
+            return
+        rotation = start.rotation
+        for uid in (built.uid for built in self._built):
+            position, _ = pybullet.getBasePositionAndOrientation(uid, self.client)
+            place = add(turned(rotation, swap(position)), (0.0, start.height, 0.0))
+            pybullet.resetBasePositionAndOrientation(
+                uid, swap(place), swap_quaternion(rotation), self.client
+            )
+
+    def _strength(self) -> float:
+        """Share of the mean wind that blows in this step."""
+        if not self._on["gusts"]:
+            return 1.0
+        self._blown += 1
+        return self._scene.strength((self._blown - 1) * self._interval)
 
     def _index_joints(self) -> None:
         """Which links sense which joints, and which of them are spring-dampers."""

@@ -102,8 +102,24 @@ class Task(ABC):
         """What designers are told and what validity checks."""
 
     @abstractmethod
-    def scene(self) -> Scene:
-        """Everything but the machine."""
+    def scene(self, machine: Machine | None = None) -> Scene:
+        """Everything but the machine.
+
+        Args:
+            machine: What is going to stand there, for things whose place depends on it; None shows
+                the level without one.
+        """
+
+    def trials(self, seed: int) -> tuple[Task, ...]:  # noqa: ARG002 - for those that have any
+        """The rollouts that one try of a machine takes: this one, or variations of it.
+
+        Every verdict of a variation has the terms that `trials.joined` counts, and a variation is
+        its own only trial.
+
+        Args:
+            seed: Of the variations.
+        """
+        return (self,)
 
     @abstractmethod
     def referee(self, machine: Machine) -> Referee:

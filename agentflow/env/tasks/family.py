@@ -5,6 +5,7 @@ What a family asks for beyond that is its own module's.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -56,14 +57,25 @@ class CommonKnobs(Parameters):
     wind: Wind = Wind()
 
 
-def schedule_of(knobs: CommonKnobs) -> Schedule:
-    """The start times as the rollout takes them."""
-    times = knobs.schedule
-    return Schedule(times.motors, times.springs, times.steering_hinges)
+_STARTS = {
+    14: "At t = {motors:g} s flying blocks start to push along their facing and never stop.",
+    39: "At t = {motors:g} s powered cogs start to turn and never stop.",
+    45: "At t = {springs:g} s winches start to reel in.",
+    26: "Propellers have no motor: they push when what they hang on turns them through the air.",
+}
+"""What is told of block types that only some tasks allow."""
 
 
-def schedule_sentences(schedule: Schedule, window: float) -> tuple[str, ...]:
-    """The control schedule (spec 3) in words."""
+def schedule_sentences(
+    schedule: Schedule, window: float, blocks: Collection[int] = ()
+) -> tuple[str, ...]:
+    """The control schedule (spec 3) in words.
+
+    Args:
+        schedule: Start times.
+        window: Length of the scored window, s.
+        blocks: Types that the task allows.
+    """
     return (
         "Before t = 0 the machine settles with power off until it rests: motors hold still, "
         "springs exert nothing.",
@@ -71,6 +83,11 @@ def schedule_sentences(schedule: Schedule, window: float) -> tuple[str, ...]:
         "and never stop.",
         f"At t = {schedule.springs:g} s springs start to contract.",
         f"At t = {schedule.steering_hinges:g} s steering hinges swing to their Left, once.",
+        *(
+            text.format(motors=schedule.motors, springs=schedule.springs)
+            for kind, text in _STARTS.items()
+            if kind in blocks
+        ),
         f"The window ends at t = {window:g} s; nothing can be switched or steered in between.",
     )
 
@@ -97,3 +114,9 @@ class Family(Task):
 
     knobs: ClassVar[type[CommonKnobs]]
     parameters: CommonKnobs
+
+    @classmethod
+    def schedule_of(cls, knobs: CommonKnobs) -> Schedule:
+        """The start times as the rollout takes them."""
+        times = knobs.schedule
+        return Schedule(times.motors, times.springs, times.steering_hinges)

@@ -98,7 +98,7 @@ class Movement(Family):
             blocks=BLOCKS,
         )
 
-    def scene(self) -> Scene:
+    def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Two side walls, a rear wall, what lies across the road, wind."""
         knobs = self.parameters
         width = 2 * knobs.road.half_width - knobs.road.wall_thickness

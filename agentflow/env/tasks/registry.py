@@ -16,7 +16,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.family import Family, schedule_of
+from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.knobs import (
     Knob,
     knobs_of,
@@ -121,7 +121,7 @@ def get_task(name: str, overrides: Mapping[str, object] | None = None) -> Task:
         raise UnknownNameError("family", level.file.family, FAMILIES)
     values = merged(level.file.parameters, nested(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
-    return kind(level.name, level.number, knobs, knobs.window, schedule_of(knobs))
+    return kind(level.name, level.number, knobs, knobs.window, kind.schedule_of(knobs))
 
 
 def knob_table(name: str) -> tuple[tuple[Knob, Any], ...]:

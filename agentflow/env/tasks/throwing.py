@@ -83,7 +83,7 @@ class Throwing(Family):
             required={BOULDER: 1},
         )
 
-    def scene(self) -> Scene:
+    def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Four walls, wind."""
         return Scene(_yard_walls(self.parameters.wall), self.parameters.wind.velocity)
 
