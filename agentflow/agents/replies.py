@@ -44,7 +44,7 @@ def read_reply(
             given ones are keep the given connections.
     """
     if representation == "tree":
-        return check(read_machine(text, brief.blocks), brief)
+        return check(read_machine(text, brief.blocks, brief.given), brief)
     report = check(read_coordinates(text, brief.blocks), brief)
     if report.machine is None or given is None or not _begins_with(report.machine, given):
         return report

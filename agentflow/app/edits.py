@@ -8,7 +8,7 @@ from typing import Any
 from agentflow.app.machines import line_value, machine_text, read_text
 from agentflow.errors import UsageError
 from agentflow.machine import Brief, Report, StepVerdict, apply_script, check
-from agentflow.machine.formats import read_any
+from agentflow.machine.formats import read_for
 
 FORM = '{"machine": [...], "script": "Remove 3"}'
 
@@ -45,7 +45,7 @@ def _edit_line(given: object, brief: Brief | None) -> dict[str, Any]:
 
 
 def _report(source: object, brief: Brief | None) -> Report:
-    return check(read_any(source, blocks=None if brief is None else brief.blocks), brief)
+    return check(read_for(brief, source), brief)
 
 
 def _refused(machine: object, reason: str) -> dict[str, Any]:

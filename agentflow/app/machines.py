@@ -12,7 +12,7 @@ from typing import Any, AnyStr, TextIO
 from agentflow.errors import UsageError
 from agentflow.machine import BlockType, Brief, library, place
 from agentflow.machine import check as judge
-from agentflow.machine.formats import Form, read_any
+from agentflow.machine.formats import Form, read_any, read_for
 
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 LARGEST = 64 * 2**20
@@ -88,7 +88,7 @@ def check(
     source: object, brief: Brief | None, geometry: bool, form: Form = "auto"
 ) -> dict[str, Any]:
     """The validity report of spec 1.12; `source` is any model text or JSON data."""
-    report = judge(read_any(source, form, None if brief is None else brief.blocks), brief)
+    report = judge(read_for(brief, source, form), brief)
     answer: dict[str, Any] = report.to_json()
     if geometry:
         machine = report.machine

@@ -17,7 +17,7 @@ from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.machine import Machine, check
 from agentflow.machine.brief import Brief
-from agentflow.machine.formats import read_any
+from agentflow.machine.formats import read_for
 from agentflow.machine.tree import ROOT, Step
 from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
 
@@ -98,7 +98,7 @@ def _machine(brief: Brief, source: str | None) -> Machine:
         kind = EXAMPLE if EXAMPLE in brief.blocks else ROOT.type
         hung = (Step(1, kind, 0, 4),) if kind else ()
         return Machine((ROOT, *hung))
-    report = check(read_any(source, blocks=brief.blocks), brief)
+    report = check(read_for(brief, source), brief)
     if report.machine is None:
         raise UsageError(f"no machine to show: {report.problems[0].message}")
     return report.machine

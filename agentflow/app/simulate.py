@@ -16,7 +16,7 @@ from agentflow.env.rollout import invalid, rollout_json, save_npz, simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import check
-from agentflow.machine.formats import read_any
+from agentflow.machine.formats import read_for
 
 
 def simulate_text(
@@ -36,7 +36,7 @@ def simulate_text(
             simulated has no states; its result says so.)
     """
     asked = [_query(item) for item in queries]
-    report = check(read_any(text, blocks=task.brief.blocks), task.brief)
+    report = check(read_for(task.brief, text), task.brief)
     if report.machine is None:
         return rollout_json(invalid(report.problems))
     rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate)
@@ -63,7 +63,7 @@ async def simulate_lines(
     """
 
     async def result(line: str) -> dict[str, Any]:
-        report = check(read_any(line_value(line), blocks=task.brief.blocks), task.brief)
+        report = check(read_for(task.brief, line_value(line)), task.brief)
         if report.machine is None:
             return rollout_json(invalid(report.problems))
         rollout = await pool.run(report.machine, task, seed=seed, power=power, rate=rate)

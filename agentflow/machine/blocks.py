@@ -17,6 +17,8 @@ from agentflow.errors import UnknownNameError
 Vec3 = tuple[float, float, float]
 
 STARTING_BLOCK = 0
+ROOTS = ("Root", "Plate")
+"""Categories of what machines are built on."""
 GRABBER = 27
 CONTAINER = 30
 BOULDER = 36
@@ -87,15 +89,30 @@ class BlockType:
     blade: Blade | None = None
     pitch_radius: float | None = None
     """Metres; cogs mesh where these circles touch."""
+    closed: frozenset[int] = frozenset()
+    """Ids of faces to which nothing can be attached."""
 
     @property
     def label(self) -> str:
         """Type id and name, as messages show it: "63 (Log)"."""
         return f"{self.type} ({self.name})"
 
+    @property
+    def root(self) -> bool:
+        """Whether it is what machines are built on, and nothing else."""
+        return self.category in ROOTS
+
+    @property
+    def open_faces(self) -> tuple[int, ...]:
+        """Ids of the faces to which blocks can be attached, ascending."""
+        return tuple(face.id for face in self.faces if face.id not in self.closed)
+
 
 class Library(Mapping[int, BlockType]):
-    """All block types by type id, ascending."""
+    """All block types by type id, ascending.
+
+    Plates (plates.py) are found by their number as well, but are not among those listed.
+    """
 
     def __init__(self, types: Mapping[int, BlockType]) -> None:
         self._types = dict(sorted(types.items()))
@@ -104,7 +121,12 @@ class Library(Mapping[int, BlockType]):
         self.extended = tuple(key for key, block in self._types.items() if block.extended)
 
     def __getitem__(self, block_type: int) -> BlockType:
-        return self._types[block_type]
+        found = self._types.get(block_type)
+        if found is not None:
+            return found
+        from agentflow.machine.plates import plate_type  # which is made of what is defined here
+
+        return plate_type(block_type)
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._types)

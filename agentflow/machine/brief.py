@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from agentflow.machine.tree import ROOT, Machine
+
+LONE_ROOT = Machine((ROOT,))
 SIZE_LIMIT = (17.0, 9.5, 17.0)
 """Building volume, x, y, z in metres (spec 1.5); the limit itself is legal."""
 
@@ -33,3 +36,5 @@ class Brief:
     """Block type -> exact number that a complete machine must have."""
     size_limit: tuple[float, float, float] = SIZE_LIMIT
     """Largest extent of the machine along x, y, z in metres."""
+    given: Machine = LONE_ROOT
+    """What every machine begins with, unchanged; the block list does not bind it."""

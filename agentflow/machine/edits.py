@@ -122,6 +122,7 @@ class _Draft:
         self.original = len(machine)
         self.steps = {step.id: step for step in machine}
         self.next_id = self.original
+        self.given = 1 if brief is None else len(brief.given)
         self.allowed: Collection[int] = library().core if brief is None else brief.blocks
         self.size_limit = SIZE_LIMIT if brief is None else brief.size_limit
 
@@ -190,6 +191,8 @@ class _Draft:
             raise _Refused("starting_block", f"block 0, the Starting Block, cannot be {done}")
         if not 0 <= block_id < self.original:
             raise _Refused("block_not_found", self._absent(block_id, done))
+        if block_id < self.given:
+            raise _Refused("given_altered", f"block {block_id} is given and cannot be {done}")
         if block_id not in self.steps:
             raise _Refused("block_removed", f"block {block_id} is removed earlier in this script")
         return self.steps[block_id]

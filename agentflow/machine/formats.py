@@ -10,11 +10,13 @@ from collections.abc import Collection
 from dataclasses import replace
 from typing import Literal, get_args
 
+from agentflow.machine.brief import Brief
 from agentflow.machine.connect import Located
 from agentflow.machine.coordinates import read_coordinates
 from agentflow.machine.parse import FORM, Reading, find_items, read_machine
+from agentflow.machine.tree import Machine
 
-__all__ = ["FORMS", "Form", "read_any"]
+__all__ = ["FORMS", "Form", "read_any", "read_for"]
 
 Form = Literal["auto", "tree", "coordinates", "bsg"]
 FORMS: tuple[Form, ...] = get_args(Form)
@@ -23,7 +25,10 @@ _XML = re.compile(r"\s*<(\?xml|!DOCTYPE|Machine)\b")
 
 
 def read_any(
-    source: object, form: Form = "auto", blocks: Collection[int] | None = None
+    source: object,
+    form: Form = "auto",
+    blocks: Collection[int] | None = None,
+    given: Machine | None = None,
 ) -> Reading | Located:
     """Read a machine in any of its forms. Never raises; `validity.check` judges the result.
 
@@ -32,20 +37,29 @@ def read_any(
         form: `auto` takes text that opens as XML for a .bsg file, and a list whose objects have a
             `Position` and no `parent` for coordinates.
         blocks: allowed block types; the core types when None.
+        given: what a tree must begin with; any root alone when None.
     """
     if form == "bsg" or (form == "auto" and isinstance(source, str) and _XML.match(source)):
         from agentflow.machine.bsg_reading import read_bsg  # XML is rare, its import takes long
 
         return read_bsg(source if isinstance(source, str) else "", blocks)
     if form == "tree":
-        return read_machine(source, blocks)
+        return read_machine(source, blocks, given)
     if form == "coordinates":
         return read_coordinates(source, blocks)
     items, repaired, fault = find_items(source, FORM)
     if fault is not None:
         return Reading(None, repaired, problems=(fault,))
-    read = read_coordinates if _has_positions(items) else read_machine
-    return replace(read(items, blocks), repaired=repaired)
+    if _has_positions(items):
+        return replace(read_coordinates(items, blocks), repaired=repaired)
+    return replace(read_machine(items, blocks, given), repaired=repaired)
+
+
+def read_for(brief: Brief | None, source: object, form: Form = "auto") -> Reading | Located:
+    """Read a machine as a task allows it, or of core types only; see `read_any`."""
+    if brief is None:
+        return read_any(source, form)
+    return read_any(source, form, brief.blocks, brief.given)
 
 
 def _has_positions(items: list[object]) -> bool:

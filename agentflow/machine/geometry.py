@@ -79,8 +79,8 @@ class Geometry:
     def free_faces(self, block_id: int) -> tuple[int, ...]:
         """Ids of the faces that carry no standard block, ascending."""
         taken = {face for _, face in self._children[block_id]}
-        count = len(library()[self[block_id].type].faces)
-        return tuple(face for face in range(count) if face not in taken)
+        faces = library()[self[block_id].type].open_faces
+        return tuple(face for face in faces if face not in taken)
 
     @property
     def lo(self) -> Units3:

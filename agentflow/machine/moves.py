@@ -139,7 +139,7 @@ MOVES: Mapping[str, Callable[[Machine, Sequence[int]], Sequence[Move]]] = {
 
 def _faces(machine: Machine) -> Iterator[tuple[int, int]]:
     """(block id, face id) of all faces."""
-    return ((step.id, face) for step in machine for face in range(len(library()[step.type].faces)))
+    return ((step.id, face) for step in machine for face in library()[step.type].open_faces)
 
 
 def _rehung(machine: Machine) -> Iterator[Step]:

@@ -5,11 +5,13 @@ Finding the JSON in a text is jsontext.py's; whether the machine fits in space i
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from agentflow.machine.blocks import library
 from agentflow.machine.jsontext import Extracted, extract_json, found_json
+from agentflow.machine.plates import plate_of
 from agentflow.machine.problems import Problem, face_fault, listed, shown, type_fault
 from agentflow.machine.tree import ROOT, Machine, Step
 
@@ -38,12 +40,15 @@ class Reading:
     problems: tuple[Problem, ...] = ()
 
 
-def read_machine(source: object, blocks: Collection[int] | None = None) -> Reading:
+def read_machine(
+    source: object, blocks: Collection[int] | None = None, given: Machine | None = None
+) -> Reading:
     """Read a construction tree and judge its file validity (spec 1.5). Never raises.
 
     Args:
         source: any text whatever (spec 4.4), or JSON data.
         blocks: allowed block types; the core types when None.
+        given: what the machine must begin with; any root alone when None.
     """
     items, repaired, fault = find_items(source, FORM)
     if fault is not None:
@@ -51,7 +56,7 @@ def read_machine(source: object, blocks: Collection[int] | None = None) -> Readi
     notes: list[str] = []
     problems: list[Problem] = []
     steps = [_read_step(item, index, notes, problems) for index, item in enumerate(items)]
-    problems += file_problems(steps, blocks)
+    problems += file_problems(steps, blocks, given)
     if problems:
         problems.sort(key=lambda problem: problem.blocks)
         return Reading(None, repaired, tuple(notes), tuple(problems))
@@ -140,23 +145,24 @@ def whole_number(
 
 
 def file_problems(
-    steps: Sequence[Step | None], blocks: Collection[int] | None = None
+    steps: Sequence[Step | None],
+    blocks: Collection[int] | None = None,
+    given: Machine | None = None,
 ) -> list[Problem]:
     """Everything that keeps steps from being a file-valid machine (spec 1.5).
 
     Args:
         steps: in list order; None where an item could not be read.
         blocks: allowed block types; the core types when None.
+        given: what the machine must begin with; any root alone when None.
     """
     if not steps:
         return [Problem("empty", (), f"the machine is an empty list; write it as {FORM}")]
     allowed = library().core if blocks is None else blocks
-    problems: list[Problem] = []
-    if steps[0] is not None and steps[0] != ROOT:
-        message = "the first block must be the Starting Block: type 0, id 0, parent -1, face_id -1"
-        problems.append(Problem("root", (0,), message))
+    begin = _root(steps[0]) if given is None else given.steps
+    problems = _start_problems(steps, begin)
     for index, step in enumerate(steps):
-        if step is None or index == 0:
+        if step is None or index < len(begin):
             continue
         if step.id != index:
             problems.append(_wrong_id(step, index))
@@ -166,6 +172,28 @@ def file_problems(
         problems += _end_problems(index, step.parent, step.face_id, steps)
         if step.parent_b is not None and step.face_id_b is not None:
             problems += _end_problems(index, step.parent_b, step.face_id_b, steps)
+    return problems
+
+
+def _root(step: Step | None) -> tuple[Step, ...]:
+    """The root that this step may be: a plate where it names one, else the Starting Block."""
+    is_plate = step is not None and plate_of(step.type) is not None
+    return (replace(ROOT, type=step.type),) if step is not None and is_plate else (ROOT,)
+
+
+def _start_problems(steps: Sequence[Step | None], begin: tuple[Step, ...]) -> list[Problem]:
+    """Where the steps do not begin as they must."""
+    if begin == (ROOT,):
+        if steps[0] is None or steps[0] == ROOT:
+            return []
+        message = "the first block must be the Starting Block: type 0, id 0, parent -1, face_id -1"
+        return [Problem("root", (0,), message)]
+    problems = []
+    for index, wanted in enumerate(begin):
+        if index >= len(steps) or steps[index] not in (None, wanted):
+            text = json.dumps(wanted.to_json())
+            message = f"block {index} is given and must be repeated unchanged: {text}"
+            problems.append(Problem("given_altered", (index,), message))
     return problems
 
 

@@ -5,10 +5,10 @@ Walking the tree is geometry.py's. Exact: all arithmetic is on integers, in unit
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 
-from agentflow.machine.blocks import DIRECTIONS, STARTING_BLOCK, Vec3, library
+from agentflow.machine.blocks import DIRECTIONS, Vec3, library
 from agentflow.machine.tree import Step
 
 UNITS = 20
@@ -74,14 +74,14 @@ class Shape(NamedTuple):
     faces: tuple[ShapeFace, ...]
 
 
-@cache
+@lru_cache(maxsize=512)
 def shape(block_type: int, facing: str) -> Shape:
     """The turned block. Standard types only; the root is centred on its building point."""
     block = library()[block_type]
     assert block.size is not None
     turn = FACINGS[facing].turn
     x, y, z = (_exact(extent / 2) for extent in block.size)
-    back = -z if block_type == STARTING_BLOCK else 0
+    back = -z if block.root else 0
     a, b = turn((-x, -y, back)), turn((x, y, back + 2 * z))
     faces = tuple(
         ShapeFace(

@@ -81,9 +81,12 @@ def face_fault(block_id: int, block_type: int, face_id: int) -> str | None:
     """A sentence if the block has no such face; None if it has, or if its type is unknown."""
     if block_type not in library():
         return None
-    count = len(library()[block_type].faces)
+    kind = library()[block_type]
+    count = len(kind.faces)
     if 0 <= face_id < count:
-        return None
+        closed = face_id in kind.closed
+        place = f"face {face_id} of {named(block_id, block_type)}"
+        return f"{place} lies over a hole, nothing can be attached to it" if closed else None
     if count == 0:
         return f"{named(block_id, block_type)} has no faces, nothing can be attached to it"
     faces = "its only face is 0" if count == 1 else f"its faces are 0 to {count - 1}"

@@ -89,7 +89,7 @@ def random_edit(machine: Machine, rng: Random, brief: Brief | None = None) -> Ma
 def _grown(rng: Random, types: Sequence[int], brief: Brief | None, count: int) -> Machine | None:
     """A machine of so many blocks; None where growth comes to an end before."""
     required = {} if brief is None else brief.required
-    machine: Machine | None = Machine((ROOT,))
+    machine: Machine | None = Machine((ROOT,)) if brief is None else brief.given
 
     def legal(addition: Addition) -> Machine | None:
         return _valid(addition, rng, brief)

@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 from agentflow.machine.blocks import Vec3, library
 from agentflow.machine.brief import SIZE_LIMIT, Brief
 from agentflow.machine.connect import Located
-from agentflow.machine.geometry import Geometry, overlap_of, place
+from agentflow.machine.geometry import Geometry, bounds, overlap_of, place
 from agentflow.machine.parse import Reading, file_problems, read_machine
+from agentflow.machine.plates import plate_of
+from agentflow.machine.pose import to_metres
 from agentflow.machine.problems import Problem, listed, named
 from agentflow.machine.tree import Machine
 
@@ -27,6 +29,8 @@ __all__ = [
     "task_problems",
 ]
 
+MAX_FACES = 24
+"""Most free faces that are listed; plates have hundreds."""
 MAX_OVERLAP_SENTENCES = 200
 """Most overlaps that get a problem of their own; all of them are in `Report.overlaps`."""
 
@@ -81,12 +85,12 @@ def check(
     """
     if isinstance(source, Located):
         return _check_located(source, brief)
-    blocks = None if brief is None else brief.blocks
+    blocks, given = (None, None) if brief is None else (brief.blocks, brief.given)
     if isinstance(source, Machine):
-        faults = tuple(file_problems(source.steps, blocks))
+        faults = tuple(file_problems(source.steps, blocks, given))
         reading = Reading(None if faults else source, problems=faults)
     else:
-        reading = source if isinstance(source, Reading) else read_machine(source, blocks)
+        reading = source if isinstance(source, Reading) else read_machine(source, blocks, given)
     machine = reading.machine
     if machine is None:
         problems = reading.problems
@@ -178,18 +182,31 @@ def overlap_message(geometry: Geometry, a: int, b: int) -> str:
 
 
 def _free(geometry: Geometry, block_id: int) -> str:
-    return f"faces still free on block {block_id}: {listed(geometry.free_faces(block_id))}"
+    free = geometry.free_faces(block_id)
+    more = f" and {len(free) - MAX_FACES} more" if len(free) > MAX_FACES else ""
+    return f"faces still free on block {block_id}: {listed(free[:MAX_FACES])}{more}"
 
 
 def size_problems(
     geometry: Geometry, size_limit: tuple[float, float, float] = SIZE_LIMIT
 ) -> list[Problem]:
-    """One problem per axis along which the machine is larger than the building volume."""
+    """One problem per axis along which the machine is larger than the building volume.
+
+    A plate does not count.
+    """
+    boxed = [
+        placed
+        for placed in geometry.blocks
+        if not placed.two_ended and plate_of(placed.type) is None
+    ]
+    if not boxed:
+        return []
+    lo, hi = bounds(boxed)
+    size = to_metres((hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]))
     problems = []
-    for axis, (extent, limit) in enumerate(zip(geometry.size, size_limit, strict=True)):
+    for axis, (extent, limit) in enumerate(zip(size, size_limit, strict=True)):
         if extent <= limit:
             continue
-        boxed = [placed for placed in geometry.blocks if not placed.two_ended]
         last = min(boxed, key=lambda placed: placed.lo[axis])
         first = max(boxed, key=lambda placed: placed.hi[axis])
         name = "xyz"[axis]

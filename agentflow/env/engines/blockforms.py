@@ -5,6 +5,8 @@ How blocks hang together is assembly.py's.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
 from math import pi
 
 from agentflow.env.constants import Constants
@@ -13,6 +15,7 @@ from agentflow.env.engines.vectors import add, length, scale, subtract, upright_
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks import CONTAINER, GRABBER, BlockType
 from agentflow.machine.geometry import Placed
+from agentflow.machine.plates import HOLE, Plate, plate_of
 
 ROUND = frozenset({2, 38, 39, 40, 46, 51, 60})
 """Wheels and cogs: cylinders about their Front axis."""
@@ -54,6 +57,7 @@ _COLORS: dict[str, Color] = {
     "Interaction": (0.6, 0.4, 0.6, 1.0),
     "Flight": (0.55, 0.7, 0.85, 1.0),
     "Gear": (0.7, 0.65, 0.4, 1.0),
+    "Plate": (0.56, 0.6, 0.62, 1.0),
 }
 
 
@@ -205,6 +209,8 @@ def _shapes(placed: Placed, kind: BlockType, extents: Vec3, shrink: float) -> tu
     """Collision shapes, smaller by `shrink` on each side so that touching faces do not rub."""
     if kind.type == CONTAINER:
         return _container(placed, kind, shrink)
+    if plate := plate_of(kind.type):
+        return tuple(_strips(plate, extents, shrink))
     small: Vec3 = (extents[0] - 2 * shrink, extents[1] - 2 * shrink, extents[2] - 2 * shrink)
     if kind.type in BALLS:
         return (Shape("sphere", small),)
@@ -245,6 +251,19 @@ def _container(placed: Placed, kind: BlockType, shrink: float) -> tuple[Shape, .
         Shape("box", _turned_size(placed, size), _turned(placed, (at[0], at[1], at[2] - z / 2)))
         for size, at in boxes
     )
+
+
+def _strips(plate: Plate, extents: Vec3, shrink: float) -> Iterator[Shape]:
+    """A plate cut along x at the rims of its holes, and along z within each strip."""
+    edge, thick = plate.size / 2 - shrink, extents[1] - 2 * shrink
+    rims = {-edge, edge, *(z + rim for _, z in plate.centres for rim in (-HOLE / 2, HOLE / 2))}
+    for low, high in pairwise(sorted(rims)):
+        middle = (low + high) / 2
+        missing = [x for x, z in plate.centres if abs(z - middle) < HOLE / 2]
+        ends = [-edge, *(x + rim for x in sorted(missing) for rim in (-HOLE / 2, HOLE / 2)), edge]
+        for left, right in zip(ends[::2], ends[1::2], strict=True):
+            size = (right - left, thick, high - low)
+            yield Shape("box", size, ((left + right) / 2, 0.0, middle))
 
 
 def _turned(placed: Placed, local: Vec3) -> Vec3:

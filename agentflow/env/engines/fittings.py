@@ -11,8 +11,9 @@ from math import cos, radians, sin
 from agentflow.env.constants import Constants
 from agentflow.env.engines.actors import Actors, Grip, Lift, Mesh, Rope, Thrust
 from agentflow.env.engines.base import Joint
-from agentflow.env.engines.vectors import add, dot, length, scale, subtract
+from agentflow.env.engines.vectors import add, length, scale, subtract
 from agentflow.machine.blocks import GRABBER, BlockType, library
+from agentflow.machine.gears import meshing
 from agentflow.machine.geometry import Placed
 
 WINCH = 45
@@ -79,28 +80,11 @@ def fit(
 
 
 def meshes(placed: Sequence[Placed], joints: Sequence[Joint], tolerance: float) -> tuple[Mesh, ...]:
-    """Pairs of cogs in one plane whose pitch circles touch within `tolerance`, m.
-
-    Speeds are equal and opposite where the circles touch, so positions go as the radii; cogs
-    that face each other's way count their turns in opposite senses.
-    """
+    """What gears.py finds to mesh, as joints."""
     turning = {joint.block: i for i, joint in enumerate(joints) if joint.kind == "revolute"}
-    cogs = [
-        (block, radius, turning[block.id])
-        for block in placed
-        if (radius := library()[block.type].pitch_radius) is not None
-    ]
-    found = []
-    for i, (one, radius, first) in enumerate(cogs):
-        for other, other_radius, second in cogs[i + 1 :]:
-            sense = dot(one.front, other.front)
-            line = subtract(other.center, one.center)
-            aside = dot(line, one.front)
-            apart = length(subtract(line, scale(one.front, aside)))
-            in_plane = abs(sense) > 0.5 and abs(aside) <= tolerance
-            if in_plane and abs(apart - radius - other_radius) <= tolerance + 1e-9:
-                found.append(Mesh(first, second, sense * other_radius / radius))
-    return tuple(found)
+    return tuple(
+        Mesh(turning[pair.a], turning[pair.b], pair.ratio) for pair in meshing(placed, tolerance)
+    )
 
 
 def _lift(block: Placed, kind: BlockType, part: int) -> Lift:
