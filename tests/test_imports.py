@@ -21,6 +21,7 @@ ALLOWED = {
     "search": {"errors"},
     "workflows": {"errors", "agents", "search", "machine"},
     "runs": {"errors"},
+    "metrics": {"errors", "runs"},
     "config": {"errors", "workflows", "llm"},
     "laboratory": {"errors", "machine", "env", "search", "workflows", "runs"},
     "cli": {"errors", "app", "config", "runs", "live"},

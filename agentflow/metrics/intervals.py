@@ -1,0 +1,94 @@
+"""Owns 95 % intervals: Wilson's for shares, the bootstrap's for means (spec 6.2).
+
+The arithmetic is scipy's, imported where it is used: nothing else of agentflow needs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import ModuleType
+from typing import NamedTuple
+
+from agentflow.errors import UsageError
+
+CONFIDENCE = 0.95
+RESAMPLES = 10_000
+"""Resamples of a bootstrap (spec 6.2)."""
+
+
+class Interval(NamedTuple):
+    """Both ends of a confidence interval, in the unit of what it is about."""
+
+    low: float
+    high: float
+
+
+def wilson(successes: int, trials: int) -> Interval | None:
+    """Wilson's 95 % score interval of a share, without continuity correction.
+
+    E. B. Wilson, "Probable inference, the law of succession, and statistical inference", Journal of
+    the American Statistical Association 22 (1927); here `scipy.stats.binomtest`.
+
+    Args:
+        successes: How often it happened, 0 to `trials`.
+        trials: How often it could have happened.
+
+    Returns:
+        Shares from 0 to 1; None without any trial.
+
+    Raises:
+        ValueError: `successes` is not among 0 to `trials`.
+        UsageError: scipy is missing.
+    """
+    if not 0 <= successes <= trials:
+        raise ValueError(f"successes must be 0 to {trials}, not {successes}")
+    if not trials:
+        return None
+    test = _stats().binomtest(successes, trials)
+    found = test.proportion_ci(confidence_level=CONFIDENCE, method="wilson")
+    return Interval(float(found.low), float(found.high))
+
+
+def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
+    """The 95 % bootstrap interval of a mean: percentiles over 10,000 seeded resamples.
+
+    B. Efron, "Bootstrap methods: another look at the jackknife", Annals of Statistics 7 (1979);
+    here `scipy.stats.bootstrap`. Equal values (all zero, for instance) give an interval of no width
+    at that value: nothing in them tells how they vary.
+
+    Args:
+        values: The sample, finite.
+        seed: Of the resampling; the same sample and seed give the same interval.
+
+    Returns:
+        In the unit of the values; None for fewer than two, which say nothing of their spread.
+
+    Raises:
+        UsageError: scipy is missing.
+    """
+    if len(values) < 2:
+        return None
+    stats = _stats()
+    import numpy as np
+
+    found = stats.bootstrap(
+        (np.asarray(values, dtype=np.float64),),
+        np.mean,
+        n_resamples=RESAMPLES,
+        confidence_level=CONFIDENCE,
+        method="percentile",
+        rng=np.random.default_rng(seed),
+        vectorized=True,
+    ).confidence_interval
+    return Interval(float(found.low), float(found.high))
+
+
+def _stats() -> ModuleType:
+    try:
+        import scipy.stats
+    except ImportError:
+        raise UsageError(
+            "intervals need scipy, which is not installed: pip install 'agentflow[report]'"
+        ) from None
+    module: ModuleType = scipy.stats
+    return module

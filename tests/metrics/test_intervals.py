@@ -1,0 +1,100 @@
+"""Intervals: the formula by hand, the published values, degenerate samples."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from math import sqrt
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from agentflow.metrics.intervals import Interval, bootstrap_mean, wilson
+
+Z = 1.959963984540054
+"""97.5 % point of the normal distribution."""
+
+
+def by_hand(successes: int, trials: int) -> tuple[float, float]:
+    """(p + z²/2n ± z sqrt(p(1-p)/n + z²/4n²)) / (1 + z²/n)."""
+    share, z2 = successes / trials, Z * Z
+    middle = share + z2 / (2 * trials)
+    reach = Z * sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
+    return (middle - reach) / (1 + z2 / trials), (middle + reach) / (1 + z2 / trials)
+
+
+@given(st.integers(1, 300).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_wilson_is_the_formula(counts: tuple[int, int]) -> None:
+    assert wilson(*counts) == pytest.approx(by_hand(*counts), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("successes", "low", "high"),
+    [(46, 81.2, 96.8), (40, 67.0, 88.8), (41, 69.2, 90.2), (28, 42.3, 68.8), (9, 9.8, 30.8)],
+)
+def test_wilson_gives_the_published_intervals(successes: int, low: float, high: float) -> None:
+    """`validity_ci95` of table post_training_ci in the published results."""
+    found = wilson(successes, 50)
+    assert found is not None
+    assert (round(100 * found.low, 1), round(100 * found.high, 1)) == (low, high)
+
+
+def test_wilson_of_nothing_and_of_impossible_counts() -> None:
+    assert wilson(0, 0) is None
+    with pytest.raises(ValueError, match="successes must be 0 to 3, not 4"):
+        wilson(4, 3)
+
+
+def test_bootstrap_is_seeded_and_surrounds_the_mean() -> None:
+    values = [0.0, 1.0, 2.0, 4.0, 8.0, 16.0]
+    found = bootstrap_mean(values)
+    assert found is not None
+    assert found == bootstrap_mean(values)
+    assert found != bootstrap_mean(values, seed=1)
+    assert 0 < found.low < sum(values) / len(values) < found.high < 16
+
+
+def test_bootstrap_of_two_values_by_hand() -> None:
+    """Resamples of {0, 1} average 0, 1/2, 1/2 or 1, a quarter each: 2.5 % lies at 0, 97.5 at 1."""
+    assert bootstrap_mean([0.0, 1.0]) == Interval(0.0, 1.0)
+
+
+def test_bootstrap_comes_near_the_normal_interval_of_a_large_sample() -> None:
+    values = [float(i % 10) for i in range(1000)]
+    found = bootstrap_mean(values)
+    reach = Z * sqrt(8.25 / 1000)
+    assert found == pytest.approx((4.5 - reach, 4.5 + reach), abs=0.02)
+
+
+@pytest.mark.parametrize("value", [0.0, 3.25])
+def test_bootstrap_of_equal_values_has_no_width(value: float) -> None:
+    assert bootstrap_mean([value] * 8) == Interval(value, value)
+
+
+@pytest.mark.parametrize("values", [[], [5.0]])
+def test_bootstrap_of_fewer_than_two_values_is_none(values: list[float]) -> None:
+    assert bootstrap_mean(values) is None
+
+
+def test_without_scipy_the_extra_to_install_is_named() -> None:
+    code = (
+        "import sys; sys.modules['scipy'] = None\n"
+        "from agentflow.errors import UsageError\n"
+        "from agentflow.metrics.intervals import wilson\n"
+        "try: wilson(1, 2)\n"
+        "except UsageError as error: print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == (
+        "intervals need scipy, which is not installed: pip install 'agentflow[report]'\n"
+    )
+
+
+def test_no_metric_imports_scipy_before_it_is_needed() -> None:
+    code = (
+        "import sys, agentflow.metrics.scores, agentflow.metrics.validity\n"
+        "print('scipy' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"

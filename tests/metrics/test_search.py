@@ -1,0 +1,77 @@
+"""Numbers of searches, by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.metrics.records import RunRecord
+from agentflow.metrics.search import (
+    attempt_validity,
+    attempts_per_child,
+    best_after_expansions,
+    best_after_rounds,
+    child_validity,
+    deepest,
+    expansions_per_round,
+)
+from agentflow.metrics.validity import Rate
+from tests.metrics.events import candidate, expansion, node
+
+
+def test_attempts_and_children() -> None:
+    made = RunRecord.of(
+        [expansion(1, 1, "vxxv"), expansion(1, 2, "vv"), expansion(2, 1, "xxxx")]
+    ).expansions
+    assert attempts_per_child(made) == 10 / 4
+    assert attempt_validity(made) == Rate(4, 10)
+    assert child_validity(made, 2) == Rate(4, 6)
+    assert expansions_per_round(made) == 2
+    assert attempts_per_child([]) is None
+    assert expansions_per_round([]) is None
+    assert attempts_per_child(RunRecord.of([expansion(1, 1, "xx")]).expansions) is None
+
+
+def test_published_expansions_of_random_and_best_of_n_search() -> None:
+    chain = [expansion(1, round_, "v") for round_ in range(1, 6)]
+    broad = [expansion(1, round_, "vvvv") for round_ in range(1, 6)]
+    assert expansions_per_round(RunRecord.of(chain).expansions) == 5
+    assert expansions_per_round(RunRecord.of(broad).expansions) == 20
+
+
+@pytest.fixture
+def record() -> RunRecord:
+    return RunRecord.of(
+        [
+            candidate("initial", 1, 9.0),
+            candidate("blind_refinement", 1, 2.0),
+            candidate("blind_refinement", 2, None, valid=False),
+            candidate("blind_refinement", 3, None),
+            expansion(1, 1, "vv"),
+            node(1, 1, 1, 1.0),
+            node(1, 2, 1, 3.0),
+            expansion(1, 2, "vv"),
+            node(1, 3, 2, None),
+            node(1, 4, 2, 5.0),
+            expansion(3, 1, "v"),
+            node(3, 1, 1, 4.0),
+        ]
+    )
+
+
+def test_a_tree_cut_after_rounds(record: RunRecord) -> None:
+    assert best_after_rounds(record, 0) == {1: 2.0}
+    assert best_after_rounds(record, 1) == {1: 3.0, 3: 4.0}
+    assert best_after_rounds(record, 2) == {1: 5.0, 3: 4.0}
+    assert deepest(record) == 2
+
+
+def test_a_tree_cut_after_expansions(record: RunRecord) -> None:
+    assert best_after_expansions(record, 1) == {1: 2.0, 3: 4.0}
+    assert best_after_expansions(record, 3) == {1: 3.0, 3: 4.0}
+    assert best_after_expansions(record, 4) == {1: 5.0, 3: 4.0}
+
+
+def test_without_a_blind_refinement_searches_begin_with_the_initial_machines() -> None:
+    record = RunRecord.of([candidate("initial", 1, 9.0), expansion(1, 1, "v"), node(1, 1, 1, 1.0)])
+    assert best_after_rounds(record, 1) == {1: 9.0}
+    assert deepest(RunRecord()) == 0

@@ -1,0 +1,74 @@
+"""What runs cost, by hand and on the recorded run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentflow.metrics.usage import Simulated, Spent, bill
+from agentflow.runs import read_calls, read_result
+
+RECORDED = Path(__file__).parent.parent.parent / "runs/recorded-throwing"
+
+
+def call(label: str, prompt: int, completion: int, model: str = "m") -> dict[str, Any]:
+    usage = {"prompt": prompt, "completion": completion, "reasoning": 2, "cached": 1}
+    return {
+        "model": model,
+        "request": {"role": label.partition("/")[0], "label": label},
+        "reply": {"usage": usage, "latency_s": 0.5, "retries": 1},
+    }
+
+
+def price(model: str, usage: Mapping[str, int]) -> float | None:
+    return usage["prompt"] * 2.0 if model == "m" else None
+
+
+CALLS = [
+    call("designer/traj-1/attempt-1", 30, 10),
+    call("refiner/blind/traj-1/attempt-1", 40, 5),
+    call("refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1", 10, 5),
+]
+
+
+def test_a_bill_by_role_and_stage() -> None:
+    found = bill(CALLS, price)
+    assert found.total == Spent(3, 80, 20, 6, 3, 3, 1.5, 160.0)
+    assert found.total.tokens == 100
+    assert list(found.roles) == ["designer", "refiner"]
+    assert found.roles["refiner"] == Spent(2, 50, 10, 4, 2, 2, 1.0, 100.0)
+    assert {name: spent.calls for name, spent in found.stages.items()} == {
+        "initial": 1,
+        "blind_refinement": 1,
+        "env_feedback": 1,
+    }
+    assert found.token_shares == {"designer": 0.4, "refiner": pytest.approx(0.6)}
+
+
+def test_one_call_without_a_price_leaves_the_sum_unknown() -> None:
+    found = bill([*CALLS, call("designer/traj-2/attempt-1", 1, 1, model="other")], price)
+    assert found.total.money is None
+    assert found.roles["designer"].money is None
+    assert found.roles["refiner"].money == 100.0
+    assert bill(CALLS).total.money is None
+
+
+def test_no_calls_cost_nothing() -> None:
+    found = bill([])
+    assert (found.total, found.roles, found.token_shares) == (Spent(), {}, {})
+
+
+def test_the_recorded_run_has_as_many_calls_as_its_result_says() -> None:
+    found = bill(read_calls(RECORDED))
+    assert found.total.calls == read_result(RECORDED)["calls"]
+    assert "other" not in found.stages
+
+
+def test_rates_of_simulation() -> None:
+    found = Simulated(8, 40.0, 2.0) + Simulated(2, 10.0, 3.0)
+    assert (found.rollouts_per_second, found.speed) == (2.0, 10.0)
+    assert Simulated(0, 0.0, 0.0).rollouts_per_second is None
+    assert Simulated(0, 0.0, 0.0).speed is None

@@ -1,0 +1,47 @@
+"""Shares of what is valid, by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.metrics.records import RunRecord
+from agentflow.metrics.validity import Rate, after_retries, all_attempts, first_attempts
+from tests.metrics.events import attempt, candidate
+
+
+def test_first_attempts_and_after_retries() -> None:
+    stage = RunRecord.of(
+        [
+            candidate("initial", 1, 1.0, first="psv"),
+            candidate("initial", 2, 1.0, first="ps"),
+            candidate("initial", 3, 1.0, first="p"),
+            candidate("initial", 4, None, valid=False, first=""),
+        ]
+    ).stage("initial")
+    found = first_attempts(stage)
+    assert [str(rate) for rate in (found.parse, found.spatial, found.machine)] == [
+        "3/4",
+        "2/4",
+        "1/4",
+    ]
+    assert after_retries(stage) == Rate(3, 4)
+
+
+def test_all_attempts_are_of_roles_that_design() -> None:
+    record = RunRecord.of(
+        [
+            attempt("designer/traj-1/attempt-1", parsed=False, spatial=None, valid=False),
+            attempt("designer/traj-1/attempt-2"),
+            attempt("refiner/blind/traj-1/attempt-1", spatial=False, valid=False),
+            attempt("inspector/traj-1/attempt-1", spatial=None),
+        ]
+    )
+    found = all_attempts(record.attempts)
+    assert (found.parse, found.spatial, found.machine) == (Rate(2, 3), Rate(1, 3), Rate(1, 3))
+
+
+def test_rates_add_up_and_know_their_interval() -> None:
+    rate = Rate(3, 8) + Rate(2, 2)
+    assert (rate, rate.value) == (Rate(5, 10), 0.5)
+    assert rate.interval == pytest.approx((0.2366, 0.7634), abs=1e-4)
+    assert (Rate(0, 0).value, Rate(0, 0).interval) == (None, None)
