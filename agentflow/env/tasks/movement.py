@@ -1,6 +1,7 @@
-"""Owns the movement family: drive the root block as far as possible along z+.
+"""Owns the movement family: drive the root block as far as possible along the road.
 
-The road, its walls and obstacles, the score and the default feedback; simulation is rollout.py's.
+What lies on the road, the score and the default feedback; roads are roads.py's, simulation is
+rollout.py's.
 """
 
 from __future__ import annotations
@@ -12,28 +13,28 @@ from typing import ClassVar
 import numpy as np
 
 from agentflow.env.feedback import compose, series
-from agentflow.env.scene import Scene, Thing, Vec3
+from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Parameters, World
-from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences, wall
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.knobs import knob
-from agentflow.env.tasks.obstacles import bump, quarter_pipe
+from agentflow.env.tasks.obstacles import Ramp, bump, ramp_sentences, ramp_things
+from agentflow.env.tasks.roads import Curve, Road, Track, road_sentences, road_walls, track, way_of
+from agentflow.env.tasks.rough import (
+    Roughness,
+    Stones,
+    rough_sentences,
+    slabs,
+    stone_sentences,
+    stones,
+)
 from agentflow.env.trace import Array, Broken, Feedback, Trace, Verdict
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
 ROOT_BLOCK = 0
 BLOCKS = (0, 1, 2, 9, 15, 16, 22, 35, 41, 63)
-
-
-class Road(Parameters):
-    """The straight road between its walls."""
-
-    half_width: float = knob(12, 9, 50, "m", "distance of the side walls' centres from x = 0")
-    wall_height: float = knob(5, 0.5, 20, "m", "height of the walls")
-    wall_thickness: float = knob(1, 0.2, 2, "m", "thickness of the walls")
-    wall_friction: float = knob(0, 0, 2, "", "friction coefficient of the walls")
-    back: float = knob(16, 10, 50, "m", "distance of the rear wall's centre behind z = 0")
-    length: float = knob(250, 50, 1000, "m", "how far the side walls reach along z+")
+CURVE_BLOCKS = (19, 40)
+"""What a road that turns adds."""
 
 
 class Bumps(Parameters):
@@ -46,25 +47,21 @@ class Bumps(Parameters):
     length: float = knob(4, 1, 20, "m", "length of a bump along z")
 
 
-class Ramp(Parameters):
-    """A quarter-pipe across the road, open behind."""
-
-    height: float = knob(0, 0, 6, "m", "height of its upper edge; 0 removes it")
-    length: float = knob(6.6, 2, 20, "m", "length along z")
-    at: float = knob(19, 10, 200, "m", "z of its middle")
-
-
 class MovementKnobs(CommonKnobs):
     """What can be set about a movement level."""
 
     road: Road = Road()
+    curve: Curve = Curve()
     bump: Bumps = Bumps()
     ramp: Ramp = Ramp()
+    roughness: Roughness = Roughness()
+    obstacles: Stones = Stones()
 
 
 @dataclass(frozen=True)
 class Movement(Family):
-    """Score: greatest distance of the root block's centre along z+ from its place at t = 0, m."""
+    """Score: greatest distance of the root block's centre along z+ (on a road that turns, along its
+    centre line) from its place at t = 0, m."""
 
     family: ClassVar[str] = "movement"
     knobs: ClassVar[type[CommonKnobs]] = MovementKnobs
@@ -73,41 +70,46 @@ class Movement(Family):
     @property
     def brief(self) -> Brief:
         """What designers are told and what validity checks."""
-        knobs = self.parameters
-        road = knobs.road
+        knobs, way = self.parameters, way_of(self.parameters.curve)
+        blocks = BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS
         return Brief(
             name=self.name,
-            objective="Build a machine that drives its Starting Block as far as possible along z+.",
+            objective=f"Build a machine that drives its Starting Block as far as possible {way}.",
             scene=(
                 *GROUND,
-                f"A road runs along z+ between walls at x = -{road.half_width:g} m and x = "
-                f"{road.half_width:g} m, {road.wall_height:g} m high, {road.length:g} m long, of "
-                f"friction {road.wall_friction:g}; a wall closes it behind the machine at z = "
-                f"-{road.back:g} m.",
+                *road_sentences(knobs.road, knobs.curve),
                 *_bump_sentences(knobs.bump),
-                *_ramp_sentences(knobs.ramp),
+                *ramp_sentences(knobs.ramp),
+                *rough_sentences(knobs.roughness),
+                *stone_sentences(knobs.obstacles),
                 *knobs.wind.sentences(),
             ),
             schedule=schedule_sentences(self.schedule, self.window),
             score=(
-                f"Score: the greatest distance in metres of the Starting Block's centre along z+ "
+                f"Score: the greatest distance in metres of the Starting Block's centre {way} "
                 f"from its place at t = 0, within {self.window:g} s.",
                 "Sideways, backward and upward motion count nothing; what moves before t = 0 "
                 "counts nothing.",
             ),
-            blocks=BLOCKS,
+            blocks=tuple(sorted(blocks)),
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
-        """Two side walls, a rear wall, what lies across the road, wind."""
+        """The walls, what lies across and on the road, wind."""
         knobs = self.parameters
         width = 2 * knobs.road.half_width - knobs.road.wall_thickness
-        across = (*_bumps(knobs.bump, width), *_ramp(knobs.ramp, width))
-        return Scene((*_road_walls(knobs.road), *across), knobs.wind.velocity)
+        things = (
+            *road_walls(knobs.road, knobs.curve),
+            *_bumps(knobs.bump, width),
+            *ramp_things(knobs.ramp, width),
+            *slabs(knobs.roughness, width, knobs.obstacles.seed),
+            *stones(knobs.obstacles, width),
+        )
+        return Scene(things, knobs.wind.velocity)
 
     def referee(self, machine: Machine) -> MovementReferee:  # noqa: ARG002 - the root is block 0
         """A fresh observer of the root."""
-        return MovementReferee()
+        return MovementReferee(track(self.parameters.road, self.parameters.curve))
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
@@ -117,8 +119,8 @@ class Movement(Family):
         means = _mean_per_second(trace.times, speed)
         distance = float(verdict.terms["distance"] or 0.0)
         lines = (
-            f"Root: greatest distance {distance:.2f} m along z+ at {verdict.terms['time']:.2f} s, "
-            f"greatest speed {speed.max():.2f} m/s, ends at x = "
+            f"Root: greatest distance {distance:.2f} m {way_of(self.parameters.curve)} at "
+            f"{verdict.terms['time']:.2f} s, greatest speed {speed.max():.2f} m/s, ends at x = "
             f"{trace.centre[-1, ROOT_BLOCK, 0]:.2f} m",
             "Mean speed in each second (m/s): " + ", ".join(f"{mean:.2f}" for mean in means),
         )
@@ -130,44 +132,35 @@ class Movement(Family):
 class MovementReferee:
     """Follows the root's centre step by step."""
 
-    def __init__(self) -> None:
-        self._start = 0.0
+    def __init__(self, line: Track) -> None:
+        self._line = line
+        self._start = self._here = 0.0
         self._best = 0.0
         self._best_time = 0.0
 
     def start(self, world: World) -> None:
         """Remember where the root rests."""
-        self._start = world.centre(ROOT_BLOCK)[2]
+        x, _, z = world.centre(ROOT_BLOCK)
+        self._start = self._here = self._line.along(x, z, z)
 
     def watch(self, world: World) -> None:
         """Keep the greatest distance so far."""
-        distance = world.centre(ROOT_BLOCK)[2] - self._start
+        x, _, z = world.centre(ROOT_BLOCK)
+        self._here = self._line.along(x, z, self._here)
+        distance = self._here - self._start
         if distance > self._best:
             self._best, self._best_time = distance, world.time
 
     def verdict(self, trace: Trace) -> Verdict:
         """Score and terms: distance (m), its time (s), the sideways drift at the end (m)."""
         drift = float(trace.centre[-1, ROOT_BLOCK, 0] - trace.centre[0, ROOT_BLOCK, 0])
-        final = float(trace.centre[-1, ROOT_BLOCK, 2]) - self._start
         terms = {
             "distance": self._best,
             "time": self._best_time,
-            "final_distance": final,
+            "final_distance": self._here - self._start,
             "drift": drift,
         }
         return Verdict(self._best, terms)
-
-
-def _road_walls(road: Road) -> tuple[Thing, ...]:
-    span = road.length + road.back
-    side: Vec3 = (road.wall_thickness, road.wall_height, span)
-    rear: Vec3 = (2 * road.half_width - road.wall_thickness, road.wall_height, road.wall_thickness)
-    middle = road.length / 2 - road.back / 2
-    return (
-        wall("wall left", -road.half_width, middle, side, road.wall_friction),
-        wall("wall right", road.half_width, middle, side, road.wall_friction),
-        wall("wall back", 0.0, -road.back, rear, road.wall_friction),
-    )
 
 
 def _bumps(bumps: Bumps, width: float) -> Iterator[Thing]:
@@ -184,21 +177,6 @@ def _bump_sentences(bumps: Bumps) -> tuple[str, ...]:
         f"A rounded bump lies across the whole road with its middle at z = {z:g} m: "
         f"{bumps.height:g} m high, {bumps.length:g} m long."
         for z in _bump_places(bumps)
-    )
-
-
-def _ramp(ramp: Ramp, width: float) -> Iterator[Thing]:
-    if ramp.height:
-        yield from quarter_pipe("ramp", ramp.at, ramp.height, ramp.length, width)
-
-
-def _ramp_sentences(ramp: Ramp) -> tuple[str, ...]:
-    if not ramp.height:
-        return ()
-    start, end = ramp.at - ramp.length / 2, ramp.at + ramp.length / 2
-    return (
-        f"A quarter-pipe lies across the whole road: flat at z = {start:g} m, it steepens to its "
-        f"edge at z = {end:g} m, {ramp.height:g} m high; behind the edge it drops to the ground.",
     )
 
 

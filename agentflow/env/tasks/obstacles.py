@@ -6,12 +6,72 @@ from collections.abc import Iterator
 from math import asin, atan2, cos, hypot, pi, sin
 
 from agentflow.env.scene import Thing
-from agentflow.env.tasks.family import WOOD
+from agentflow.env.tasks.base import Parameters
+from agentflow.env.tasks.family import WOOD, wall
+from agentflow.env.tasks.knobs import knob
 
 FACETS = 8
 """Flat pieces of a curved surface."""
 PLATE = 0.4
 """Thickness of a curved surface, m."""
+
+
+class Ramp(Parameters):
+    """A quarter-pipe across the road, open behind."""
+
+    height: float = knob(0, 0, 6, "m", "height of its upper edge; 0 removes it")
+    length: float = knob(6.6, 2, 20, "m", "length along z")
+    at: float = knob(19, 10, 200, "m", "z of its middle")
+
+
+class Beam(Parameters):
+    """A bar across the road under which machines have to pass."""
+
+    clearance: float = knob(0, 0, 9.5, "m", "height that it leaves free; 0 removes it")
+    at: float = knob(8, 5, 200, "m", "z of its middle")
+    thickness: float = knob(1, 0.2, 4, "m", "its height, and its length along z")
+
+
+class Cone(Parameters):
+    """A cone that stands on the road."""
+
+    height: float = knob(0, 0, 10, "m", "height of its tip; 0 removes it")
+    diameter: float = knob(12, 1, 20, "m", "diameter of its base")
+    further: float = knob(15, 0, 200, "m", "from the end of the curve to its middle")
+
+
+def ramp_things(ramp: Ramp, width: float) -> Iterator[Thing]:
+    """The quarter-pipe across a road of this width, m."""
+    if ramp.height:
+        yield from quarter_pipe("ramp", ramp.at, ramp.height, ramp.length, width)
+
+
+def ramp_sentences(ramp: Ramp) -> tuple[str, ...]:
+    """What designers are told of the quarter-pipe."""
+    if not ramp.height:
+        return ()
+    start, end = ramp.at - ramp.length / 2, ramp.at + ramp.length / 2
+    return (
+        f"A quarter-pipe lies across the whole road: flat at z = {start:g} m, it steepens to its "
+        f"edge at z = {end:g} m, {ramp.height:g} m high; behind the edge it drops to the ground.",
+    )
+
+
+def beam_things(beam: Beam, width: float) -> Iterator[Thing]:
+    """The beam across a road of this width, m."""
+    if beam.clearance:
+        size = (width, beam.thickness, beam.thickness)
+        yield wall("beam", 0.0, beam.at, size, base=beam.clearance)
+
+
+def beam_sentences(beam: Beam) -> tuple[str, ...]:
+    """What designers are told of the beam."""
+    if not beam.clearance:
+        return ()
+    return (
+        f"A beam crosses the whole road at z = {beam.at:g} m, {beam.thickness:g} m thick; it "
+        f"leaves {beam.clearance:g} m of height free.",
+    )
 
 
 def bump(name: str, z: float, height: float, length: float, width: float) -> Thing:

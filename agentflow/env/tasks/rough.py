@@ -1,0 +1,96 @@
+"""Owns rough ground: seeded stones, and slabs whose height is noise.
+
+What lies across a road is obstacles.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import ceil, cos, hypot, pi, sin
+from random import Random
+
+from agentflow.env.scene import Thing
+from agentflow.env.tasks.base import Parameters
+from agentflow.env.tasks.knobs import knob
+
+SLAB = 3.0
+"""Side of a slab, m."""
+THICK = 1.0
+"""Thickness of a slab, most of it in the ground, m."""
+LEAN = 0.3
+"""Share of the height noise that a slab's tilt makes at its corners, at most."""
+SOIL, STONE = (0.58, 0.55, 0.43, 1.0), (0.5, 0.5, 0.52, 1.0)
+
+
+class Roughness(Parameters):
+    """Noise of the ground's height."""
+
+    height: float = knob(0, 0, 1, "m", "most that the ground rises; 0 leaves it flat")
+    first: float = knob(10, 10, 200, "m", "z where it begins")
+    last: float = knob(200, 20, 500, "m", "z where it ends")
+
+
+class Stones(Parameters):
+    """Stones scattered by chance."""
+
+    density: float = knob(0, 0, 0.2, "per m2", "how many there are; 0 removes them")
+    smallest: float = knob(0.5, 0.1, 3, "m", "least diameter")
+    largest: float = knob(2, 0.1, 3, "m", "greatest diameter")
+    first: float = knob(10, 10, 200, "m", "z where they begin")
+    last: float = knob(200, 20, 500, "m", "z where they end")
+    seed: int = knob(0, 0, 1_000_000, "", "of where they lie")
+
+
+def slabs(rough: Roughness, width: float, seed: int) -> Iterator[Thing]:
+    """Square slabs side by side whose tops are tilted and up to `height` above the ground."""
+    if not rough.height:
+        return
+    rng = Random(f"ground {seed}")
+    columns, rows = ceil(width / SLAB), max(0, ceil((rough.last - rough.first) / SLAB))
+    for row in range(rows):
+        for column in range(columns):
+            side = width / columns
+            x = (column + 0.5) * side - width / 2
+            z = rough.first + (row + 0.5) * SLAB
+            rise = rough.height * rng.uniform(LEAN, 1 - LEAN)
+            half = rng.uniform(0, LEAN * rough.height) / hypot(side / 2, SLAB / 2) / 2
+            turn = rng.uniform(0, 2 * pi)
+            yield Thing(
+                f"slab {row + 1}-{column + 1}",
+                "box",
+                (side, THICK, SLAB),
+                (x, rise - THICK / 2, z),
+                (sin(half) * cos(turn), 0.0, sin(half) * sin(turn), cos(half)),
+                color=SOIL,
+            )
+
+
+def stones(stone: Stones, width: float) -> Iterator[Thing]:
+    """Balls, half of each in the ground."""
+    rng = Random(f"stones {stone.seed}")
+    length = max(0.0, stone.last - stone.first)
+    for index in range(round(stone.density * length * width)):
+        x, z = rng.uniform(-width / 2, width / 2), rng.uniform(stone.first, stone.last)
+        size = rng.uniform(stone.smallest, max(stone.smallest, stone.largest))
+        yield Thing(f"stone {index + 1}", "sphere", (size, size, size), (x, 0.0, z), color=STONE)
+
+
+def rough_sentences(rough: Roughness) -> tuple[str, ...]:
+    """What designers are told of the ground."""
+    if not rough.height:
+        return ()
+    return (
+        f"From z = {rough.first:g} m to z = {rough.last:g} m the ground is uneven: slabs "
+        f"{SLAB:g} m long and about as wide, tilted at random, rise up to {rough.height:g} m.",
+    )
+
+
+def stone_sentences(stone: Stones) -> tuple[str, ...]:
+    """What designers are told of stones."""
+    if not stone.density:
+        return ()
+    return (
+        f"From z = {stone.first:g} m to z = {stone.last:g} m stones lie scattered over the whole "
+        f"road, {stone.density:g} per square metre: balls of {stone.smallest:g} to "
+        f"{stone.largest:g} m across that are fixed with one half in the ground.",
+    )
