@@ -6,8 +6,9 @@ What the switches do belongs to the components whose classes are joined here.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -86,11 +87,14 @@ class DesignConfig(BaseModel):
     )
     max_retry: int = Field(5, ge=1, description="attempts per question outside a search")
     settings: WorkflowSettings = Field(WorkflowSettings(), description="switches of the workflow")
+    keep_rollouts: Literal["winners", "all"] = Field(
+        "winners", description="whose states are kept: of each stage's best machine, or of all"
+    )
     workers: int = Field(2, ge=1, le=256, description="processes for rollouts; changes no result")
 
 
 def load(path: Path) -> dict[str, Any]:
-    """A configuration file as nested mappings, not yet validated.
+    """A configuration file, or the configuration in a run.yaml, not yet validated.
 
     Raises:
         ConfigError: The file cannot be read or is no YAML mapping.
@@ -103,7 +107,8 @@ def load(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path} is not YAML") from None
     if not isinstance(document, dict):
         raise ConfigError(f"{path} must hold a mapping of configuration keys")
-    return document
+    config = document.get("config")
+    return config if "schema" in document and isinstance(config, dict) else document
 
 
 def override(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
@@ -133,6 +138,16 @@ def put(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
     result = dict(document)
     _put(result, _keys_of(path), value, path)
     return result
+
+
+def hint(knobs: Iterable[str]) -> str:
+    """What to add to an error about knobs, when one of them looks like a configuration key."""
+    keys = [*DesignConfig.model_fields, *WorkflowSettings.model_fields]
+    for knob in knobs:
+        near = get_close_matches(knob.partition(".")[0], keys, n=1, cutoff=0.7)
+        if near:
+            return f"; or is {near[0]!r} meant, a key of the configuration?"
+    return ""
 
 
 def build(document: object) -> DesignConfig:

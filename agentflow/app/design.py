@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import platform
 import subprocess
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -13,60 +13,56 @@ from pathlib import Path
 from typing import Any
 
 from agentflow import __version__
-from agentflow.agents.base import Desk
-from agentflow.app.models import Models, answerers, open_models, shown
+from agentflow.app.conduct import Conducted, Plan, answer, asked, changed, conduct
+from agentflow.app.models import Models, answered_by, open_models, shown
 from agentflow.app.rationales import with_rationales
 from agentflow.app.remarks import REMARK, Remarks, Say
 from agentflow.config import DesignConfig, build
 from agentflow.env.constants import constants
 from agentflow.env.pool import RolloutPool
 from agentflow.env.rollout import save_npz
-from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.registry import get_task
 from agentflow.errors import EndpointError, InterruptedRunError, RunError
-from agentflow.laboratory import PhysicsLaboratory
 from agentflow.llm.budget import Budget
+from agentflow.llm.client import Client
 from agentflow.llm.tape import Tape
-from agentflow.prompts.render import PromptSet
-from agentflow.runs import (
-    Listener,
-    RunDirectory,
-    read_document,
-    read_result,
-)
-from agentflow.workflows.base import Record, WorkflowResult
-from agentflow.workflows.registry import WITHOUT_MODEL, workflow
-from agentflow.workflows.statistics import row
+from agentflow.runs import Listener, RunDirectory, read_document, read_result
 
 RESULT = ("score", "valid", "machine", "stages", "model", "stopped", "run")
 """Keys without which a result is none."""
 
 
-@dataclass(frozen=True)
-class Plan:
-    """A configuration whose every name has been looked up, so that nothing fails later on."""
-
-    config: DesignConfig
-    task: Task
-    prompts: PromptSet
-
-    @classmethod
-    def of(cls, config: DesignConfig) -> Plan:
-        """Look up task, knobs, workflow and prompt set.
-
-        Raises:
-            UnknownNameError: One of them does not exist.
-            ConfigError: A knob is unknown or out of range, or a price is missing.
-        """
-        workflow(config.workflow)
-        answerers(config.model)
-        return cls(config, get_task(config.task, config.knobs), PromptSet(config.prompts))
-
-
 def design(
-    config: DesignConfig, out: Path, say: Say, listener: Listener | None = None
+    config: DesignConfig,
+    out: Path,
+    say: Say,
+    listener: Listener | None = None,
+    client: Client | None = None,
+) -> dict[str, Any]:
+    """Run a workflow and keep it under `out`; see `design_async`.
+
+    Raises:
+        InterruptedRunError: Ctrl-C; the run can be resumed.
+    """
+    return _to_end(_Work.begin(config, out, say, listener, client))
+
+
+async def design_async(
+    config: DesignConfig,
+    out: Path,
+    say: Say,
+    listener: Listener | None = None,
+    client: Client | None = None,
+    pool: RolloutPool | None = None,
 ) -> dict[str, Any]:
     """Run a workflow and keep it under `out`.
+
+    Args:
+        config: What to do.
+        out: Folder that holds run directories; made if missing.
+        say: Takes remarks for the user, one line each.
+        listener: Told every event.
+        client: Answers for all roles, instead of the configured models.
+        pool: Where machines are simulated; its own by default, of `config.workers` processes.
 
     Returns:
         The content of result.json.
@@ -74,31 +70,39 @@ def design(
     Raises:
         UsageError: A name or value is wrong, or the folder cannot be written.
         EndpointError: The model cannot be used; a run without any answer leaves nothing behind.
-        InterruptedRunError: Ctrl-C; the run can be resumed.
     """
-    plan = Plan.of(with_rationales(config))
-    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    name = f"{stamp}-{plan.task.name.replace('/', '-')}-{config.workflow}-seed{config.seed}"
-    return _carry_out(plan, RunDirectory.create(out, name, _document(plan)), say, listener)
+    return await _Work.begin(config, out, say, listener, client, pool).carry_out()
 
 
-def resume(path: Path, say: Say, listener: Listener | None = None) -> dict[str, Any]:
+def resume(
+    path: Path, say: Say, listener: Listener | None = None, client: Client | None = None
+) -> dict[str, Any]:
+    """Continue a run; see `resume_async`.
+
+    Raises:
+        InterruptedRunError: Ctrl-C; the run can be resumed again.
+    """
+    if (path / "result.json").exists():
+        return {**finished(path), "run": str(path)}
+    return _to_end(_Work.go_on(path, say, listener, client))
+
+
+async def resume_async(
+    path: Path,
+    say: Say,
+    listener: Listener | None = None,
+    client: Client | None = None,
+    pool: RolloutPool | None = None,
+) -> dict[str, Any]:
     """Continue a run; recorded calls are not asked again. A finished run gives its result.
 
     Raises:
         RunError: The run is damaged or in use, or prompts or physics have changed since.
+        EndpointError: The model cannot be used.
     """
     if (path / "result.json").exists():
         return {**finished(path), "run": str(path)}
-    document = read_document(path)
-    plan = Plan.of(build(document.get("config")))
-    other = changed(plan, document)
-    if other:
-        raise RunError(
-            f"{path} was begun with other {other}: its record and a continuation would not "
-            "belong together; continue it with the version that began it"
-        )
-    return _carry_out(plan, RunDirectory.resume(path), say, listener)
+    return await _Work.go_on(path, say, listener, client, pool).carry_out()
 
 
 def finished(path: Path) -> dict[str, Any]:
@@ -115,125 +119,137 @@ def finished(path: Path) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Conducted:
-    """What a workflow gave, and the laboratory that tried its machines."""
+class _Work:
+    """A run that is ready to be carried out."""
 
-    result: WorkflowResult
-    laboratory: PhysicsLaboratory
+    plan: Plan
+    run: RunDirectory
+    say: Say
+    client: Client | None
+    pool: RolloutPool | None
 
+    @classmethod
+    def begin(
+        cls,
+        config: DesignConfig,
+        out: Path,
+        say: Say,
+        listener: Listener | None,
+        client: Client | None,
+        pool: RolloutPool | None = None,
+    ) -> _Work:
+        plan = Plan.of(with_rationales(config))
+        stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+        task = plan.task.name.replace("/", "-")
+        name = f"{stamp}-{task}-{config.workflow}-seed{config.seed}"
+        run = RunDirectory.create(out, name, _document(plan))
+        return cls._heard(cls(plan, run, say, client, pool), listener)
 
-async def conduct(plan: Plan, models: Models, record: Record) -> Conducted:
-    config = plan.config
-    asked = _asked(config, models)
-    record.event("run", "start", task=plan.task.name, workflow=config.workflow, model=asked)
-
-    def desk(role: str) -> Desk:
-        return Desk(models.clients[role], plan.prompts, models.samplings[role], config.max_retry)
-
-    try:
-        async with RolloutPool(config.workers) as pool:
-            laboratory = PhysicsLaboratory(plan.task, pool, config.seed)
-            result = await workflow(config.workflow)(
-                plan.task.brief,
-                desk,
-                laboratory,
-                config.settings,
-                record,
-                config.seed,
+    @classmethod
+    def go_on(
+        cls,
+        path: Path,
+        say: Say,
+        listener: Listener | None,
+        client: Client | None,
+        pool: RolloutPool | None = None,
+    ) -> _Work:
+        document = read_document(path)
+        plan = Plan.of(build(document.get("config")))
+        if other := changed(plan, document):
+            raise RunError(
+                f"{path} was begun with other {other}: its record and a continuation would not "
+                "belong together; continue it with the version that began it"
             )
-    finally:
-        await models.aclose()
-    return Conducted(result, laboratory)
+        return cls._heard(cls(plan, RunDirectory.resume(path), say, client, pool), listener)
+
+    def _heard(self, listener: Listener | None) -> _Work:
+        if listener is not None:
+            self.run.listeners.append(
+                lambda event: None if event.kind == REMARK else listener(event)
+            )
+        return self
+
+    @property
+    def how_to_go_on(self) -> str:
+        return f"continue with: agentflow design --resume {self.run.path}"
+
+    async def carry_out(self) -> dict[str, Any]:
+        """Do what is left to do, and close the run."""
+        plan, remarks = self.plan, Remarks(self.run, self.say)
+        budget = Budget(plan.config.model.budget)
+        try:
+            with Tape(self.run.tape, remarks.tell) as tape:
+                _count(tape, budget, plan)
+                try:
+                    models = self._models(tape, budget, remarks)
+                    conducted = await conduct(plan, models, self.run, self.pool)
+                except EndpointError as error:
+                    if not len(tape):
+                        self.run.discard()
+                        raise
+                    remarks.keep(str(error))
+                    raise type(error)(f"{error}; {self.how_to_go_on}") from error
+            result = {
+                **answer(plan, conducted),
+                "model": asked(plan.config, models),
+                "calls": budget.calls,
+                "tokens": budget.usage.total,
+                "cost": None if budget.cost is None else round(budget.cost, 6),
+                "seconds": round(self.run.seconds, 2),
+                "run": str(self.run.path),
+            }
+            _keep_rollouts(self.run.path, plan.config, conducted)
+            self.run.finish(result)
+        finally:
+            self.run.close()
+        return result
+
+    def _models(self, tape: Tape, budget: Budget, remarks: Remarks) -> Models:
+        if self.client is not None:
+            return answered_by(self.client, self.plan.config, tape, budget)
+        return open_models(self.plan.config, tape, budget, remarks.tell)
 
 
-def _carry_out(
-    plan: Plan, run: RunDirectory, say: Say, listener: Listener | None
-) -> dict[str, Any]:
-    started = time.monotonic()
-    remarks = Remarks(run, say)
-    if listener is not None:
-        run.listeners.append(lambda event: None if event.kind == REMARK else listener(event))
-    budget = Budget(plan.config.model.budget)
+def _to_end(work: _Work) -> dict[str, Any]:
     try:
-        with Tape(run.tape, remarks.tell) as tape:
-            for entry in tape.entries():
-                price = plan.config.model.prices.get(entry.model)
-                budget.count(entry.request, entry.reply, price)
-            try:
-                models = open_models(plan.config, tape, budget, remarks.tell)
-                conducted = asyncio.run(conduct(plan, models, run))
-            except EndpointError as error:
-                if not len(tape):
-                    run.discard()
-                    raise
-                remarks.keep(str(error))
-                raise type(error)(f"{error}; {_go_on(run)}") from error
-            except KeyboardInterrupt:
-                raise InterruptedRunError(f"interrupted; {_go_on(run)}") from None
-        result = {
-            **answer(plan, conducted),
-            "model": _asked(plan.config, models),
-            "calls": budget.calls,
-            "tokens": budget.usage.total,
-            "cost": None if budget.cost is None else round(budget.cost, 6),
-            "seconds": round(time.monotonic() - started, 2),
-            "run": str(run.path),
-        }
-        _keep_rollouts(run.path, conducted)
-        run.finish(result)
-    finally:
-        run.close()
-    return result
+        return asyncio.run(work.carry_out())
+    except KeyboardInterrupt:
+        work.run.close()
+        raise InterruptedRunError(f"interrupted; {work.how_to_go_on}") from None
 
 
-def _go_on(run: RunDirectory) -> str:
-    return f"continue with: agentflow design --resume {run.path}"
+def _count(tape: Tape, budget: Budget, plan: Plan) -> None:
+    """Charge what an earlier process has spent."""
+    for entry in tape.entries():
+        budget.count(entry.request, entry.reply, plan.config.model.prices.get(entry.model))
 
 
-def answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
-    """What does not depend on the clock or the place; equal for equal records."""
-    result = conducted.result
-    best = result.best
-    machine = best.machine if best else None
-    return {
-        "task": plan.task.name,
-        "workflow": result.workflow,
-        "seed": plan.config.seed,
-        "score": best.score if best else None,
-        "valid": best is not None,
-        "machine": machine.to_json() if machine else None,
-        "best_stage": result.best_stage,
-        "stages": [row(stage) for stage in result.stages],
-        "rollouts": len(conducted.laboratory.rollouts),
-        "stopped": result.stopped,
-        "reason": result.reason,
-    }
+def _keep_rollouts(path: Path, config: DesignConfig, conducted: Conducted) -> None:
+    """State trajectories: of every stage's best machine, or of all."""
+    rollouts = conducted.laboratory.rollouts
+    kept = set(rollouts) if config.keep_rollouts == "all" else _winners(conducted)
+    for digest in sorted(kept):
+        file = path / "rollouts" / f"{digest}.npz"
+        part = file.with_name(file.name + ".part")
+        save_npz(rollouts[digest], part)
+        os.replace(part, file)
 
 
-def _asked(config: DesignConfig, models: Models) -> str:
-    """Who answers, as shown in results."""
-    return "none (random edits)" if config.workflow in WITHOUT_MODEL else models.name
-
-
-def _keep_rollouts(path: Path, conducted: Conducted) -> None:
-    """The state trajectories of every stage's best machine."""
+def _winners(conducted: Conducted) -> set[str]:
+    """Digests of every stage's best machine; the lower trajectory's among equals."""
+    found = set()
     for stage in conducted.result.stages:
-        scored = [c for c in stage.survivors if c.score is not None and c.machine is not None]
-        if not scored:
-            continue
-        best = max(scored, key=lambda c: (c.score, -c.trajectory))
-        assert best.machine is not None
-        digest = best.machine.digest
-        save_npz(conducted.laboratory.rollouts[digest], path / "rollouts" / f"{digest}.npz")
+        scored = [(c.score, -c.trajectory, c.machine) for c in stage.survivors]
+        tried = [
+            (score, place, made) for score, place, made in scored if score is not None and made
+        ]
+        if tried:
+            found.add(max(tried, key=lambda item: item[:2])[2].digest)
+    return found
 
 
-def changed(plan: Plan, document: Mapping[str, Any]) -> str:
-    """What decides results and is no longer as when the run began, in words; "" if nothing."""
-    now = {"prompts": plan.prompts.digest, "constants": constants().digest}
-    return " and ".join(name for name, digest in now.items() if document.get(name) != digest)
-
-
-def _document(plan: Plan) -> dict[str, Any]:
+def _document(plan: Plan) -> Mapping[str, Any]:
     return {
         "agentflow": __version__,
         "commit": _commit(),

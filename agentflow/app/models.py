@@ -197,6 +197,15 @@ def open_models(
     return Models(clients, {role: item.sampling for role, item in found.items()})
 
 
+def answered_by(client: Client, config: DesignConfig, tape: Tape, budget: Budget) -> Models:
+    """One client for all roles, with the record and the budget of a run around it."""
+    wrapped = wrap(client, tape=tape, budget=budget, price=config.model.prices.get(client.name))
+    found = answerers(config.model)
+    return Models(
+        dict.fromkeys(found, wrapped), {role: item.sampling for role, item in found.items()}
+    )
+
+
 def replaying(config: DesignConfig, tape: Tape, *, cut: bool) -> Models:
     """The same roles answered from a record alone; see `ReplayClient`."""
     found = answerers(config.model)

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design import Plan, answer, changed, conduct, finished
+from agentflow.app.conduct import Plan, answer, changed, conduct
+from agentflow.app.design import finished
 from agentflow.app.models import replaying
 from agentflow.app.remarks import REMARK, Say
 from agentflow.config import build

@@ -95,6 +95,11 @@ class RunDirectory:
             raise
 
     @property
+    def seconds(self) -> float:
+        """Seconds of work into the run."""
+        return time.monotonic() - self._started
+
+    @property
     def tape(self) -> Path:
         """Where the calls are recorded."""
         return self.path / CALLS
@@ -108,7 +113,7 @@ class RunDirectory:
         Raises:
             RunError: The line could not be written.
         """
-        event = Event(kind, label, data, round(time.monotonic() - self._started, 3))
+        event = Event(kind, label, data, round(self.seconds, 3))
         recorded = self._known.get(_hash(kind, label)) if self._known else None
         if recorded is None or recorded != _hash(data):
             item = {"kind": kind, "label": label, "at": event.at, "data": data}
