@@ -67,7 +67,14 @@ def group(client: int, plan: Skeleton, built: Sequence[Built]) -> None:
             pybullet.setCollisionFilterGroupMask(body.uid, index, bit, mask, physicsClientId=client)
 
 
-def stand(client: int, uids: Sequence[int]) -> None:
-    """Let the ground and the scene's things collide with everything."""
-    for uid in uids:
-        pybullet.setCollisionFilterGroupMask(uid, -1, STANDING_GROUP, -1, physicsClientId=client)
+def stand(client: int, standing: Sequence[int], moving: Sequence[int]) -> None:
+    """Let what stands for ever collide with all that moves, and things that move with everything.
+
+    Standing bodies that touch each other would cost a contact test each in every step.
+    """
+    for uid in standing:
+        pybullet.setCollisionFilterGroupMask(
+            uid, -1, STANDING_GROUP, ~STANDING_GROUP, physicsClientId=client
+        )
+    for uid in moving:
+        pybullet.setCollisionFilterGroupMask(uid, -1, LOOSE_GROUP, -1, physicsClientId=client)

@@ -77,14 +77,15 @@ class PyBulletEngine:
         self._workshop = Workshop(self.client, self._constants)
         self._ground = self._workshop.ground(scene.friction)
         self._things = {thing.name: self._workshop.thing(thing) for thing in scene.things}
-        stand(self.client, (self._ground, *self._things.values()))
         self._moving = tuple(thing for thing in scene.things if thing.mass > 0)
+        moving = {thing.name: self._things[thing.name] for thing in self._moving}
+        still = [uid for name, uid in self._things.items() if name not in moving]
+        stand(self.client, (self._ground, *still), tuple(moving.values()))
         self.reactions = np.zeros((len(assembly.joints), 6))
         self._built: tuple[Built, ...] = ()
         self._kept: list[tuple[Readings, list[Row]]] = []
         self._couplings = Couplings(self.client)
         self._ropes = Ropes(assembly.actors.ropes, self._on, 1.0 / rate)
-        moving = {thing.name: self._things[thing.name] for thing in self._moving}
         self._grips = Grips(self.client, assembly.actors.grips, moving)
         self._raise(skeleton(len(assembly.parts), assembly.joints))
         self._put(scene.start)
