@@ -10,8 +10,8 @@ import base64
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
-from agentflow.env.pool import RolloutPool
 from agentflow.env.query import answer
 from agentflow.env.render import render_png
 from agentflow.env.tasks.base import Task
@@ -24,10 +24,17 @@ PICTURE = (960, 720)
 """Width and height of the pictures that models are shown, in pixels."""
 
 
-class PhysicsLaboratory:
-    """Tries machines at one task in a pool of worker processes."""
+class Simulator(Protocol):
+    """Runs rollouts: a pool of worker processes, or one that remembers earlier ones."""
 
-    def __init__(self, task: Task, pool: RolloutPool, seed: int) -> None:
+    async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:
+        """The rollout of a machine at a task."""
+
+
+class PhysicsLaboratory:
+    """Tries machines at one task."""
+
+    def __init__(self, task: Task, pool: Simulator, seed: int) -> None:
         """`seed` is of the rollouts' own chance (perturbed trials, gusts)."""
         self._task = task
         self._pool = pool

@@ -23,6 +23,7 @@ ALLOWED = {
     "runs": {"errors"},
     "metrics": {"errors", "runs"},
     "config": {"errors", "workflows", "llm"},
+    "store": {"errors", "machine", "env", "laboratory"},
     "laboratory": {"errors", "machine", "env", "search", "workflows", "runs"},
     "cli": {"errors", "app", "config", "runs", "live"},
 }

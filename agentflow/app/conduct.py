@@ -15,7 +15,7 @@ from agentflow.env.pool import RolloutPool
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
-from agentflow.laboratory import PhysicsLaboratory
+from agentflow.laboratory import PhysicsLaboratory, Simulator
 from agentflow.prompts.render import PromptSet
 from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import WITHOUT_MODEL, workflow
@@ -56,7 +56,7 @@ class Conducted:
 
 
 async def conduct(
-    plan: Plan, models: Models, record: Record, pool: RolloutPool | None = None
+    plan: Plan, models: Models, record: Record, pool: Simulator | None = None
 ) -> Conducted:
     """Carry out a workflow, and close the models.
 

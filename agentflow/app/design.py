@@ -19,11 +19,12 @@ from agentflow.app.rationales import with_rationales
 from agentflow.app.remarks import REMARK, Remarks, Say
 from agentflow.config import DesignConfig, build
 from agentflow.env.constants import constants
-from agentflow.env.pool import RolloutPool
 from agentflow.env.rollout import save_npz
 from agentflow.errors import EndpointError, InterruptedRunError, RunError
+from agentflow.laboratory import PhysicsLaboratory, Simulator
 from agentflow.llm.budget import Budget
 from agentflow.llm.client import Client
+from agentflow.llm.limits import Limiter
 from agentflow.llm.tape import Tape
 from agentflow.runs import Listener, RunDirectory, read_document, read_result
 
@@ -52,7 +53,9 @@ async def design_async(
     say: Say,
     listener: Listener | None = None,
     client: Client | None = None,
-    pool: RolloutPool | None = None,
+    pool: Simulator | None = None,
+    limiters: dict[str, Limiter] | None = None,
+    name: str = "",
 ) -> dict[str, Any]:
     """Run a workflow and keep it under `out`.
 
@@ -63,6 +66,8 @@ async def design_async(
         listener: Told every event.
         client: Answers for all roles, instead of the configured models.
         pool: Where machines are simulated; its own by default, of `config.workers` processes.
+        limiters: Of endpoints, by base URL, shared with other runs.
+        name: Of the run directory; by default date, task, workflow and seed.
 
     Returns:
         The content of result.json.
@@ -71,7 +76,8 @@ async def design_async(
         UsageError: A name or value is wrong, or the folder cannot be written.
         EndpointError: The model cannot be used; a run without any answer leaves nothing behind.
     """
-    return await _Work.begin(config, out, say, listener, client, pool).carry_out()
+    work = _Work.begin(config, out, say, listener, client, pool, limiters, name)
+    return await work.carry_out()
 
 
 def resume(
@@ -92,7 +98,8 @@ async def resume_async(
     say: Say,
     listener: Listener | None = None,
     client: Client | None = None,
-    pool: RolloutPool | None = None,
+    pool: Simulator | None = None,
+    limiters: dict[str, Limiter] | None = None,
 ) -> dict[str, Any]:
     """Continue a run; recorded calls are not asked again. A finished run gives its result.
 
@@ -102,7 +109,7 @@ async def resume_async(
     """
     if (path / "result.json").exists():
         return {**finished(path), "run": str(path)}
-    return await _Work.go_on(path, say, listener, client, pool).carry_out()
+    return await _Work.go_on(path, say, listener, client, pool, limiters).carry_out()
 
 
 def finished(path: Path) -> dict[str, Any]:
@@ -126,7 +133,8 @@ class _Work:
     run: RunDirectory
     say: Say
     client: Client | None
-    pool: RolloutPool | None
+    pool: Simulator | None
+    limiters: dict[str, Limiter]
 
     @classmethod
     def begin(
@@ -136,14 +144,13 @@ class _Work:
         say: Say,
         listener: Listener | None,
         client: Client | None,
-        pool: RolloutPool | None = None,
+        pool: Simulator | None = None,
+        limiters: dict[str, Limiter] | None = None,
+        name: str = "",
     ) -> _Work:
         plan = Plan.of(with_rationales(config))
-        stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-        task = plan.task.name.replace("/", "-")
-        name = f"{stamp}-{task}-{config.workflow}-seed{config.seed}"
-        run = RunDirectory.create(out, name, _document(plan))
-        return cls._heard(cls(plan, run, say, client, pool), listener)
+        run = RunDirectory.create(out, name or _name(plan), _document(plan))
+        return cls._heard(cls(plan, run, say, client, pool, limiters or {}), listener)
 
     @classmethod
     def go_on(
@@ -152,7 +159,8 @@ class _Work:
         say: Say,
         listener: Listener | None,
         client: Client | None,
-        pool: RolloutPool | None = None,
+        pool: Simulator | None = None,
+        limiters: dict[str, Limiter] | None = None,
     ) -> _Work:
         document = read_document(path)
         plan = Plan.of(build(document.get("config")))
@@ -161,7 +169,8 @@ class _Work:
                 f"{path} was begun with other {other}: its record and a continuation would not "
                 "belong together; continue it with the version that began it"
             )
-        return cls._heard(cls(plan, RunDirectory.resume(path), say, client, pool), listener)
+        run = RunDirectory.resume(path)
+        return cls._heard(cls(plan, run, say, client, pool, limiters or {}), listener)
 
     def _heard(self, listener: Listener | None) -> _Work:
         if listener is not None:
@@ -197,6 +206,7 @@ class _Work:
                 "tokens": budget.usage.total,
                 "cost": None if budget.cost is None else round(budget.cost, 6),
                 "seconds": round(self.run.seconds, 2),
+                **_simulated(conducted.laboratory),
                 "run": str(self.run.path),
             }
             _keep_rollouts(self.run.path, plan.config, conducted)
@@ -208,7 +218,7 @@ class _Work:
     def _models(self, tape: Tape, budget: Budget, remarks: Remarks) -> Models:
         if self.client is not None:
             return answered_by(self.client, self.plan.config, tape, budget)
-        return open_models(self.plan.config, tape, budget, remarks.tell)
+        return open_models(self.plan.config, tape, budget, remarks.tell, self.limiters)
 
 
 def _to_end(work: _Work) -> dict[str, Any]:
@@ -223,6 +233,15 @@ def _count(tape: Tape, budget: Budget, plan: Plan) -> None:
     """Charge what an earlier process has spent."""
     for entry in tape.entries():
         budget.count(entry.request, entry.reply, plan.config.model.prices.get(entry.model))
+
+
+def _simulated(laboratory: PhysicsLaboratory) -> dict[str, float]:
+    """Seconds of the machines' own time and of the workers' time, all rollouts together."""
+    rollouts = laboratory.rollouts.values()
+    return {
+        "simulated_seconds": round(sum(r.sim_seconds or 0.0 for r in rollouts), 3),
+        "worker_seconds": round(sum(r.wall_seconds or 0.0 for r in rollouts), 3),
+    }
 
 
 def _keep_rollouts(path: Path, config: DesignConfig, conducted: Conducted) -> None:
@@ -247,6 +266,12 @@ def _winners(conducted: Conducted) -> set[str]:
         if tried:
             found.add(max(tried, key=lambda item: item[:2])[2].digest)
     return found
+
+
+def _name(plan: Plan) -> str:
+    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+    task = plan.task.name.replace("/", "-")
+    return f"{stamp}-{task}-{plan.config.workflow}-seed{plan.config.seed}"
 
 
 def _document(plan: Plan) -> Mapping[str, Any]:

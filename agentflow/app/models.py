@@ -177,15 +177,20 @@ class Models:
 
 
 def open_models(
-    config: DesignConfig, tape: Tape, budget: Budget, say: Callable[[str], None]
+    config: DesignConfig,
+    tape: Tape,
+    budget: Budget,
+    say: Callable[[str], None],
+    limiters: dict[str, Limiter],
 ) -> Models:
     """The clients of a run, with its record and its budget around them.
+
+    Limiters are taken from `limiters`, by base URL, and put there: runs may share them.
 
     Raises:
         UnknownNameError: A model is configured for a role that does not exist.
         ConfigError: Base URL, key or price cannot be used.
     """
-    limiters: dict[str, Limiter] = {}
     opened: dict[tuple[str, ...], Client] = {}
     clients = {}
     found = answerers(config.model)

@@ -100,7 +100,7 @@ async def test_roles_with_the_same_model_share_its_client(tmp_path: Path) -> Non
     roles = {"refiner": {"name": "big", "sampling": {"temperature": 0.1}}}
     config = small({"name": "m", "base_url": url, "roles": roles})
     with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:
-        models = open_models(config, tape, Budget(), pytest.fail)
+        models = open_models(config, tape, Budget(), pytest.fail, {})
         await models.aclose()
     assert len({id(client) for client in models.clients.values()}) == 2
     assert models.name == "m (meta_designer, designer, inspector, querier); big (refiner)"

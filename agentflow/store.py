@@ -1,0 +1,109 @@
+"""Owns what the runs of a sweep have in common on disk: machines and rollouts by content.
+
+When something is simulated is the laboratory's; which runs share a store is the sweep's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+import os
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+
+from agentflow import __version__
+from agentflow.env.archive import load_npz, save_npz
+from agentflow.env.constants import constants
+from agentflow.env.tasks.base import Task
+from agentflow.env.trace import Rollout
+from agentflow.errors import RunError, UsageError
+from agentflow.laboratory import Simulator
+from agentflow.machine.tree import Machine
+
+
+def rollout_key(machine: Machine, task: Task, seed: int) -> str:
+    """Hash of everything that decides a rollout: the same key, the same bits."""
+    return f"{machine.digest}-{_setting(task, seed)}"
+
+
+def _setting(task: Task, seed: int) -> str:
+    setting = {
+        "agentflow": __version__,
+        "constants": constants().digest,
+        "family": task.family,
+        "parameters": task.parameters.model_dump(mode="json"),
+        "window": task.window,
+        "schedule": asdict(task.schedule),
+        "seed": seed,
+    }
+    text = json.dumps(setting, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+class Store:
+    """A simulator that remembers: machines and rollouts under one folder, each once.
+
+    One process writes at a time.
+    """
+
+    def __init__(self, path: Path, pool: Simulator) -> None:
+        """Use or make the folder; what it does not hold is simulated in the pool.
+
+        Raises:
+            RunError: It cannot be made.
+        """
+        self._machines, self._rollouts = path / "machines", path / "rollouts"
+        self._pool = pool
+        self._busy: dict[str, asyncio.Lock] = {}
+        try:
+            for folder in (self._machines, self._rollouts):
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RunError(f"cannot write to {path}: {error.strerror}") from None
+
+    async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:
+        """The rollout, simulated and kept when there is none that can be read.
+
+        Asked for twice at one moment, it is simulated once. What the computer failed at is not
+        kept.
+
+        Raises:
+            UsageError: It cannot be written.
+        """
+        key = rollout_key(machine, task, seed)
+        async with self._busy.setdefault(key, asyncio.Lock()):
+            path = self._rollouts / f"{key}.npz"
+            if path.exists():
+                with suppress(UsageError):
+                    return await asyncio.to_thread(load_npz, path)
+            rollout = await self._pool.run(machine, task, seed=seed)
+            if rollout.score is not None:
+                await asyncio.to_thread(_save, rollout, path)
+            return rollout
+
+    def share(self, run: Path, task: Task, seed: int) -> None:
+        """Let the machines and rollouts of a finished run and those kept here be the same files."""
+        for file in (run / "machines").glob("*.json"):
+            _unite(file, self._machines / file.name)
+        for file in (run / "rollouts").glob("*.npz"):
+            _unite(file, self._rollouts / f"{file.stem}-{_setting(task, seed)}.npz")
+
+
+def _save(rollout: Rollout, path: Path) -> None:
+    part = path.with_name(path.name + ".part")
+    save_npz(rollout, part)
+    os.replace(part, path)
+
+
+def _unite(file: Path, kept: Path) -> None:
+    """Make two paths one file; the one kept wins. Left as they are where links are impossible."""
+    source, target = (kept, file) if kept.exists() else (file, kept)
+    if target.exists() and target.samefile(source):
+        return
+    part = target.with_name(target.name + ".part")
+    with suppress(OSError):
+        part.unlink(missing_ok=True)
+        os.link(source, part)
+        os.replace(part, target)
