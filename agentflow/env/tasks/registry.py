@@ -1,6 +1,6 @@
 """Owns which tasks exist: the families, their levels as data, and how a name becomes a task.
 
-A new family is one module and an entry in FAMILIES; a new level is one file in levels/.
+Which families there are is families.py's; a new level is one file in a family's levels/.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.family import Family
+from agentflow.env.tasks.families import family, family_names, level_files
 from agentflow.env.tasks.knobs import (
     Knob,
     knobs_of,
@@ -24,11 +23,7 @@ from agentflow.env.tasks.knobs import (
     nested,
     read_knobs,
 )
-from agentflow.env.tasks.movement import Movement
-from agentflow.env.tasks.throwing import Throwing
 from agentflow.errors import ConfigError, UnknownNameError
-
-FAMILIES: Mapping[str, type[Family]] = {kind.family: kind for kind in (Movement, Throwing)}
 
 
 class LevelFile(BaseModel):
@@ -58,14 +53,13 @@ class Level:
 
 
 @cache
-def _shipped() -> dict[str, Level]:
-    """All levels of the package by name, families in alphabetical order, easy ones first."""
+def _levels(name: str) -> dict[str, Level]:
+    """The levels of a family by name, easy ones first."""
     levels = {}
-    folder = files("agentflow.env.tasks") / "levels"
-    for entry in sorted(folder.iterdir(), key=lambda item: item.name):
-        family, _, number = entry.name.removesuffix(".yaml").rpartition("-")
-        name = family if number == "1" else f"{family}/{number}"
-        levels[name] = Level(name, int(number), _read(entry.read_text(encoding="utf-8"), name))
+    for entry in level_files(name):
+        number = int(entry.name.removesuffix(".yaml").rpartition("-")[2])
+        level = name if number == 1 else f"{name}/{number}"
+        levels[level] = Level(level, number, _read(entry.read_text(encoding="utf-8"), level))
     return levels
 
 
@@ -81,8 +75,8 @@ def _read(text: str, source: str) -> LevelFile:
 
 
 def task_names() -> tuple[str, ...]:
-    """Every shipped level; a family's first level bears the family's name alone."""
-    return tuple(_shipped())
+    """Every level of every family; a family's first level bears the family's name alone."""
+    return tuple(level for name in family_names() for level in _levels(name))
 
 
 def get_level(name: str) -> Level:
@@ -98,7 +92,8 @@ def get_level(name: str) -> Level:
         except OSError as error:
             raise ConfigError(f"cannot read the level {name}: {error.strerror}") from None
         return Level(name, 0, _read(text, name))
-    level = _shipped().get(name.removesuffix("/1"))
+    kind = name.partition("/")[0]
+    level = _levels(kind).get(name.removesuffix("/1")) if kind in family_names() else None
     if level is None:
         raise UnknownNameError("task", name, task_names())
     return level
@@ -116,9 +111,7 @@ def get_task(name: str, overrides: Mapping[str, object] | None = None) -> Task:
         ConfigError: an unknown or out-of-range knob; the message names the range.
     """
     level = get_level(name)
-    kind = FAMILIES.get(level.file.family)
-    if kind is None:
-        raise UnknownNameError("family", level.file.family, FAMILIES)
+    kind = family(level.file.family)
     values = merged(level.file.parameters, nested(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
     return kind(level.name, level.number, knobs, knobs.window, kind.schedule_of(knobs))

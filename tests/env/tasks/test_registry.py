@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from agentflow.env.tasks.families import family, family_names
 from agentflow.env.tasks.knobs import knobs_of
-from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, knob_table, task_names
+from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
 from agentflow.errors import ConfigError, UnknownNameError
 
 NAMES = task_names()
@@ -76,9 +77,9 @@ def test_every_ranged_knob_refuses_what_lies_outside(name: str) -> None:
         )
 
 
-@pytest.mark.parametrize("family", FAMILIES)
-def test_every_knob_has_a_line_of_help(family: str) -> None:
-    assert all(item.help for item in knobs_of(FAMILIES[family].knobs))
+@pytest.mark.parametrize("name", family_names())
+def test_every_knob_has_a_line_of_help(name: str) -> None:
+    assert all(item.help for item in knobs_of(family(name).knobs))
 
 
 def test_a_first_level_has_two_names() -> None:
