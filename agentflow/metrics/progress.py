@@ -13,6 +13,8 @@ class Progress:
     """A point of the curve, after one evaluation."""
 
     evaluations: int
+    expansions: int
+    """Expansions of search trees, or random edits."""
     calls: int
     tokens: int
     """As reported by the endpoint; 0 where it reports none."""
@@ -26,15 +28,17 @@ class Progress:
 
 def progress(events: Iterable[Event]) -> Iterator[Progress]:
     """One point per evaluation, in the order in which they happened."""
-    evaluations = calls = tokens = 0
+    evaluations = expansions = calls = tokens = 0
     best: float | None = None
     for event in events:
         if event.kind == "attempt":
             calls += 1
             tokens += event.data["tokens"]
+        elif event.kind in ("expand", "edit"):
+            expansions += 1
         elif event.kind == "evaluation":
             evaluations += 1
             score = event.data["score"]
             if score is not None and event.data["valid"]:
                 best = score if best is None else max(best, score)
-            yield Progress(evaluations, calls, tokens, event.at, score, best)
+            yield Progress(evaluations, expansions, calls, tokens, event.at, score, best)
