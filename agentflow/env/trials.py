@@ -12,8 +12,9 @@ from typing import Any
 
 from agentflow.env.trace import Feedback, Rollout
 
-SUCCESS, OUTCOME = "success", "outcome"
-"""Terms of every trial: whether it succeeded, and one phrase on how it went."""
+SUCCESS, OUTCOME, MISS = "success", "outcome", "miss"
+"""Terms of every trial: whether it succeeded, one phrase on how it went, and by how many metres it
+missed success (None where it did not, or where no length says so)."""
 DIVERGED = "the simulation diverged"
 
 
@@ -44,6 +45,8 @@ def _counted(played: Sequence[Rollout]) -> Rollout:
         "trials": float(len(played)),
         "shown_trial": float(index + 1),
     }
+    misses = [miss for miss in (rollout.terms.get(MISS) for rollout in played) if miss is not None]
+    terms["closest_miss"] = min(map(float, misses), default=None)
     for number, rollout in enumerate(played, start=1):
         terms[f"trial_{number}"] = rollout.terms.get(SUCCESS) is True
         terms[f"outcome_{number}"] = _outcome(rollout)

@@ -5,8 +5,10 @@ What a family asks for beyond that is its own module's.
 
 from __future__ import annotations
 
+import random
+from abc import abstractmethod
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from agentflow.env.scene import Thing, Vec3
@@ -120,3 +122,32 @@ class Family(Task):
         """The start times as the rollout takes them."""
         times = knobs.schedule
         return Schedule(times.motors, times.springs, times.steering_hinges)
+
+
+@dataclass(frozen=True)
+class TrialFamily(Family):
+    """A task of several trials, each the level with other numbers."""
+
+    count: ClassVar[int] = 10
+    """Trials of one try (spec 3)."""
+    trial: int = 0
+    """Which trial this is, from 1; 0 is the whole task."""
+
+    @abstractmethod
+    def varied(self, chance: random.Random) -> CommonKnobs:
+        """The knobs of one trial."""
+
+    def trials(self, seed: int) -> tuple[Task, ...]:
+        """The trials of this seed, the same for every machine."""
+        if self.trial:
+            return (self,)
+        chance = random.Random(f"{seed}/trials/{self.family}")
+        return tuple(
+            replace(self, parameters=self.varied(chance), trial=index)
+            for index in range(1, self.count + 1)
+        )
+
+
+def within(chance: random.Random, value: float, share: float) -> float:
+    """A value changed by at most a share of itself, to the millimetre or its like."""
+    return round(value * chance.uniform(1.0 - share, 1.0 + share), 3)
