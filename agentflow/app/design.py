@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import asyncio
-import os
-import platform
-import subprocess
-from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from agentflow import __version__
-from agentflow.app.conduct import Conducted, Plan, answer, asked, changed, conduct
-from agentflow.app.models import Models, answered_by, open_models, shown
+from agentflow.app.conduct import Plan, answer, asked, changed, conduct
+from agentflow.app.keeping import keep_rollouts, run_document, run_name
+from agentflow.app.models import Models, answered_by, open_models
 from agentflow.app.rationales import with_rationales
 from agentflow.app.remarks import REMARK, Remarks, Say
 from agentflow.config import DesignConfig, build
-from agentflow.env.constants import constants
-from agentflow.env.rollout import save_npz
-from agentflow.errors import EndpointError, InterruptedRunError, RunError
+from agentflow.errors import (
+    ConfigError,
+    EndpointError,
+    InterruptedRunError,
+    RunError,
+)
 from agentflow.laboratory import PhysicsLaboratory, Simulator
 from agentflow.llm.budget import Budget
 from agentflow.llm.client import Client
@@ -149,7 +147,7 @@ class _Work:
         name: str = "",
     ) -> _Work:
         plan = Plan.of(with_rationales(config))
-        run = RunDirectory.create(out, name or _name(plan), _document(plan))
+        run = RunDirectory.create(out, name or run_name(plan), run_document(plan))
         return cls._heard(cls(plan, run, say, client, pool, limiters or {}), listener)
 
     @classmethod
@@ -185,34 +183,43 @@ class _Work:
 
     async def carry_out(self) -> dict[str, Any]:
         """Do what is left to do, and close the run."""
-        plan, remarks = self.plan, Remarks(self.run, self.say)
-        budget = Budget(plan.config.model.budget)
+        remarks, budget = Remarks(self.run, self.say), Budget(self.plan.config.model.budget)
         try:
             with Tape(self.run.tape, remarks.tell) as tape:
-                _count(tape, budget, plan)
+                _count(tape, budget, self.plan)
                 try:
-                    models = self._models(tape, budget, remarks)
-                    conducted = await conduct(plan, models, self.run, self.pool)
+                    return await self._carry_out(tape, budget, remarks)
                 except EndpointError as error:
+                    if len(tape):
+                        remarks.keep(str(error))
+                        raise type(error)(f"{error}; {self.how_to_go_on}") from error
+                    self.run.discard()
+                    raise
+                except ConfigError:  # a key that is missing, for instance
                     if not len(tape):
                         self.run.discard()
-                        raise
-                    remarks.keep(str(error))
-                    raise type(error)(f"{error}; {self.how_to_go_on}") from error
-            result = {
-                **answer(plan, conducted),
-                "model": asked(plan.config, models),
-                "calls": budget.calls,
-                "tokens": budget.usage.total,
-                "cost": None if budget.cost is None else round(budget.cost, 6),
-                "seconds": round(self.run.seconds, 2),
-                **_simulated(conducted.laboratory),
-                "run": str(self.run.path),
-            }
-            _keep_rollouts(self.run.path, plan.config, conducted)
-            self.run.finish(result)
+                    raise
+                except RunError as error:
+                    raise RunError(f"{error}; {self.how_to_go_on}") from error
         finally:
             self.run.close()
+
+    async def _carry_out(self, tape: Tape, budget: Budget, remarks: Remarks) -> dict[str, Any]:
+        plan = self.plan
+        models = self._models(tape, budget, remarks)
+        conducted = await conduct(plan, models, self.run, self.pool)
+        keep_rollouts(self.run.path, plan.config, conducted)
+        result = {
+            **answer(plan, conducted),
+            "model": asked(plan.config, models),
+            "calls": budget.calls,
+            "tokens": budget.usage.total,
+            "cost": None if budget.cost is None else round(budget.cost, 6),
+            "seconds": round(self.run.seconds, 2),
+            **_simulated(conducted.laboratory),
+            "run": str(self.run.path),
+        }
+        self.run.finish(result)
         return result
 
     def _models(self, tape: Tape, budget: Budget, remarks: Remarks) -> Models:
@@ -242,59 +249,3 @@ def _simulated(laboratory: PhysicsLaboratory) -> dict[str, float]:
         "simulated_seconds": round(sum(r.sim_seconds or 0.0 for r in rollouts), 3),
         "worker_seconds": round(sum(r.wall_seconds or 0.0 for r in rollouts), 3),
     }
-
-
-def _keep_rollouts(path: Path, config: DesignConfig, conducted: Conducted) -> None:
-    """State trajectories: of every stage's best machine, or of all."""
-    rollouts = conducted.laboratory.rollouts
-    kept = set(rollouts) if config.keep_rollouts == "all" else _winners(conducted)
-    for digest in sorted(kept):
-        file = path / "rollouts" / f"{digest}.npz"
-        part = file.with_name(file.name + ".part")
-        save_npz(rollouts[digest], part)
-        os.replace(part, file)
-
-
-def _winners(conducted: Conducted) -> set[str]:
-    """Digests of every stage's best machine; the lower trajectory's among equals."""
-    found = set()
-    for stage in conducted.result.stages:
-        scored = [(c.score, -c.trajectory, c.machine) for c in stage.survivors]
-        tried = [
-            (score, place, made) for score, place, made in scored if score is not None and made
-        ]
-        if tried:
-            found.add(max(tried, key=lambda item: item[:2])[2].digest)
-    return found
-
-
-def _name(plan: Plan) -> str:
-    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    task = plan.task.name.replace("/", "-")
-    return f"{stamp}-{task}-{plan.config.workflow}-seed{plan.config.seed}"
-
-
-def _document(plan: Plan) -> Mapping[str, Any]:
-    return {
-        "agentflow": __version__,
-        "commit": _commit(),
-        "prompts": plan.prompts.digest,
-        "constants": constants().digest,
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "config": shown(plan.config),
-    }
-
-
-def _commit() -> str | None:
-    """The git commit of the code, where it runs from a checkout."""
-    try:
-        done = subprocess.run(
-            ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-    except OSError:
-        return None
-    return done.stdout.strip() or None

@@ -194,4 +194,4 @@ def _write(path: Path, text: str) -> None:
 
 
 def _full(path: Path, error: OSError) -> RunError:
-    return RunError(f"cannot write {path}: {error.strerror}; what is recorded can be resumed")
+    return RunError(f"cannot write {path}: {error.strerror}")

@@ -125,7 +125,7 @@ def test_a_run_is_not_continued_under_other_physics(run: Path, tmp_path: Path) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("after", [1, 12])
+@pytest.mark.parametrize("after", [1, 8, 15])
 def test_a_killed_run_resumes_to_the_same_result(run: Path, tmp_path: Path, after: int) -> None:
     command = [sys.executable, "-c", "from agentflow.cli import main; main()", "design"]
     process = subprocess.Popen(

@@ -1,0 +1,91 @@
+"""A small hierarchical run on disk: scripted replies and looked-up scores that take their time."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import random
+from pathlib import Path
+
+from agentflow.agents.base import Desk
+from agentflow.llm.budget import Budget
+from agentflow.llm.build import wrap
+from agentflow.llm.messages import Reply, Request
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.tape import Tape
+from agentflow.runs import RunDirectory
+from agentflow.workflows.base import WorkflowResult
+from agentflow.workflows.bench import outline
+from agentflow.workflows.hierarchical import hierarchical
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.statistics import row
+from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
+
+SETTINGS = WorkflowSettings.model_validate(
+    {"trajectories": 3, "search": {"rounds": 3, "width": 2, "waves": 2}}
+)
+
+
+class Asked:
+    """An author that notes in a file what it is asked, so that a kill does not hide it."""
+
+    def __init__(self, log: Path) -> None:
+        self.author, self.log = Author(seed=4), log
+
+    def __call__(self, request: Request) -> Reply:
+        with self.log.open("a") as lines:
+            lines.write(request.label + "\n")
+        return self.author(request)
+
+
+def begin(folder: Path, log: Path, chance: int) -> Path:
+    """A run in a folder, from the beginning to the end."""
+    return _carry_out(RunDirectory.create(folder, "run", {"config": {}}), log, chance)
+
+
+def begin_slowly(folder: Path, log: Path, chance: int) -> None:
+    """The same, in a process that is going to be killed."""
+    (folder / "started").write_text("")
+    begin(folder, log, chance)
+
+
+def go_on(path: Path, log: Path, chance: int) -> Path:
+    """An unfinished run, to the end."""
+    return _carry_out(RunDirectory.resume(path), log, chance)
+
+
+def _carry_out(run: RunDirectory, log: Path, seed: int) -> Path:
+    chance = random.Random(seed)
+    with Tape(run.tape, lambda _line: None) as tape:
+        inner = Delayed(ScriptedClient(Asked(log)), chance)
+        desk = Desk(wrap(inner, tape=tape, budget=Budget()), PROMPTS, max_retry=3)
+        result = asyncio.run(
+            hierarchical(BRIEF, lambda _role: desk, Shelf(delays=chance), SETTINGS, run, 0)
+        )
+    run.finish(_told(result))
+    run.close()
+    return run.path
+
+
+def _told(result: WorkflowResult) -> dict[str, object]:
+    assert result.best is not None
+    return {**outline(result.best), "stages": [row(stage) for stage in result.stages]}
+
+
+def contents(path: Path) -> dict[str, list[str]]:
+    """Every file of a run; lines without clocks and in order of content."""
+    found = {}
+    for file in sorted(path.rglob("*")):
+        if file.is_file():
+            name = os.fspath(file.relative_to(path))
+            text = file.read_text()
+            found[name] = sorted(map(_line, text.splitlines())) if ".jsonl" in name else [text]
+    return found
+
+
+def _line(line: str) -> str:
+    item = json.loads(line)
+    item.pop("at", None)
+    item.get("reply", {}).pop("latency_s", None)
+    return json.dumps(item)

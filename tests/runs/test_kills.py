@@ -1,0 +1,95 @@
+"""A run that is killed at any moment goes on to what it would have come to."""
+
+from __future__ import annotations
+
+import multiprocessing
+import random
+import time
+from pathlib import Path
+
+import pytest
+
+from agentflow.errors import RunError
+from agentflow.runs import read_events, read_result, state_of
+from tests.runs.small import begin, begin_slowly, contents, go_on
+
+KILLS = 40
+
+
+def killed(folder: Path, log: Path, chance: random.Random, seconds: float) -> Path:
+    """A run whose process was killed at a random moment of its life."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["tests.runs.small"])
+    process = context.Process(target=begin_slowly, args=(folder, log, chance.randrange(1000)))
+    process.start()
+    while not (folder / "started").exists():
+        time.sleep(0.001)
+    time.sleep(chance.uniform(0.0, seconds))
+    process.kill()
+    process.join()
+    return folder / "run"
+
+
+def torn(path: Path, chance: random.Random) -> bytes:
+    """Cut into the last line of a file, as a kill within a write does; what is left of it."""
+    data = path.read_bytes()
+    end = data.rstrip(b"\n").rfind(b"\n") + 1
+    if end < len(data):
+        data = data[: chance.randrange(end, len(data))]
+        path.write_bytes(data)
+    return data
+
+
+def whole(data: bytes) -> bytes:
+    return data[: data.rfind(b"\n") + 1]
+
+
+@pytest.mark.slow
+def test_killed_at_forty_moments_it_comes_to_the_same(tmp_path: Path) -> None:
+    began = time.monotonic()
+    undisturbed = begin(tmp_path / "undisturbed", tmp_path / "log", 0)
+    seconds = time.monotonic() - began
+    expected, labels = contents(undisturbed), (tmp_path / "log").read_text().split()
+    assert len(labels) == len(set(labels)) > 40
+    chance = random.Random(11)
+    in_the_middle = 0
+    for number in range(KILLS):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        path = killed(folder, folder / "asked", chance, seconds)
+        if not (path / "run.yaml").exists():
+            continue  # killed before there was a run
+        assert state_of(path) in ("stopped", "done")
+        kept = {}
+        for name in ("calls.jsonl", "events.jsonl"):
+            file = path / name
+            file.touch()
+            kept[name] = torn(file, chance) if chance.random() < 0.5 else file.read_bytes()
+        recorded = whole(kept["calls.jsonl"]).count(b"\n")
+        in_the_middle += 0 < recorded < len(labels)
+        (path / "result.json").unlink(missing_ok=True)  # as if killed just before
+        with pytest.raises(RunError, match="the run is unfinished"):
+            read_result(path)
+        go_on(path, folder / "asked again", chance.randrange(1000))
+        assert contents(path) == expected
+        again = (folder / "asked again").read_text().split() if recorded < len(labels) else []
+        assert len(again) == len(set(again)) == len(labels) - recorded
+        for name, data in kept.items():
+            assert (path / name).read_bytes().startswith(whole(data)), "a recorded line is lost"
+        assert sum(1 for _ in read_events(path)) == len(expected["events.jsonl"])
+    assert in_the_middle >= KILLS * 0.6
+
+
+def test_killed_twice_it_still_comes_to_the_same(tmp_path: Path) -> None:
+    """A run cut off anywhere, and its continuation as well."""
+    expected = contents(begin(tmp_path / "undisturbed", tmp_path / "log", 0))
+    path = begin(tmp_path / "cut", tmp_path / "asked", 1)
+    for share in (0.3, 0.6):
+        (path / "result.json").unlink()
+        for name in ("calls.jsonl", "events.jsonl"):
+            data = (path / name).read_bytes()
+            (path / name).write_bytes(data[: int(len(data) * share)])
+        for file in sorted((path / "machines").iterdir())[::2]:
+            file.unlink()
+        go_on(path, tmp_path / "again", 2)
+        assert contents(path) == expected

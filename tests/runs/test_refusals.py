@@ -1,0 +1,137 @@
+"""What cannot be written, or is written by another, is said in one line and destroys nothing."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from agentflow.cli import main
+from agentflow.errors import RunError
+from agentflow.runs import RunDirectory, read_events
+
+NOBODY = 65534
+SMALL = Path(__file__).parents[2] / "configs" / "small.yaml"
+
+
+@contextmanager
+def no_file_larger_than(size: int) -> Iterator[None]:
+    """A disk that is full, for whoever writes beyond a size."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@contextmanager
+def unprivileged() -> Iterator[None]:
+    """Somebody whom permissions bind; root is bound by none."""
+    mine = os.geteuid()
+    if mine == 0:
+        os.seteuid(NOBODY)
+    try:
+        yield
+    finally:
+        os.seteuid(mine)
+
+
+@pytest.fixture
+def open_folder() -> Iterator[Path]:
+    """A folder that everybody may look into."""
+    folder = Path(tempfile.mkdtemp())
+    folder.chmod(0o755)
+    yield folder
+    shutil.rmtree(folder)
+
+
+def test_a_full_disk_takes_back_the_half_line_and_says_so(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    with no_file_larger_than(10_000):
+        run.event("attempt", "a/1", problem="x" * 5_000)
+        with pytest.raises(RunError) as caught:
+            run.event("attempt", "a/2", problem="x" * 20_000)
+        assert str(caught.value) == (f"cannot write {run.path / 'events.jsonl'}: File too large")
+        with pytest.raises(RunError, match=r"cannot write .*machines/ab\.json: File too large"):
+            run.save_machine("ab", "x" * 20_000)
+        with pytest.raises(RunError, match=r"cannot write .*result\.json: File too large"):
+            run.finish({"text": "x" * 20_000})
+    run.event("attempt", "a/3", problem="")
+    run.close()
+    assert [event.label for event in read_events(run.path)] == ["a/1", "a/3"]
+    assert not (run.path / "machines" / "ab.json").exists()
+    assert not (run.path / "result.json").exists()
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_nothing(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "runs"
+    with no_file_larger_than(100), pytest.raises(RunError) as caught:
+        RunDirectory.create(out, "demo", {"config": {"text": "x" * 200}})
+    assert str(caught.value) == (
+        f"cannot write to {out}: File too large; choose another folder with --out"
+    )
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_folder_that_is_read_only_is_said(open_folder: Path) -> None:
+    run = RunDirectory.create(open_folder, "demo", {})
+    run.event("stage", "initial", valid=1)
+    run.close()
+    for path in (run.path / "events.jsonl", run.path, open_folder):
+        path.chmod(0o444 if path.is_file() else 0o555)
+    with unprivileged():
+        with pytest.raises(RunError) as caught:
+            RunDirectory.resume(run.path)
+        assert str(caught.value) == f"cannot write to {run.path}: Permission denied"
+        with pytest.raises(RunError) as caught:
+            RunDirectory.create(open_folder, "demo", {})
+        assert str(caught.value) == (
+            f"cannot write to {open_folder}: Permission denied; choose another folder with --out"
+        )
+        assert [event.data for event in read_events(run.path)] == [{"valid": 1}]
+    RunDirectory.resume(run.path).close()
+
+
+def test_a_second_process_is_refused(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    code = "import sys; from agentflow.runs import *; RunDirectory.resume(Path(sys.argv[1]))"
+    other = subprocess.run(
+        [sys.executable, "-c", f"from pathlib import Path; {code}", str(run.path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert other.stderr.splitlines()[-1] == (
+        f"agentflow.errors.RunError: {run.path} is in use by another process; wait for it or "
+        "stop it"
+    )
+    run.close()
+
+
+@pytest.mark.slow
+def test_a_disk_that_fills_up_within_a_run_leaves_it_to_be_resumed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["design", "--config", str(SMALL), "--out", str(tmp_path), "--quiet"]
+    with no_file_larger_than(150_000):
+        assert main(command) == 2
+    (run,) = tmp_path.iterdir()
+    assert capsys.readouterr().err == (
+        f"agentflow: cannot write {run / 'calls.jsonl'}: File too large; continue with: "
+        f"agentflow design --resume {run}\n"
+    )
+    recorded = (run / "calls.jsonl").read_bytes()
+    assert recorded.endswith(b"}\n")
+    assert main(["design", "--resume", str(run), "--quiet"]) == 0
+    assert (run / "calls.jsonl").read_bytes().startswith(recorded)
+    assert main(["replay", str(run)]) == 0
+    assert capsys.readouterr().out.endswith("identical\n")
