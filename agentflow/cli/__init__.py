@@ -8,10 +8,13 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from importlib import import_module
 
 from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
+MODULES = ("prompts", "records")
+"""Importing one adds its commands to the others."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -22,10 +25,10 @@ def main(arguments: list[str] | None = None) -> int:
     """
     import typer
 
-    from agentflow.cli import prompts
     from agentflow.cli.commands import commands
 
-    assert prompts, "imported to add its commands"
+    for name in MODULES:
+        import_module(f"agentflow.cli.{name}")
     # Typer carries its own copy of click in some versions and depends on click in others; the
     # base of its public BadParameter is click's UsageError in both.
     usage_error: type[BaseException] = typer.BadParameter.__mro__[1]

@@ -1,0 +1,100 @@
+"""Owns how a configuration is shown: every key resolved, and where its value came from."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from agentflow.app.conduct import Plan
+from agentflow.app.models import configured, shown, with_environment
+from agentflow.config import load, override
+
+DEFAULT, SETTING, ENVIRONMENT = "default", "--set", "environment"
+COLUMN = 52
+"""Where the comments begin that say where a value came from."""
+
+
+def resolved(path: Path | None, settings: Iterable[str]) -> dict[str, Any]:
+    """The configuration of a run: `config`, and `from`: dotted key -> where its value came from.
+
+    Args:
+        path: The YAML file, if any.
+        settings: `a.b=value` each.
+
+    Raises:
+        UsageError: A key, a name or a value is wrong, as it would be for a run.
+    """
+    given = list(settings)
+    plan = Plan.of(configured(path, given, {}))
+    config = shown(plan.config)
+    layers = _layers(path, given)
+    origins = {".".join(keys): _origin(keys, layers) for keys, _ in _leaves(config)}
+    return {"config": config, "from": origins}
+
+
+def as_yaml(found: Mapping[str, Any]) -> str:
+    """What `resolved` gives, as a configuration file that says of every line whence it is."""
+    return "\n".join(_lines(found["config"], (), found["from"]))
+
+
+def _layers(path: Path | None, settings: list[str]) -> list[tuple[str, Mapping[str, Any]]]:
+    """Name and document of everything that was given, what counts last first."""
+    file = load(path) if path is not None else {}
+    laid = override(file, settings)
+    filled = with_environment(laid, os.environ)
+    before = {keys for keys, _ in _leaves(laid)}
+    added = [keys for keys, _ in _leaves(filled) if keys not in before]
+    environment = {"model": {keys[-1]: True for keys in added}} if added else {}
+    return [
+        (ENVIRONMENT, environment),
+        (SETTING, override({}, settings)),
+        (str(path), file),
+    ]
+
+
+def _origin(keys: tuple[str, ...], layers: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
+    for name, document in layers:
+        value: Any = document
+        for key in keys:
+            if not isinstance(value, Mapping):
+                break  # given as a whole, from further up
+            if key not in value:
+                break
+            value = value[key]
+        else:
+            return name
+        if not isinstance(value, Mapping):
+            return name
+    return DEFAULT
+
+
+def _leaves(
+    document: Mapping[str, Any], above: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    for key, value in document.items():
+        if isinstance(value, Mapping) and value:
+            yield from _leaves(value, (*above, key))
+        else:
+            yield (*above, key), value
+
+
+def _lines(
+    document: Mapping[str, Any], above: tuple[str, ...], origins: Mapping[str, str]
+) -> Iterator[str]:
+    indent = "  " * len(above)
+    for key, value in document.items():
+        if isinstance(value, Mapping) and value:
+            yield f"{indent}{_flow(key)}:"
+            yield from _lines(value, (*above, key), origins)
+        else:
+            line = f"{indent}{_flow(key)}: {_flow(value)}"
+            yield f"{line:<{COLUMN}}# {origins['.'.join((*above, key))]}"
+
+
+def _flow(value: Any) -> str:
+    text = yaml.safe_dump(value, default_flow_style=True, width=10**9, allow_unicode=True)
+    return text.removesuffix("...\n").strip()
