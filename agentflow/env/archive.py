@@ -81,5 +81,5 @@ def load_npz(path: Path) -> Rollout:
     result["events"] = tuple(
         Event(**(item | {"blocks": tuple(item["blocks"])})) for item in result["events"]
     )
-    assert set(result) | {"trace", "feedback"} == {field.name for field in fields(Rollout)}
+    assert set(result) | {"trace", "feedback", "scene"} == {field.name for field in fields(Rollout)}
     return Rollout(**result, trace=trace, feedback=feedback)
