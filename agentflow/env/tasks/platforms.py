@@ -28,15 +28,16 @@ class Platform(Parameters):
     @property
     def start(self) -> Start:
         """How the machine is put on it."""
-        return Start(height=self.middle, pitch=self.angle) if self else Start()
+        return Start(height=self.middle, pitch=self.angle) if self.present else Start()
 
-    def __bool__(self) -> bool:
+    @property
+    def present(self) -> bool:
         """Whether there is one."""
         return bool(self.height or self.angle)
 
     def things(self) -> tuple[Thing, ...]:
         """A plate under the machine."""
-        if not self:
+        if not self.present:
             return ()
         tilt = radians(self.angle)
         place = (0.0, self.middle - THICK / 2 * cos(tilt), THICK / 2 * sin(tilt))
@@ -46,7 +47,7 @@ class Platform(Parameters):
 
     def sentences(self) -> tuple[str, ...]:
         """What designers are told; () without one."""
-        if not self:
+        if not self.present:
             return ()
         flat = f"It stands not on the ground but on a platform, {SIDE:g} m long and wide, "
         if not self.angle:
