@@ -41,8 +41,9 @@ _WORD_STATUS = {
 
 _UNKNOWN_MODEL = re.compile(
     r"(?i)(?:invalid|unknown|no such) model|model\b.{0,80}\b(?:does not exist|not found)"
+    r"|server is pinned to '.{1,80}'; requested"
 )
-"""Wordings of gateways that answer 400 where others answer 404."""
+"""Wordings of gateways and of transformers' server, which answer 400 where others answer 404."""
 
 
 class TransientFault(EndpointError):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from agentflow.errors import ModelNotFoundError
 from agentflow.llm.doctor import diagnose
 from agentflow.llm.endpoint import Endpoint
 from agentflow.llm.http import HttpSettings, OpenAIClient
@@ -78,3 +79,11 @@ async def test_a_decoder_examined(decoder: Endpoint) -> None:
     assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
     assert (found.streaming, found.usage, found.reasoning) == (True, True, False)
     assert (dict(found.refused), found.answered_as, found.problem) == ({}, "tiny@main", "")
+
+
+async def test_a_model_that_the_decoder_has_not_got(decoder: Endpoint) -> None:
+    other = Endpoint("nonesuch", decoder.base_url)
+    with pytest.raises(
+        ModelNotFoundError, match=r"^no model 'nonesuch' at .* \(400: Server is pin"
+    ):
+        await reply_of(other, streamed=True)

@@ -80,6 +80,22 @@ def test_errors_by_status(status: int, kind: type[EndpointError], text: str) -> 
     assert (type(error), str(error)) == (kind, text)
 
 
+@pytest.mark.parametrize(
+    "said",
+    [
+        "Invalid model name passed in model=m. Call `/v1/models`",
+        "Unknown model: m",
+        "The model `m` does not exist",
+        'model "m" not found, try pulling it first',
+        "Server is pinned to 'tiny@main'; requested 'm@main'.",
+    ],
+)
+def test_a_model_that_the_server_has_not_got_whatever_the_status(said: str) -> None:
+    error = error_for(ENDPOINT, Refusal(400, said))
+    told = f"no model 'm' at http://h/v1 (400: {said}); check --model and --base-url"
+    assert (type(error), str(error)) == (ModelNotFoundError, told)
+
+
 @pytest.mark.parametrize("status", [400, *range(401, 430), 500, 501, 502, 503, 504, 505, 529])
 def test_only_the_listed_statuses_are_repeated(status: int) -> None:
     listed = {408, 409, 425, 429, 500, 502, 503, 504, 529}
