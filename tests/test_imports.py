@@ -22,6 +22,7 @@ ALLOWED = {
     "workflows": {"errors", "agents", "search", "machine"},
     "runs": {"errors"},
     "metrics": {"errors", "runs"},
+    "report": {"errors", "runs", "metrics"},
     "config": {"errors", "workflows", "llm"},
     "store": {"errors", "machine", "env", "laboratory"},
     "laboratory": {"errors", "machine", "env", "search", "workflows", "runs"},

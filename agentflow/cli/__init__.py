@@ -13,7 +13,7 @@ from importlib import import_module
 from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
-MODULES = ("prompts", "records")
+MODULES = ("prompts", "records", "reports")
 """Importing one adds its commands to the others."""
 
 

@@ -62,13 +62,14 @@ class Figures:
             () if step.two_ended else tuple(self._solids(step.id, assembly)) for step in machine
         )
         self._colors = [assembly.parts[parts[0]].color for parts in assembly.blocks]
-        self._ends = {
+        self.ends = {
             block: tuple(
                 rotate(inverse(rotations[parent]), end - centres[parent])
                 for parent, end in zip(machine[block].parents, ends, strict=True)
             )
             for block, ends in _ends(geometry, centres[0]).items()
         }
+        """Block -> both its ends, each in the own frame of the parent that it hangs on."""
 
     def things(self, pose: Pose, red: Collection[int] = ()) -> list[Thing]:
         """The machine's solids, named by block; blocks in `red` are drawn in red."""
@@ -86,7 +87,7 @@ class Figures:
         """A two-ended block, from one of its ends to the other."""
         a, b = (
             pose.centre[parent] + rotate(pose.rotation[parent], end)
-            for parent, end in zip(self._machine[block].parents, self._ends[block], strict=True)
+            for parent, end in zip(self._machine[block].parents, self.ends[block], strict=True)
         )
         length = max(float(np.linalg.norm(b - a)), 1e-3)
         along = upright_to(_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)

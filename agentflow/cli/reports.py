@@ -1,0 +1,34 @@
+"""The commands that write pages: report and gallery. Importing it adds them to the others."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agentflow.cli.commands import commands
+
+Out = Annotated[Path | None, typer.Option(help="File to write; by default report.html in the run.")]
+Workers = Annotated[int, typer.Option(min=1, help="Processes for rollouts.")]
+Films = Annotated[int, typer.Option(min=0, help="Machines with a film, the best ones first.")]
+
+
+@commands.command(epilog="Example: agentflow report runs/recorded-throwing --out report.html")
+def report(
+    run: Annotated[Path, typer.Argument(help="Run directory.")],
+    out: Out = None,
+    films: Films = 200,
+    workers: Workers = 2,
+) -> None:
+    """Write one HTML page of a run: films in 3D, the search tree, every prompt and reply."""
+    from agentflow.app.reports import report as write
+
+    print(write(run, out or run / "report.html", films=films, workers=workers, say=_progress))
+
+
+def _progress(done: int, of: int) -> None:
+    if sys.stderr.isatty():
+        end = "\n" if done == of else "\r"
+        print(f"agentflow: film {done} of {of}", end=end, file=sys.stderr, flush=True)

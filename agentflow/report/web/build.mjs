@@ -1,0 +1,21 @@
+// Bundles the page's script and style: node build.mjs <folder to write into>.
+// Run by setup.py in a folder where `npm ci` has been run. Licences stay in the bundle.
+
+import { readFileSync } from "node:fs";
+import { build } from "esbuild";
+
+const licence = readFileSync("node_modules/three/LICENSE", "utf8").trim();
+const version = JSON.parse(readFileSync("node_modules/three/package.json", "utf8")).version;
+
+await build({
+  entryPoints: { player: "main.js" },
+  outdir: process.argv[2],
+  bundle: true,
+  minify: true,
+  format: "iife",
+  target: "es2022",
+  charset: "utf8",
+  legalComments: "none", // three.js repeats one line; its whole licence stands in the banner
+  banner: { js: `/*! Contains three.js ${version}\n${licence}\n*/` },
+  logLevel: "warning",
+});

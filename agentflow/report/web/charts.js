@@ -1,0 +1,112 @@
+// Small charts as SVG: scores as they came, counts as bars, values with their intervals.
+
+import { el, shown, svg } from "./dom.js";
+
+const LEFT = 44;
+const RIGHT = 12;
+const HEIGHT = 190;
+const BOTTOM = 34;
+const UPPER = 14;
+
+/** Every score as a dot and the best so far as a line: points are [x, score]. */
+export function climb(title, across, points) {
+  return drawn(title, (width) => {
+    const xs = scale([0, Math.max(...points.map(([x]) => x), 1)], [LEFT, width - RIGHT]);
+    const ys = scale([Math.min(0, ...points.map(([, y]) => y)), Math.max(...points.map(([, y]) => y), 1e-9)], [HEIGHT - BOTTOM, UPPER]);
+    let best = -Infinity;
+    let way = "";
+    for (const [x, y] of points) {
+      if (y <= best) continue;
+      way += way ? `H${xs(x)}V${ys(y)}` : `M${xs(x)} ${ys(y)}`;
+      best = y;
+    }
+    return [
+      ...axes(xs, ys, across, "score"),
+      ...points.map(([x, y]) => svg("circle", { class: "dot", cx: xs(x), cy: ys(y), r: 2.6 })),
+      svg("path", { class: "line", d: `${way}H${width - RIGHT}` }),
+    ];
+  });
+}
+
+/** Counts by name: items are [name, count, detail]. */
+export function bars(title, items) {
+  const most = Math.max(...items.map(([, count]) => count), 1);
+  return el("dl", { class: "bars", "aria-label": title },
+    ...items.flatMap(([name, count, detail]) => {
+      const bar = el("i", {});
+      bar.style.width = `${(100 * count) / most}%`;
+      return [el("dt", {}, name), el("dd", {}, el("span", { class: "bar" }, bar), el("b", {}, shown(count)),
+        detail ? el("small", {}, detail) : null)];
+    }));
+}
+
+/** Rows of values as dots, with a mean and its interval: {name, values, mean, low, high}. */
+export function intervals(title, unit, rows) {
+  const every = rows.flatMap((row) => [...row.values, row.low, row.high]).filter(Number.isFinite);
+  const height = BOTTOM + 6 + 40 * rows.length;
+  return drawn(title, (width) => {
+    const xs = scale([Math.min(0, ...every), Math.max(...every, 1e-9)], [LEFT / 2, width - RIGHT]);
+    const marks = rows.flatMap((row, index) => {
+      const y = 26 + 40 * index;
+      return [
+        svg("text", { class: "name", x: xs.from, y: y - 10 }, `${row.name}  ${shown(row.mean)}`),
+        ...row.values.map((value) => svg("circle", { class: "dot", cx: xs(value), cy: y + 4, r: 3 })),
+        Number.isFinite(row.low) && Number.isFinite(row.high)
+          ? svg("path", { class: "interval", d: `M${xs(row.low)} ${y + 4}H${xs(row.high)}` }) : null,
+        Number.isFinite(row.mean)
+          ? svg("path", { class: "mean", d: `M${xs(row.mean)} ${y - 3}v14` }) : null,
+      ];
+    });
+    return [...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
+  }, height);
+}
+
+function drawn(title, draw, height = HEIGHT) {
+  const picture = svg("svg", { class: "chart", role: "img", "aria-label": title, height });
+  let width = 0;
+  new ResizeObserver(() => {
+    if (!picture.clientWidth || picture.clientWidth === width) return;
+    width = picture.clientWidth;
+    picture.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    picture.replaceChildren(...draw(width).filter(Boolean));
+  }).observe(picture);
+  return el("figure", {}, el("figcaption", {}, title), picture);
+}
+
+function scale([low, high], [from, to]) {
+  const span = high - low || 1;
+  const map = (value) => Math.round(10 * (from + ((value - low) / span) * (to - from))) / 10;
+  return Object.assign(map, { low, high: low + span, from, to });
+}
+
+function axes(xs, ys, across, up) {
+  return [
+    ...ticks(ys.low, ys.high, 4).flatMap((value) => [
+      svg("path", { class: "grid", d: `M${xs.from} ${ys(value)}H${xs.to}` }),
+      svg("text", { class: "tick end", x: xs.from - 6, y: ys(value) + 4 }, brief(value)),
+    ]),
+    ...ticksBelow(xs, ys.from, across),
+    svg("text", { class: "tick", x: 2, y: 9 }, up),
+  ];
+}
+
+function ticksBelow(xs, y, name) {
+  return [
+    ...ticks(xs.low, xs.high, 5).map((value) => svg("text", { class: "tick middle", x: xs(value), y: y + 15 }, brief(value))),
+    svg("text", { class: "tick end", x: xs.to, y: y + 29 }, name),
+  ];
+}
+
+/** Round numbers from low to high. */
+function ticks(low, high, count) {
+  const raw = (high - low) / count;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((factor) => factor * power).find((size) => size >= raw * 0.999);
+  const found = [];
+  for (let value = Math.ceil(low / step) * step; value <= high * 1.0001; value += step) found.push(value);
+  return found;
+}
+
+function brief(value) {
+  return value.toLocaleString("en", { notation: Math.abs(value) >= 10000 ? "compact" : "standard", maximumSignificantDigits: 3 });
+}

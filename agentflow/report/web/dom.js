@@ -1,0 +1,55 @@
+// Makes elements. Strings become text nodes or attributes, never markup; styles go through the CSSOM,
+// because the page's Content-Security-Policy allows no inline ones.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/** An HTML element; attributes that are functions become listeners. */
+export function el(name, attributes = {}, ...children) {
+  return filled(document.createElement(name), attributes, children);
+}
+
+/** An SVG element. */
+export function svg(name, attributes = {}, ...children) {
+  return filled(document.createElementNS(SVG, name), attributes, children);
+}
+
+/** A number for people: at most three decimals' worth of digits, and an en dash for none. */
+export function shown(value, digits = 2) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (Number.isInteger(value)) return value.toLocaleString("en");
+  return value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits });
+}
+
+/** A table; cells are strings, numbers or elements, columns that hold numbers stand to the right. */
+export function table(caption, head, rows) {
+  const numeric = head.map((_, column) => rows.some((row) => typeof row[column] === "number"));
+  const kind = (column) => (numeric[column] ? "number" : "");
+  const cell = (value, column) =>
+    el("td", { class: kind(column) }, typeof value === "number" || value === null ? shown(value) : value);
+  return el(
+    "div",
+    { class: "table", role: "region", tabindex: "0", "aria-label": caption },
+    el(
+      "table",
+      {},
+      el("caption", {}, caption),
+      el("thead", {}, el("tr", {}, ...head.map((text, i) => el("th", { scope: "col", class: kind(i) }, text)))),
+      el("tbody", {}, ...rows.map((row) => el("tr", {}, ...row.map(cell)))),
+    ),
+  );
+}
+
+/** A headed part of the page. */
+export function section(title, ...children) {
+  const id = `part-${title.toLowerCase().replace(/[^a-z]+/g, "-")}`;
+  return el("section", { "aria-labelledby": id }, el("h2", { id }, title), ...children);
+}
+
+function filled(element, attributes, children) {
+  for (const [key, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(key, value);
+    else if (value !== undefined && value !== null && value !== false) element.setAttribute(key, value);
+  }
+  element.append(...children.filter((child) => child !== null && child !== undefined));
+  return element;
+}

@@ -1,0 +1,90 @@
+// Unpacks what the report's packer wrote (agentflow/report/film.py): where every body is at every moment.
+// The game frame is left-handed, three.js right-handed: x changes its sign on the way in.
+
+const COMPONENTS = 7; // x, y, z and the quaternion's x, y, z, w
+
+/** Bytes of deflated base64 text. */
+export async function inflated(text) {
+  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Deflated JSON. */
+export async function unpacked(text) {
+  return JSON.parse(new TextDecoder().decode(await inflated(text)));
+}
+
+export class Film {
+  /** @param packed {samples, interval, bodies, low, step, loads, data} */
+  static async of(packed) {
+    return new Film(packed, await inflated(packed.data));
+  }
+
+  constructor(packed, bytes) {
+    this.samples = packed.samples;
+    this.interval = packed.interval;
+    this.bodies = packed.bodies;
+    this.duration = (packed.samples - 1) * packed.interval;
+    this.low = packed.low;
+    this.step = packed.step;
+    const rows = COMPONENTS * packed.bodies;
+    this.values = summed(bytes, rows, packed.samples);
+    this.loads = summedBytes(bytes.subarray(2 * rows * packed.samples), packed.loads, packed.samples);
+    this.position = new Float32Array(3 * packed.bodies);
+    this.rotation = new Float32Array(4 * packed.bodies);
+    this.load = new Float32Array(packed.loads);
+  }
+
+  /** Fill `position`, `rotation` and `load` for one moment, in three.js's frame. */
+  sample(time) {
+    const [index, share] = this.place(time);
+    for (let body = 0; body < this.bodies; body++) {
+      for (let axis = 0; axis < 3; axis++) {
+        const value = this.low[axis] + (this.at(axis, body, index, share) + 32768) * this.step[axis];
+        this.position[3 * body + axis] = axis === 0 ? -value : value;
+      }
+      this.turn(body, index, share);
+    }
+    for (let row = 0; row < this.load.length; row++) {
+      this.load[row] = this.loads[row * this.samples + index] / 200; // the packer's unit
+    }
+  }
+
+  /** The sample at or before a time, and how far the next one is reached. */
+  place(time) {
+    const exact = this.interval ? Math.min(Math.max(time, 0), this.duration) / this.interval : 0;
+    const index = Math.min(Math.floor(exact + 1e-9), Math.max(this.samples - 2, 0));
+    return [index, Math.min(Math.max(exact - index, 0), 1)];
+  }
+
+  at(component, body, index, share) {
+    const row = (component * this.bodies + body) * this.samples + index;
+    const here = this.values[row];
+    return share > 0 ? here + share * (this.values[row + 1] - here) : here;
+  }
+
+  turn(body, index, share) {
+    const at = (component) => this.at(3 + component, body, index, share);
+    const turned = [at(0), -at(1), -at(2), at(3)];
+    const length = Math.hypot(...turned) || 1;
+    turned.forEach((value, i) => (this.rotation[4 * body + i] = value / length));
+  }
+}
+
+/** Rows of 16-bit numbers from their differences over time, all low bytes before all high ones. */
+function summed(bytes, rows, samples) {
+  const count = rows * samples;
+  const values = new Int16Array(count);
+  for (let i = 0; i < count; i++) {
+    const change = bytes[i] | (bytes[count + i] << 8);
+    values[i] = i % samples ? values[i - 1] + change : change;
+  }
+  return values;
+}
+
+function summedBytes(bytes, rows, samples) {
+  const values = new Uint8Array(rows * samples);
+  for (let i = 0; i < values.length; i++) values[i] = i % samples ? values[i - 1] + bytes[i] : bytes[i];
+  return values;
+}

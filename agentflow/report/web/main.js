@@ -1,0 +1,12 @@
+// Entry: reads the page's data and builds the page that it is for.
+
+import "./player.css";
+import { galleryPage } from "./gallery.js";
+import { runPage } from "./run.js";
+import { sweepPage } from "./sweep.js";
+
+const PAGES = { run: runPage, sweep: sweepPage, gallery: galleryPage };
+const data = JSON.parse(document.getElementById("data").textContent);
+
+document.body.append(...PAGES[data.kind](data));
+document.body.dataset.ready = data.kind;

@@ -1,0 +1,146 @@
+// How things look: surfaces with outlined faces, shadows on the ground, the ground itself, traces and
+// distances. Plain shaders with one sun: cheap also where no graphics card draws.
+
+import * as THREE from "three";
+
+const SUN = "const vec3 sun = normalize(vec3(4.0, 12.0, -7.0));";
+const FAR = "float far = smoothstep(60.0, 220.0, distance(place, cameraPosition));";
+
+export const surface = new THREE.ShaderMaterial({
+  uniforms: { sky: { value: new THREE.Color() } },
+  vertexShader: `
+    attribute float edged;
+    varying vec3 normal_, tint, place; varying vec2 face; varying float edges;
+    void main() {
+      mat4 m = modelMatrix * instanceMatrix;
+      vec3 s = vec3(dot(m[0].xyz, m[0].xyz), dot(m[1].xyz, m[1].xyz), dot(m[2].xyz, m[2].xyz));
+      normal_ = mat3(m) * (normal / max(s, 1e-9));
+      tint = instanceColor; face = uv; edges = edged;
+      vec4 world = m * vec4(position, 1.0);
+      place = world.xyz;
+      gl_Position = projectionMatrix * viewMatrix * world;
+    }`,
+  fragmentShader: `
+    uniform vec3 sky;
+    varying vec3 normal_, tint, place; varying vec2 face; varying float edges;
+    ${SUN}
+    void main() {
+      float light = 0.7 + 0.34 * dot(normalize(normal_), sun);
+      vec2 border = min(face, 1.0 - face) / max(fwidth(face), 1e-6);
+      float line = edges * (1.0 - smoothstep(0.6, 1.6, min(border.x, border.y)));
+      ${FAR}
+      gl_FragColor = vec4(mix(tint * light * (1.0 - 0.35 * line), sky, far), 1.0);
+    }`,
+});
+
+/** Everything once more, flat on the ground along the sun; the stencil lets nothing darken twice. */
+export const shadows = new THREE.ShaderMaterial({
+  uniforms: { shade: { value: new THREE.Color() } },
+  vertexShader: `
+    ${SUN}
+    void main() {
+      vec4 world = modelMatrix * instanceMatrix * vec4(position, 1.0);
+      world.xyz -= sun * max(world.y, 0.0) / sun.y;
+      world.y = 0.004;
+      gl_Position = projectionMatrix * viewMatrix * world;
+    }`,
+  fragmentShader: "uniform vec3 shade; void main() { gl_FragColor = vec4(shade, 0.3); }",
+  transparent: true,
+  depthWrite: false,
+  side: THREE.DoubleSide,
+  polygonOffset: true,
+  polygonOffsetFactor: -2,
+  polygonOffsetUnits: -4,
+  stencilWrite: true,
+  stencilRef: 1,
+  stencilFunc: THREE.NotEqualStencilFunc,
+  stencilZPass: THREE.ReplaceStencilOp,
+});
+
+/** The ground: lines every metre near by, every five metres further off. */
+export function ground() {
+  const material = new THREE.ShaderMaterial({
+    uniforms: { sky: { value: null }, land: { value: null }, line: { value: null } },
+    vertexShader: `
+      varying vec3 place;
+      void main() {
+        place = (modelMatrix * vec4(position, 1.0)).xyz;
+        gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
+      }`,
+    fragmentShader: `
+      uniform vec3 sky, land, line; varying vec3 place;
+      float grid(float every) {
+        vec2 at = place.xz / every, width = fwidth(at);
+        vec2 near = abs(fract(at - 0.5) - 0.5) / width;
+        return (1.0 - min(min(near.x, near.y), 1.0)) * (1.0 - smoothstep(0.1, 0.5, max(width.x, width.y)));
+      }
+      void main() {
+        float ink = max(0.35 * grid(1.0), grid(5.0));
+        ${FAR}
+        gl_FragColor = vec4(mix(mix(land, line, ink), sky, far), 1.0);
+      }`,
+  });
+  const plane = new THREE.Mesh(new THREE.PlaneGeometry(1600, 1600).rotateX(-Math.PI / 2), material);
+  plane.renderOrder = -2;
+  return plane;
+}
+
+const DOTS = 1 / 60; // seconds between the dots of a trace
+
+/** Where a body has been, dotted; `until` shows it up to a moment. */
+export function paths(film, body, hero) {
+  const count = Math.min(Math.ceil(film.duration / DOTS), 6000) + 1;
+  const places = new Float32Array(3 * count);
+  for (let i = 0; i < count; i++) {
+    film.sample(i * DOTS);
+    places.set(film.position.subarray(3 * body, 3 * body + 3), 3 * i);
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+  const dots = new THREE.Points(geometry, hero ? TRACE : ROOT_TRACE);
+  dots.frustumCulled = false;
+  dots.until = (time) => geometry.setDrawRange(0, Math.min(Math.floor(time / DOTS) + 1, count));
+  return dots;
+}
+
+const dotted = (color, size) =>
+  new THREE.ShaderMaterial({
+    vertexShader: `void main() {
+      gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+      gl_PointSize = ${size.toFixed(1)};
+    }`,
+    fragmentShader: `void main() {
+      if (length(gl_PointCoord - 0.5) > 0.5) discard;
+      gl_FragColor = vec4(${color}, 1.0);
+    }`,
+  });
+const TRACE = dotted("0.80, 0.20, 0.13", 4);
+const ROOT_TRACE = dotted("0.20, 0.45, 0.70", 3);
+
+/** Distances along z+, every 5 or 10 metres as far as the body comes. */
+export function labels(film, body) {
+  let reach = 10;
+  for (let time = 0; time <= film.duration; time += 0.1) {
+    film.sample(time);
+    reach = Math.max(reach, film.position[3 * body + 2]);
+  }
+  const every = reach > 60 ? 20 : reach > 30 ? 10 : 5;
+  const group = new THREE.Group();
+  for (let z = every; z <= Math.min(reach + every, 400); z += every) group.add(label(`${z} m`, z));
+  return group;
+}
+
+function label(text, z) {
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [128, 48];
+  const pen = canvas.getContext("2d");
+  pen.font = "30px system-ui, sans-serif";
+  pen.textAlign = "center";
+  pen.fillStyle = "#87908c";
+  pen.fillText(text, 64, 34);
+  const map = new THREE.CanvasTexture(canvas);
+  const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthWrite: false }));
+  sprite.scale.set(2.4, 0.9, 1);
+  sprite.position.set(-4, 0.3, z);
+  return sprite;
+}

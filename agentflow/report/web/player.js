@@ -1,0 +1,205 @@
+// The film: play, scrub, slow down; buttons, keys and the line of events. The picture is scene.js's.
+
+import { el, shown } from "./dom.js";
+import { Eye } from "./camera.js";
+import { Film } from "./film.js";
+import { Picture } from "./scene.js";
+
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
+const STEP = 1 / 30; // seconds per press of an arrow key
+const TURN = 0.12; // radians per press
+
+export class Player {
+  /** @param shapes the solids that machines share, by index */
+  constructor(shapes) {
+    this.shapes = shapes;
+    this.time = 0;
+    this.speed = 1;
+    this.playing = this.byLoad = false;
+    this.element = this.built();
+    this.open();
+  }
+
+  /** Show a machine, or say why there is nothing to see. Resolves when it can be seen. */
+  async show(machine, title, remark = "") {
+    this.pause();
+    const asked = (this.asked = {});
+    this.element.querySelector(".title").textContent = title;
+    this.element.querySelector(".remark").textContent = remark;
+    this.element.classList.toggle("empty", !machine || !this.picture);
+    if (!machine || !this.picture) return;
+    const film = await Film.of(machine.film);
+    if (this.asked !== asked) return; // another one has been asked for meanwhile
+    this.film = film;
+    this.machine = machine;
+    this.picture.show(machine, this.shapes, film);
+    this.eye.begin(film, machine.solids.map((_, body) => body), machine.hero);
+    this.slider.max = film.duration;
+    this.element.classList.toggle("still", film.samples < 2);
+    this.mark();
+    this.seek(0);
+  }
+
+  play() {
+    if (!this.film || this.film.samples < 2) return;
+    if (this.time >= this.film.duration) this.time = 0;
+    this.playing = true;
+    this.last = null;
+    this.label();
+    this.ask();
+  }
+
+  pause() {
+    this.playing = false;
+    this.label();
+  }
+
+  toggle() {
+    if (this.playing) this.pause();
+    else this.play();
+  }
+
+  seek(time) {
+    if (!this.film) return;
+    this.time = Math.min(Math.max(time, 0), this.film.duration);
+    this.ask();
+  }
+
+  setSpeed(speed) {
+    this.speed = speed;
+    this.chooser.value = speed;
+  }
+
+  setLoads(on) {
+    this.byLoad = on;
+    this.loads.setAttribute("aria-pressed", on);
+    this.element.classList.toggle("loads", on);
+    this.ask();
+  }
+
+  /** Draw soon, once. */
+  ask() {
+    this.wanted ??= requestAnimationFrame((now) => {
+      this.wanted = null;
+      this.step(now);
+    });
+  }
+
+  step(now) {
+    if (!this.film) return;
+    if (this.playing) {
+      this.time += this.last === null ? 0 : (this.speed * (now - this.last)) / 1000;
+      this.last = now;
+      if (this.time >= this.film.duration) {
+        this.time = this.film.duration;
+        this.pause();
+      }
+    }
+    this.eye.at(this.time);
+    this.picture.pose(this.film, this.time, this.byLoad);
+    this.picture.draw();
+    this.slider.value = this.time;
+    this.clock.textContent = `${this.time.toFixed(2)} s`;
+    this.slider.setAttribute("aria-valuetext", `${this.time.toFixed(2)} seconds`);
+    this.element.dispatchEvent(new CustomEvent("frame"));
+    if (this.playing) this.ask();
+  }
+
+  /** Events of this film along the slider and as a list. */
+  mark() {
+    const events = this.machine.events;
+    const share = (time) => `${(100 * time) / (this.film.duration || 1)}%`;
+    this.ticks.replaceChildren(
+      ...events.map((event) => {
+        const tick = el("i", { class: event.kind, title: event.text });
+        tick.style.left = share(event.time);
+        return tick;
+      }),
+    );
+    this.list.replaceChildren(
+      ...events.map((event) =>
+        el("li", {}, el("button", { class: event.kind, click: () => this.seek(event.time) },
+          el("span", {}, `${shown(event.time)} s`), ` ${event.text}`)),
+      ),
+    );
+  }
+
+  label() {
+    this.button.textContent = this.playing ? "Pause" : "Play";
+    this.element.classList.toggle("playing", this.playing);
+  }
+
+  press(event) {
+    const name = event.target.tagName;
+    if (event.altKey || event.ctrlKey || event.metaKey || name === "SELECT") return;
+    const own = event.target === this.canvas;
+    const act = {
+      " ": () => this.toggle(),
+      ",": () => this.setSpeed(SPEEDS[Math.max(SPEEDS.indexOf(this.speed) - 1, 0)]),
+      ".": () => this.setSpeed(SPEEDS[Math.min(SPEEDS.indexOf(this.speed) + 1, SPEEDS.length - 1)]),
+      l: () => this.setLoads(!this.byLoad),
+      r: () => this.again(),
+      Home: () => this.seek(0),
+      End: () => this.seek(this.film.duration),
+      ArrowLeft: () => this.seek(this.time - STEP),
+      ArrowRight: () => this.seek(this.time + STEP),
+      ArrowUp: own && (() => this.eye.turn(0, TURN)),
+      ArrowDown: own && (() => this.eye.turn(0, -TURN)),
+      a: own && (() => this.eye.turn(-TURN, 0)),
+      d: own && (() => this.eye.turn(TURN, 0)),
+      "+": own && (() => this.eye.turn(0, 0, 0.9)),
+      "-": own && (() => this.eye.turn(0, 0, 1.1)),
+    }[event.key];
+    if (!act || (name === "BUTTON" && event.key === " ")) return;
+    event.preventDefault();
+    if (this.film) act();
+  }
+
+  again() {
+    this.eye.reset();
+    this.ask();
+  }
+
+  built() {
+    this.canvas = el("canvas", { tabindex: "0", role: "img", "aria-label": "3D view; space plays, arrow keys step and tilt, a and d turn, plus and minus zoom" });
+    this.button = el("button", { class: "play", click: () => this.toggle() }, "Play");
+    this.slider = el("input", { type: "range", min: 0, max: 1, step: "any", value: 0, "aria-label": "Time", input: () => { this.pause(); this.seek(Number(this.slider.value)); } });
+    this.clock = el("output", {}, "0.00 s");
+    this.ticks = el("div", { class: "ticks", "aria-hidden": "true" });
+    this.chooser = el("select", { "aria-label": "Speed", change: () => this.setSpeed(Number(this.chooser.value)) },
+      ...SPEEDS.map((speed) => el("option", { value: speed, selected: speed === 1 ? "" : null }, `${speed}×`)));
+    this.loads = el("button", { "aria-pressed": "false", title: "Colour by load (L)", click: () => this.setLoads(!this.byLoad) }, "Loads");
+    this.list = el("ol", { class: "events", "aria-label": "What happens" });
+    return el("div", { class: "player", role: "group", "aria-label": "Film", keydown: (event) => this.press(event) },
+      el("div", { class: "view" }, this.canvas,
+        el("p", { class: "title", "aria-live": "polite" }),
+        el("p", { class: "legend" }, el("span", {}, "no load"), el("i", {}), el("span", {}, "breaks")),
+        el("p", { class: "nothing" })),
+      el("div", { class: "transport" }, this.button,
+        el("div", { class: "track" }, this.slider, this.ticks), this.clock, this.chooser, this.loads,
+        el("button", { title: "Look from the usual side again (R)", click: () => this.again() }, "Reset view")),
+      el("p", { class: "remark" }), this.list);
+  }
+
+  open() {
+    const nothing = this.element.querySelector(".nothing");
+    nothing.textContent = "No machine to show here.";
+    try {
+      this.picture = new Picture(this.canvas);
+    } catch {
+      nothing.textContent = "This browser offers no WebGL, so the 3D view stays empty; all else works.";
+      this.element.classList.add("empty");
+      return;
+    }
+    this.eye = new Eye(this.picture, this.canvas, () => this.ask());
+    const dress = () => { this.picture.dress(getComputedStyle(document.documentElement)); this.ask(); };
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", dress);
+    dress();
+    new ResizeObserver(() => {
+      const { clientWidth, clientHeight } = this.canvas;
+      if (!clientWidth || !clientHeight) return;
+      this.picture.resize(clientWidth, clientHeight);
+      this.ask();
+    }).observe(this.canvas);
+  }
+}

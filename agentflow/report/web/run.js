@@ -1,0 +1,138 @@
+// The page of one run: the film beside everything that led to it.
+
+import { climb, bars } from "./charts.js";
+import { el, section, shown, table } from "./dom.js";
+import { unpacked } from "./film.js";
+import { Player } from "./player.js";
+import { call, plain } from "./text.js";
+import { Tree } from "./tree.js";
+
+export function runPage(data) {
+  const player = new Player(data.shapes);
+  const calls = once(() => recorded(data.calls));
+  const chosen = el("section", { class: "chosen", "aria-label": "Chosen machine", "aria-live": "polite" });
+  const choose = (node) => {
+    player.show(data.machines[node.machine], heading(node), data.machines[node.machine]?.remark ?? "");
+    tell(chosen, node, data, calls);
+  };
+  const tree = new Tree(data.nodes, choose);
+  const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
+  if (first) {
+    tree.select(first.id);
+    choose(first);
+  } else player.show(null, "");
+  return [
+    el("aside", {}, player.element),
+    el("main", {},
+      header(data),
+      chosen,
+      data.nodes.length ? section("Search", el("div", { class: "tall" }, tree.element), legend()) : null,
+      curves(data),
+      stages(data),
+      failures(data),
+      usage(data),
+      conversations(data, calls),
+      made(data)),
+  ];
+}
+
+function header(data) {
+  const { run } = data;
+  return el("header", {},
+    el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}`),
+    el("h1", {}, run.task),
+    el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : shown(run.score)), " ", run.sentence),
+    el("p", { class: "lede" }, run.about));
+}
+
+function heading(node) {
+  return node.score === null ? node.title : `${node.title} · ${shown(node.score)}`;
+}
+
+/** The chosen machine in words: what it scored, the edit that made it, the calls that wrote it. */
+async function tell(place, node, data, calls) {
+  const machine = data.machines[node.machine];
+  const talk = el("div", {}, node.calls.length ? el("p", { class: "quiet" }, "Reading the record …") : "");
+  place.replaceChildren(
+    el("h2", {}, heading(node)),
+    el("p", {}, [node.status, machine && `${machine.solids.length} blocks`, node.machine].filter(Boolean).join(" · ")),
+    node.problem ? el("p", { class: "problem" }, node.problem) : "",
+    node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), plain(node.edit)) : "",
+    machine?.feedback ? el("details", {}, el("summary", {}, "What the simulation told"), plain(machine.feedback)) : "",
+    talk);
+  const known = node.calls.length ? await calls() : new Map();
+  talk.replaceChildren(...node.calls.filter((label) => known.has(label)).map((label) => call(known.get(label))));
+}
+
+function legend() {
+  return el("p", { class: "quiet" }, "Each dot is a machine, made from the one to its left; the darker, the better. ",
+    "A red ring: it broke. Hollow: invalid. A cross: a refused edit. Arrow keys walk.");
+}
+
+function curves({ progress }) {
+  if (!progress.length) return null;
+  const tokens = progress.at(-1).tokens > 0;
+  return section("Score",
+    climb("Score over expansions", "expansions", progress.map((point) => [point.expansions, point.score])),
+    tokens
+      ? climb("Score over tokens", "tokens", progress.map((point) => [point.tokens, point.score]))
+      : climb("Score over calls (this model counts no tokens)", "calls", progress.map((point) => [point.calls, point.score])));
+}
+
+function stages({ stages: rows }) {
+  if (!rows.length) return null;
+  const head = ["Stage", "Valid", "Mean", "Mean, invalid 0", "Best", "Std", "Calls", "Tokens", "Rollouts"];
+  return section("Stages", table("What each stage gave", head, rows.map((row) => [
+    row.name.replaceAll("_", " "), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
+    row.calls, row.tokens, row.rollouts])));
+}
+
+function failures({ validity, reasons }) {
+  if (!validity.length) return null;
+  return section("Validity",
+    table("Replies by role, first attempts and retries together", ["Role", "Replies", "Parsed", "Valid", "Repaired"],
+      validity.map((row) => [row.role, row.attempts, row.parsed, row.valid, row.repaired])),
+    reasons.length ? bars("Why replies were refused", reasons.map(({ code, count, example }) => [code, count, example]))
+      : el("p", { class: "quiet" }, "No reply was refused."));
+}
+
+function usage({ usage: rows, run }) {
+  if (!rows.length) return null;
+  const head = ["Role", "Calls", "Prompt", "Completion", "Reasoning", "Cached", "Seconds", "Cost"];
+  return section("Usage", table("Tokens, time and money by role", head, rows.map((row) => [
+    row.role, row.calls, row.prompt, row.completion, row.reasoning, row.cached, row.seconds, row.cost])),
+    run.prices ? null : el("p", { class: "quiet" }, "No prices were configured, so nothing is known of the cost."));
+}
+
+function conversations({ talk }, calls) {
+  if (!talk.length) return null;
+  const group = ({ role, labels }) => {
+    const details = el("details", { class: "role", toggle: async () => {
+      if (!details.open || details.dataset.filled) return;
+      details.dataset.filled = "yes";
+      const known = await calls();
+      details.append(...labels.map((label) => call(known.get(label))));
+    } }, el("summary", {}, role, " ", el("small", {}, `${labels.length} calls`)));
+    return details;
+  };
+  return section("Prompts and replies", ...talk.map(group));
+}
+
+function made({ facts }) {
+  return section("How this was made", el("dl", { class: "facts" },
+    ...facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
+}
+
+/** The calls by label, with their texts in place of the numbers that stand for them. */
+async function recorded(packed) {
+  const { texts, calls } = await unpacked(packed);
+  return new Map(calls.map((entry) => [entry.label, {
+    ...entry,
+    messages: entry.messages.map(([role, index]) => ({ role, text: texts[index] })),
+  }]));
+}
+
+function once(make) {
+  let made = null;
+  return () => (made ??= make());
+}

@@ -1,0 +1,174 @@
+// The picture: a machine's solids, what stands around it, ground, shadows and traces. Nothing here
+// knows time; player.js says where everything is.
+
+import * as THREE from "three";
+import { ground, labels, paths, shadows, surface } from "./materials.js";
+
+const GEOMETRIES = {
+  box: new THREE.BoxGeometry(1, 1, 1),
+  sphere: new THREE.SphereGeometry(0.5, 24, 16),
+  cylinder: new THREE.CylinderGeometry(0.5, 0.5, 1, 28),
+  cone: new THREE.ConeGeometry(0.5, 1, 28),
+};
+const ROD = 0.18; // diameter of what two-ended blocks are drawn as, m
+const BROKEN = [0.85, 0.1, 0.1];
+const HIDDEN = new THREE.Matrix4().makeScale(0, 0, 0);
+const UP = new THREE.Vector3(0, 1, 0);
+
+export class Picture {
+  constructor(canvas) {
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, stencil: true });
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(32, 1, 0.1, 2000);
+    this.scene.add((this.ground = ground()));
+    this.stage = new THREE.Group();
+    this.scene.add(this.stage);
+    this.frame = { position: new THREE.Vector3(), rotation: new THREE.Quaternion() };
+    this.matrix = new THREE.Matrix4();
+  }
+
+  /** Colours as the page's style has them. */
+  dress(style) {
+    const color = (name) => new THREE.Color().setStyle(style.getPropertyValue(name).trim(), THREE.LinearSRGBColorSpace);
+    this.renderer.setClearColor(color("--sky"), 1);
+    this.ground.material.uniforms.sky.value = surface.uniforms.sky.value = color("--sky");
+    this.ground.material.uniforms.land.value = color("--land");
+    this.ground.material.uniforms.line.value = color("--line");
+    shadows.uniforms.shade.value = color("--shade");
+  }
+
+  /** Show another machine: `machine` and `shapes` as the report's data has them. */
+  show(machine, shapes, film) {
+    this.stage.clear();
+    this.machine = machine;
+    this.parts = [
+      ...machine.solids.flatMap((solids, block) => solids.map((index) => part(shapes[index], block, block))),
+      ...machine.things.map((thing) => part(thing, null, thing[THING_BODY])),
+    ];
+    this.rods = machine.rods.map((rod) => ({ block: rod.block, color: rod.color, ends: rod.ends }));
+    this.groups = grouped(this.parts, this.rods.length);
+    for (const group of this.groups) this.stage.add(group.mesh, group.shadow);
+    this.traces = machine.traces.map((body) => paths(film, body, body === machine.hero));
+    this.stage.add(...this.traces, labels(film, machine.hero));
+  }
+
+  /** Put everything where the film has it; `time` also says what is broken and what is gone. */
+  pose(film, time, byLoad) {
+    film.sample(time);
+    const loads = byLoad ? worst(this.machine.connections, film.load) : null;
+    const next = new Map(this.groups.map((group) => [group.kind, 0]));
+    for (const item of this.parts) {
+      if (item.body !== null) this.place(film, item.body).multiply(item.local);
+      else this.matrix.copy(item.local);
+      this.put(next, item.kind, this.tint(item, time, loads));
+    }
+    for (const rod of this.rods) {
+      this.stretch(film, rod, time);
+      this.put(next, "cylinder", this.tint(rod, time, loads));
+    }
+    for (const group of this.groups) group.flush();
+    for (const trace of this.traces) trace.until(time);
+  }
+
+  draw() {
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  resize(width, height) {
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+  }
+
+  place(film, body) {
+    const { position, rotation } = this.frame;
+    position.fromArray(film.position, 3 * body);
+    rotation.fromArray(film.rotation, 4 * body);
+    return this.matrix.compose(position, rotation, ONE);
+  }
+
+  stretch(film, rod, time) {
+    const gone = this.machine.gone[rod.block];
+    if (gone !== undefined && time >= gone) return this.matrix.copy(HIDDEN);
+    const [a, b] = rod.ends.map(([body, x, y, z]) => new THREE.Vector3(-x, y, z).applyMatrix4(this.place(film, body)));
+    const along = b.clone().sub(a);
+    const length = Math.max(along.length(), 1e-3);
+    const turn = new THREE.Quaternion().setFromUnitVectors(UP, along.divideScalar(length));
+    return this.matrix.compose(a.add(b).multiplyScalar(0.5), turn, new THREE.Vector3(ROD, length, ROD));
+  }
+
+  put(next, kind, color) {
+    const index = next.get(kind);
+    this.groups.find((group) => group.kind === kind).put(index, this.matrix, color);
+    next.set(kind, index + 1);
+  }
+
+  tint(item, time, loads) {
+    if (item.block === null) return item.color;
+    const broken = this.machine.breaks[item.block];
+    if (broken !== undefined && time >= broken) return BROKEN;
+    return loads ? heat(loads.get(item.block)) : item.color;
+  }
+}
+
+/** The colour of a load, 0 to 1 and more: grey, amber, then nearly red where it breaks. */
+export function heat(load) {
+  if (load === undefined) return [0.62, 0.64, 0.66];
+  const stops = [[0.6, 0.66, 0.7], [0.55, 0.72, 0.6], [0.93, 0.77, 0.3], [0.88, 0.42, 0.16]];
+  const place = Math.min(Math.max(load, 0), 1) * (stops.length - 1);
+  const from = Math.min(Math.floor(place), stops.length - 2);
+  return stops[from].map((value, i) => value + (place - from) * (stops[from + 1][i] - value));
+}
+
+const ONE = new THREE.Vector3(1, 1, 1);
+const THING_BODY = 14;
+
+/** A solid from its row: kind, size, position, rotation, colour (and a thing's body). */
+function part([kind, sx, sy, sz, x, y, z, i, j, k, w, ...rest], block, body) {
+  const local = new THREE.Matrix4().compose(
+    new THREE.Vector3(-x, y, z),
+    new THREE.Quaternion(i, -j, -k, w),
+    new THREE.Vector3(sx, sy, sz),
+  );
+  return { kind, local, block, body: body ?? null, color: rest.slice(0, 3) };
+}
+
+/** One instanced mesh, and its shadow, per kind of solid. */
+function grouped(parts, rods) {
+  const counts = new Map();
+  for (const item of parts) counts.set(item.kind, (counts.get(item.kind) ?? 0) + 1);
+  if (rods) counts.set("cylinder", (counts.get("cylinder") ?? 0) + rods);
+  return [...counts].map(([kind, count]) => new Group(kind, count));
+}
+
+class Group {
+  constructor(kind, count) {
+    this.kind = kind;
+    const geometry = GEOMETRIES[kind].clone();
+    const edged = new Float32Array(geometry.attributes.position.count).fill(kind === "box" ? 1 : 0);
+    geometry.setAttribute("edged", new THREE.BufferAttribute(edged, 1));
+    this.mesh = new THREE.InstancedMesh(geometry, surface, count);
+    this.mesh.instanceColor = new THREE.InstancedBufferAttribute(new Float32Array(3 * count), 3);
+    this.shadow = new THREE.InstancedMesh(geometry, shadows, count);
+    this.shadow.instanceMatrix = this.mesh.instanceMatrix;
+    this.shadow.renderOrder = -1;
+    this.mesh.frustumCulled = this.shadow.frustumCulled = false;
+  }
+
+  put(index, matrix, color) {
+    this.mesh.setMatrixAt(index, matrix);
+    this.mesh.instanceColor.array.set(color, 3 * index);
+  }
+
+  flush() {
+    this.mesh.instanceMatrix.needsUpdate = this.mesh.instanceColor.needsUpdate = true;
+  }
+}
+
+/** The greatest load of every block's connections. */
+function worst(connections, load) {
+  const found = new Map();
+  connections.forEach((block, row) => found.set(block, Math.max(found.get(block) ?? 0, load[row])));
+  return found;
+}

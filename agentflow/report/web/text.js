@@ -1,0 +1,54 @@
+// What was said: prompts and replies, as text whatever they hold. Long ones open in two steps.
+
+import { el, shown } from "./dom.js";
+
+const LONG = 20000; // characters that are shown at once
+const NAMES = { system: "System prompt", user: "Prompt", assistant: "Earlier reply" };
+
+/** A text as it is; control characters that would vanish or turn the line around are named. */
+export function plain(text) {
+  const block = el("pre", { dir: "ltr", tabindex: "0" });
+  const fill = (piece) => (block.textContent = piece.replace(HIDDEN, (sign) => `␦${sign.codePointAt(0).toString(16)}␦`));
+  fill(text.slice(0, LONG));
+  if (text.length <= LONG) return block;
+  const more = el("button", { click: () => { fill(text); more.remove(); } }, `Show all ${shown(text.length)} characters`);
+  return el("div", {}, block, more);
+}
+
+const HIDDEN = /[\u0000-\u0008\u000b\u000c\u000e-\u001f\u007f\u200b\u200e\u200f\u202a-\u202e\u2066-\u2069\ufeff]/g;
+
+/** One call that opens: verdict, what was asked and what came back. */
+export function call(entry, open = false) {
+  const details = el("details", { class: "call", toggle: () => { if (details.open && !body.hasChildNodes()) body.append(...contents(entry)); } },
+    el("summary", {}, el("span", { class: `verdict ${entry.valid ? "valid" : "refused"}` }, entry.valid ? "valid" : entry.valid === null ? "no verdict" : "refused"),
+      ` ${entry.label} `, el("small", {}, facts(entry))));
+  const body = el("div", {});
+  details.append(body);
+  details.open = open;
+  return details;
+}
+
+function facts(entry) {
+  const parts = [];
+  if (entry.repaired) parts.push("JSON repaired");
+  if (entry.usage.prompt + entry.usage.completion) parts.push(`${shown(entry.usage.prompt)} + ${shown(entry.usage.completion)} tokens`);
+  if (entry.latency) parts.push(`${shown(entry.latency, 1)} s`);
+  if (entry.retries) parts.push(`${entry.retries} retries`);
+  return parts.join(" · ");
+}
+
+function contents(entry) {
+  return [
+    entry.problem ? el("p", { class: "problem" }, entry.problem) : null,
+    ...entry.messages.map(({ role, text }) => part(NAMES[role], text, role === "user")),
+    entry.reasoning ? part("Reasoning", entry.reasoning, false) : null,
+    part("Reply", entry.reply, true),
+  ].filter(Boolean);
+}
+
+function part(name, text, open) {
+  const details = el("details", { class: "said", toggle: () => { if (details.open && details.children.length < 2) details.append(plain(text)); } },
+    el("summary", {}, name, " ", el("small", {}, `${shown(text.length)} characters`)));
+  details.open = open;
+  return details;
+}

@@ -1,0 +1,142 @@
+// The search tree: one dot per machine, from left to right as one was made from another; refused edits
+// as crosses. Works by pointer and, as an ARIA tree, by arrow keys.
+
+import { shown, svg } from "./dom.js";
+
+const ROW = 22;
+const TOP = 16;
+const EDGE = 14;
+
+export class Tree {
+  /** @param nodes in the order in which they were made; `parent` is an id or null
+   *  @param choose called with the node that was chosen */
+  constructor(nodes, choose) {
+    this.nodes = new Map(nodes.map((node) => [node.id, { ...node, children: [] }]));
+    this.choose = choose;
+    this.roots = [];
+    for (const node of this.nodes.values()) {
+      (this.nodes.get(node.parent)?.children ?? this.roots).push(node);
+    }
+    const scores = nodes.map((node) => node.score).filter((score) => score !== null);
+    this.low = Math.min(...scores);
+    this.high = Math.max(...scores);
+    this.arrange();
+    this.element = svg("svg", { class: "tree", role: "tree", "aria-label": "Search tree", keydown: (e) => this.press(e) });
+    new ResizeObserver(() => this.draw()).observe(this.element);
+  }
+
+  /** Mark a node as chosen, without telling anybody. */
+  select(id) {
+    this.selected = id;
+    for (const [key, mark] of this.marks ?? []) {
+      mark.setAttribute("aria-selected", key === id);
+      mark.setAttribute("tabindex", key === id ? 0 : -1);
+    }
+  }
+
+  arrange() {
+    let row = 0;
+    const visit = (node, depth) => {
+      node.depth = depth;
+      node.row = row;
+      this.deepest = Math.max(this.deepest ?? 0, depth);
+      const made = node.children.filter((child) => child.kind !== "refused");
+      const refused = node.children.filter((child) => child.kind === "refused");
+      made.forEach((child, index) => {
+        if (index) row += 1;
+        visit(child, depth + 1);
+      });
+      if (refused.length && made.length) row += 1;
+      refused.forEach((child, place) => {
+        Object.assign(child, { depth: depth + 1, row, place });
+        this.deepest = Math.max(this.deepest, depth + 1);
+      });
+    };
+    this.roots.forEach((root, index) => {
+      if (index) row += 1;
+      visit(root, 0);
+    });
+    this.rows = row + 1;
+  }
+
+  draw() {
+    const width = this.element.clientWidth;
+    if (!width || width === this.width) return;
+    this.width = width;
+    this.column = Math.min(110, (width - 2 * EDGE - 44) / Math.max(this.deepest, 1));
+    const height = TOP + this.rows * ROW;
+    this.element.setAttribute("height", height);
+    this.element.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    const focused = this.element.contains(document.activeElement);
+    this.marks = new Map([...this.nodes.values()].map((node) => [node.id, this.mark(node)]));
+    const links = [...this.nodes.values()].map((node) => this.link(node)).filter(Boolean);
+    this.element.replaceChildren(svg("g", { class: "links", "aria-hidden": "true" }, ...links), ...this.marks.values());
+    this.select(this.selected ?? this.nodes.keys().next().value);
+    if (focused) this.marks.get(this.selected).focus();
+  }
+
+  x(node) {
+    return EDGE + node.depth * this.column + (node.place ?? 0) * Math.min(11, this.column / 4);
+  }
+
+  y(node) {
+    return TOP + node.row * ROW;
+  }
+
+  link(node) {
+    const parent = this.nodes.get(node.parent);
+    if (!parent || node.place) return null;
+    const [x0, y0, x1, y1] = [this.x(parent), this.y(parent), this.x(node), this.y(node)];
+    const bend = Math.min(10, (x1 - x0) / 2);
+    const way = y0 === y1
+      ? `M${x0} ${y0}H${x1}`
+      : `M${x0} ${y0}V${y1 - bend}Q${x0} ${y1} ${x0 + bend} ${y1}H${x1}`;
+    return svg("path", { d: way, class: node.best ? "best" : "" });
+  }
+
+  mark(node) {
+    const [x, y] = [this.x(node), this.y(node)];
+    const shape = node.kind === "refused"
+      ? svg("path", { class: "cross", d: `M${x - 3} ${y - 3}l6 6m0 -6l-6 6` })
+      : svg("circle", { cx: x, cy: y, r: node.best ? 7 : 5 });
+    if (node.score !== null) {
+      shape.style.setProperty("--share", `${Math.round(100 * (node.score - this.low) / (this.high - this.low || 1))}%`);
+    }
+    const text = node.kind === "refused" ? null
+      : svg("text", { x: x + 7, y: y - 6 }, node.score === null ? "invalid" : shown(node.score, 1));
+    const kinds = [node.kind, node.valid ? "valid" : "invalid", node.broken ? "broken" : "", node.best ? "best" : ""];
+    return svg("g", {
+      class: `node ${kinds.join(" ")}`,
+      role: "treeitem",
+      "aria-level": node.depth + 1,
+      "aria-label": `${node.title}, ${node.score === null ? "no score" : `score ${shown(node.score)}`}${node.broken ? ", broke" : ""}`,
+      "data-node": node.id,
+      click: () => this.pick(node),
+    }, svg("rect", { x: x - 8, y: y - 11, width: node.kind === "refused" ? 16 : 44, height: 21, rx: 4 }), shape, text);
+  }
+
+  pick(node) {
+    this.select(node.id);
+    this.marks.get(node.id).focus();
+    this.choose(node);
+  }
+
+  press(event) {
+    const here = this.nodes.get(this.selected);
+    const all = [...this.nodes.values()].sort((a, b) => a.row - b.row || a.depth - b.depth || (a.place ?? 0) - (b.place ?? 0));
+    const index = all.indexOf(here);
+    const next = {
+      ArrowDown: all[index + 1],
+      ArrowUp: all[index - 1],
+      ArrowRight: here.children[0],
+      ArrowLeft: this.nodes.get(here.parent),
+      Home: all[0],
+      End: all[all.length - 1],
+      Enter: here,
+      " ": here,
+    };
+    if (!(event.key in next)) return;
+    event.preventDefault();
+    if (next[event.key]) this.pick(next[event.key]);
+  }
+}
