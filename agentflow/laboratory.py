@@ -12,10 +12,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from agentflow.env.query import answer
 from agentflow.env.render import render_png
 from agentflow.env.tasks.base import Task
-from agentflow.env.trace import Rollout
+from agentflow.env.trace import Rollout, Trace
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import Trial
@@ -53,6 +55,7 @@ class PhysicsLaboratory:
             feedback=rollout.feedback.text,
             broken=tuple((item.block, item.partner, item.time) for item in rollout.broken),
             digest=rollout.digest,
+            moved=None if rollout.trace is None else farthest(rollout.trace),
         )
         return Evaluation(rollout.status != "invalid", rollout.score, trial)
 
@@ -66,6 +69,12 @@ class PhysicsLaboratory:
             drawing = asyncio.to_thread(picture_url, machine)
             self._pictures[machine.digest] = asyncio.ensure_future(drawing)
         return (await asyncio.shield(self._pictures[machine.digest]),)
+
+
+def farthest(trace: Trace) -> float:
+    """How far the centre of any block got from where it was at t = 0, m, to the millimetre."""
+    away = np.linalg.norm(trace.centre - trace.centre[0], axis=-1)
+    return round(float(away.max()), 3)
 
 
 def picture_url(machine: Machine) -> str:

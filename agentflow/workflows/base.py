@@ -35,6 +35,9 @@ class Trial:
     """(block, partner, seconds since t = 0) of each connection that gave way."""
     digest: str | None = None
     """Hash of every recorded state."""
+    moved: float | None = None
+    """How far the centre of the block that moved most got from where it began, m; None where
+    there are no states."""
 
 
 class Laboratory(Protocol):

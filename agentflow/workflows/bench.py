@@ -119,6 +119,7 @@ class Bench:
             status=trial.status,
             broken=[list(item) for item in trial.broken],
             rollout=trial.digest,
+            moved=trial.moved,
         )
         return evaluation
 

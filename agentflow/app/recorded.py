@@ -1,0 +1,25 @@
+"""Owns how the machines that a run has kept are read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from agentflow.errors import RunError
+from agentflow.machine import Machine, library, read_machine
+
+
+def recorded_machine(path: Path, digest: str) -> Machine:
+    """A machine of a run by its content hash.
+
+    Raises:
+        RunError: It is not there, or is another one.
+    """
+    file = path / "machines" / f"{digest}.json"
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise RunError(f"{path} is damaged: it has no readable machines/{digest}.json") from None
+    machine = read_machine(text, tuple(library())).machine
+    if machine is None or machine.digest != digest:
+        raise RunError(f"{file} is damaged: it holds another machine than its name says")
+    return machine
