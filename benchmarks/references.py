@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import sys
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -63,15 +64,17 @@ def search(options: argparse.Namespace) -> None:
     machine = start
     if options.rollouts:
         rng = Random(options.seed)
-        found = asyncio.run(climb(task, options.rollouts, rng, start, options.aim, _tell))
+        tell = partial(_tell, out)
+        found = asyncio.run(climb(task, options.rollouts, rng, start, options.aim, tell))
         machine = found.machine
-        out.write_text(machine.to_text() + "\n", encoding="utf-8")
         print(f"{out}: {found.value[0]:.{DIGITS}f}")
     if options.picture and machine is not None:
         draw(machine, out.with_suffix(".png"))
 
 
-def _tell(count: int, found: Found) -> None:
+def _tell(out: Path, count: int, found: Found) -> None:
+    """Keep what is the best so far, so that a search can be broken off."""
+    out.write_text(found.machine.to_text() + "\n", encoding="utf-8")
     blocks = len(found.machine)
     print(f"{count:6d} {found.value[0]:10.3f} {found.value[1]:10.3f} {blocks:4d}", file=sys.stderr)
 
