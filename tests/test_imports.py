@@ -24,6 +24,7 @@ ALLOWED = {
     "metrics": {"errors", "runs"},
     "report": {"errors", "runs", "metrics"},
     "config": {"errors", "workflows", "llm"},
+    "sweeps": {"errors", "config"},
     "store": {"errors", "machine", "env", "laboratory"},
     "laboratory": {"errors", "machine", "env", "search", "workflows", "runs"},
     "cli": {"errors", "app", "config", "runs", "live"},

@@ -18,6 +18,7 @@ OTHER = "other"
 _STAGE_OF = {
     "meta_designer": INITIAL,
     "designer": INITIAL,
+    "placer": INITIAL,
     "inspector": BLIND,
     "querier": FEEDBACK,
     "refiner/blind": BLIND,

@@ -88,6 +88,17 @@ class Bill:
         whole = self.total.tokens
         return {role: item.tokens / whole for role, item in self.roles.items()} if whole else {}
 
+    def __add__(self, other: Bill) -> Bill:
+        return Bill(
+            self.total + other.total,
+            _joined(self.roles, other.roles),
+            _joined(self.stages, other.stages),
+        )
+
+
+def _joined(one: Mapping[str, Spent], other: Mapping[str, Spent]) -> dict[str, Spent]:
+    return {key: one.get(key, Spent()) + other.get(key, Spent()) for key in {**one, **other}}
+
 
 def bill(calls: Iterable[Mapping[str, Any]], cost: Cost = unpriced) -> Bill:
     """Add up the lines of calls.jsonl; of any length, one at a time."""

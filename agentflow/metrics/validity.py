@@ -57,7 +57,7 @@ def first_attempts(candidates: Sequence[CandidateRecord]) -> Validity:
 
 def all_attempts(attempts: Iterable[AttemptRecord]) -> Validity:
     """Validity over every answered call of roles that design machines, retries included."""
-    items = [item for item in attempts if item.role in ("designer", "refiner")]
+    items = [item for item in attempts if item.role in ("designer", "placer", "refiner")]
     total = len(items)
     return Validity(
         Rate(sum(item.parsed for item in items), total),

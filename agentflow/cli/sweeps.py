@@ -1,0 +1,159 @@
+"""Owns the commands for sweeps and their tables, and how estimates and outcomes are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from agentflow.cli.commands import Json, Settings, _print_json, commands
+
+if TYPE_CHECKING:
+    from agentflow.app.sweeps import Outcome, SweepPlan
+
+PARTLY, NO_ENDPOINT = 3, 4
+"""Exit statuses: some runs failed; all did, because of the endpoint (spec 6.5)."""
+
+
+@commands.command(epilog="Example: agentflow sweep configs/inspector.yaml --dry-run")
+def sweep(
+    config: Annotated[Path, typer.Argument(help="Sweep file, or the folder of a begun sweep.")],
+    model: Annotated[
+        str | None, typer.Option(help="Model name; without one, rules and chance answer.")
+    ] = None,
+    base_url: Annotated[
+        str | None, typer.Option(help="OpenAI-compatible endpoint; the key is OPENAI_API_KEY.")
+    ] = None,
+    settings: Settings = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Seeds 0 to N-1 instead of the file's.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Runs at once; they share the workers.")] = 2,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes for rollouts, of all runs together.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder that holds sweeps.")] = Path("sweeps"),
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what is not done, failed runs included.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="List the runs and what they will cost.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Carry out many runs that differ in a few settings; `agentflow table` compares them."""
+    from agentflow.app.sweeps import folder_of, plan_sweep, run_sweep
+    from agentflow.cli.sweeplive import watch_sweep
+
+    options = {"model.name": model, "model.base_url": base_url, "workers": workers}
+    plan = plan_sweep(config, settings or (), options, seeds)
+    folder = folder_of(plan, config, out)
+    if dry_run:
+        _print_estimate(plan, folder, as_json)
+        return
+    with watch_sweep(len(plan.members), quiet) as watcher:
+        outcome = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
+    if as_json:
+        _print_json(_as_data(outcome))
+    else:
+        print(_in_words(outcome))
+    if outcome.failed:
+        raise typer.Exit(NO_ENDPOINT if outcome.endpoint and not outcome.done else PARTLY)
+
+
+@commands.command(epilog="Example: agentflow table sweeps/inspector --format md --published")
+def table(
+    sweep: Annotated[Path, typer.Argument(help="Folder of a sweep, done or not.")],
+    show: Annotated[
+        Literal["published", "scores", "usage", "players", "expansions"],
+        typer.Option(
+            help="published: the layout of the published table; scores: means with intervals, "
+            "Best@N; usage: calls, tokens, time; players: best score over the experienced "
+            "players' mean; expansions: score against expansions."
+        ),
+    ] = "published",
+    form: Annotated[
+        Literal["text", "md", "csv", "latex", "json"], typer.Option("--format", help="How.")
+    ] = "text",
+    published: Annotated[
+        bool, typer.Option("--published", help="Add the published numbers in rows of their own.")
+    ] = False,
+) -> None:
+    """Compare the runs of a sweep in a table."""
+    from agentflow.app.views import view
+    from agentflow.metrics.tables import FORMATS
+
+    print(FORMATS[form](view(sweep, show, published=published)), end="")
+
+
+def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
+    from agentflow.app.estimates import Estimate, estimate, total
+    from agentflow.app.sweepfolder import RUNS
+    from agentflow.config import PROCEDURAL, build
+
+    def data(cost: Estimate) -> dict[str, Any]:
+        return {
+            "calls": cost.calls,
+            "prompt_tokens": cost.prompt,
+            "completion_tokens": cost.completion,
+            "money": cost.money,
+            "rollouts": cost.rollouts,
+            "worker_seconds": round(cost.seconds, 1),
+        }
+
+    base = build(plan.sweep.base)
+    runs = []
+    left = []
+    for member in plan.members:
+        done = (folder / RUNS / member.name / "result.json").exists()
+        cost = estimate(plan.plans[member.name])
+        runs.append({"run": member.name, "done": done, **data(cost)})
+        if not done:
+            left.append(cost)
+    whole = data(total(left))
+    if as_json:
+        _print_json({"sweep": str(folder), "runs": runs, "left": whole})
+        return
+    for run in runs:
+        state = "done" if run["done"] else f"{run['calls']} calls, {run['rollouts']} rollouts"
+        print(f"{run['run']}: {state}")
+    print(_left_in_words(whole, len(left), base.model.name == PROCEDURAL, base.workers))
+
+
+def _left_in_words(cost: Mapping[str, Any], runs: int, procedural: bool, workers: int) -> str:
+    minutes = cost["worker_seconds"] / workers / 60
+    tokens = cost["prompt_tokens"] + cost["completion_tokens"]
+    if procedural:
+        priced = "no tokens and no money: the procedural model answers"
+    else:
+        money = (
+            "money unknown (no model.prices)" if cost["money"] is None else f"{cost['money']:.2f}"
+        )
+        priced = f"about {tokens} tokens, reasoning not counted; {money}"
+    answers = "" if procedural else "; waiting for answers comes on top"
+    return (
+        f"{runs} runs to do: about {cost['calls']} calls without retries, {priced}; at most "
+        f"{cost['rollouts']} rollouts, {minutes:.1f} min with {workers} workers{answers}"
+    )
+
+
+def _as_data(outcome: Outcome) -> dict[str, Any]:
+    return {
+        "sweep": str(outcome.path),
+        "done": list(outcome.done),
+        "failed": dict(outcome.failed),
+    }
+
+
+def _in_words(outcome: Outcome) -> str:
+    runs = len(outcome.done) + len(outcome.failed)
+    lines = [f"{len(outcome.done)} of {runs} runs are done: {outcome.path}"]
+    lines += [f"failed: {name}: {reason}" for name, reason in outcome.failed.items()]
+    if outcome.failed:
+        lines.append(f"try these again with: agentflow sweep {outcome.path} --resume")
+    if outcome.done:
+        lines.append(f"compare them with: agentflow table {outcome.path}")
+    return "\n".join(lines)

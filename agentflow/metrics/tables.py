@@ -1,0 +1,213 @@
+"""Owns what a table is, and its forms: text, Markdown, CSV, LaTeX, JSON.
+
+Published rows stand apart from measured ones in every form and are labelled in each.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from types import MappingProxyType
+from typing import Any
+
+from agentflow.metrics.cells import Value
+from agentflow.metrics.validity import Rate
+
+PUBLISHED = "published (other models, in the game; not comparable in absolute terms)"
+NOTHING = "-"
+GAP = "  "
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of numbers."""
+
+    group: str
+    """Heads several columns; "" for none."""
+    name: str
+    percent: bool = False
+
+    @property
+    def full(self) -> str:
+        """Group and name in one, for forms with a single line of heads."""
+        return f"{self.group} {self.name}".strip()
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table."""
+
+    labels: tuple[str, ...]
+    """As many as the table's `heads`."""
+    values: tuple[Value, ...]
+    """As many as the table's `columns`."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of numbers under columns, and what there is to say of them."""
+
+    title: str
+    heads: tuple[str, ...]
+    """Of the columns of labels."""
+    columns: tuple[Column, ...]
+    rows: tuple[Row, ...]
+    published: tuple[Row, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def shown(value: Value, percent: bool = False) -> str:
+    """A cell as text: two decimals, counts as they are, a dash for nothing."""
+    if value is None:
+        return NOTHING
+    if isinstance(value, float):
+        return f"{value:.2%}" if percent else f"{value:.2f}"
+    return str(value)
+
+
+def text(table: Table) -> str:
+    """For a terminal, in columns; lines as wide as they need to be."""
+    heads = [*table.heads, *(column.name for column in table.columns)]
+    measured = [_cells(table, row) for row in table.rows]
+    told = [_cells(table, row) for row in table.published]
+    widths = [max(map(len, column)) for column in zip(heads, *measured, *told, strict=True)]
+    above = _group_line(table, widths)
+    left = len(table.heads)
+
+    def line(cells: Sequence[str]) -> str:
+        pairs = zip(cells, widths, strict=True)
+        parts = [c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(pairs)]
+        return GAP.join(parts).rstrip()
+
+    rule = "-" * (sum(widths) + len(GAP) * (len(widths) - 1))
+    lines = [table.title, "", *above, line(heads), rule, *map(line, measured)]
+    if told:
+        lines += [rule, PUBLISHED, *map(line, told)]
+    return "\n".join([*lines, *_footnotes(table)]) + "\n"
+
+
+def markdown(table: Table) -> str:
+    """GitHub's Markdown: measured rows in one table, published ones in another."""
+
+    def part(rows: Iterable[Row]) -> list[str]:
+        heads = [*table.heads, *(column.full for column in table.columns)]
+        marks = ["---"] * len(table.heads) + ["---:"] * len(table.columns)
+        return [_pipes(cells) for cells in (heads, marks, *(_cells(table, row) for row in rows))]
+
+    lines = [f"**{_mark(table.title)}**", "", *part(table.rows)]
+    if table.published:
+        lines += ["", f"*{PUBLISHED}*", "", *part(table.published)]
+    notes = [f"{_mark(note)}  " for note in table.notes]
+    return "\n".join([*lines, *(["", *notes] if notes else [])]) + "\n"
+
+
+def comma_separated(table: Table) -> str:
+    """CSV with a `source` column: measured or published. Numbers in full precision."""
+    out = io.StringIO()
+    write = csv.writer(out, lineterminator="\n").writerow
+    write(["source", *table.heads, *(column.full for column in table.columns)])
+    for source, rows in (("measured", table.rows), ("published", table.published)):
+        for row in rows:
+            write([source, *row.labels, *("" if v is None else str(v) for v in row.values)])
+    return out.getvalue()
+
+
+def latex(table: Table) -> str:
+    """A LaTeX tabular; needs the package booktabs."""
+    width = len(table.heads) + len(table.columns)
+    form = "l" * len(table.heads) + "r" * len(table.columns)
+    lines = [f"% {' '.join(table.title.split())}", f"\\begin{{tabular}}{{{form}}}", "\\toprule"]
+    if _grouped(table):
+        spans = [(g, len(list(cs))) for g, cs in groupby(table.columns, lambda c: c.group)]
+        spanned = [f"\\multicolumn{{{n}}}{{c}}{{{_tex(group)}}}" for group, n in spans]
+        lines.append(" & ".join([""] * len(table.heads) + spanned).strip() + " \\\\")
+    heads = [*table.heads, *(column.name for column in table.columns)]
+    lines += [_ampersands(heads), "\\midrule"]
+    lines += [_ampersands(_cells(table, row)) for row in table.rows]
+    if table.published:
+        lines += ["\\midrule", f"\\multicolumn{{{width}}}{{l}}{{{_tex(PUBLISHED)}}} \\\\"]
+        lines += [_ampersands(_cells(table, row)) for row in table.published]
+    lines += ["\\bottomrule", "\\end{tabular}", *(f"% {note}" for note in table.notes)]
+    return "\n".join(lines) + "\n"
+
+
+def as_json(table: Table) -> str:
+    """One JSON object; a share is {"count", "of"}."""
+
+    def plain(rows: Sequence[Row]) -> list[dict[str, Any]]:
+        return [
+            {
+                **dict(zip(table.heads, row.labels, strict=True)),
+                "values": [
+                    {"count": v.count, "of": v.of} if isinstance(v, Rate) else v for v in row.values
+                ],
+            }
+            for row in rows
+        ]
+
+    content = {
+        "title": table.title,
+        "columns": [{"group": c.group, "name": c.name} for c in table.columns],
+        "measured": plain(table.rows),
+        "published": plain(table.published),
+        "notes": list(table.notes),
+    }
+    return json.dumps(content) + "\n"
+
+
+FORMATS: Mapping[str, Callable[[Table], str]] = MappingProxyType(
+    {"text": text, "md": markdown, "csv": comma_separated, "latex": latex, "json": as_json}
+)
+
+
+def _grouped(table: Table) -> bool:
+    return any(column.group for column in table.columns)
+
+
+def _group_line(table: Table, widths: list[int]) -> list[str]:
+    """The groups' names, each over its columns; a group's last column grows to make room."""
+    if not _grouped(table):
+        return []
+    at = len(table.heads)
+    parts = [" " * width for width in widths[:at]]
+    for group, columns in groupby(table.columns, lambda column: column.group):
+        count = len(list(columns))
+        span = sum(widths[at : at + count]) + len(GAP) * (count - 1)
+        widths[at + count - 1] += max(0, len(group) - span)
+        parts.append(group.rjust(max(span, len(group))))
+        at += count
+    return [GAP.join(parts).rstrip()]
+
+
+def _cells(table: Table, row: Row) -> list[str]:
+    pairs = zip(row.values, table.columns, strict=True)
+    return [*row.labels, *(shown(value, column.percent) for value, column in pairs)]
+
+
+def _footnotes(table: Table) -> list[str]:
+    return ["", *table.notes] if table.notes else []
+
+
+def _pipes(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(_mark(cell) for cell in cells)} |"
+
+
+def _mark(text: str) -> str:
+    """Text that means itself within a line of Markdown."""
+    for character in "\\|*_`<":
+        text = text.replace(character, "\\" + character)
+    return " ".join(text.split())
+
+
+def _ampersands(cells: Iterable[str]) -> str:
+    return " & ".join(_tex(cell) for cell in cells) + " \\\\"
+
+
+def _tex(text: str) -> str:
+    special = {c: f"\\{c}" for c in "&%$#_{}"}
+    named = {"\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}
+    return "".join((special | named).get(character, character) for character in text)

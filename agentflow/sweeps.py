@@ -1,0 +1,167 @@
+"""Owns what a sweep is: a base configuration and axes, and the runs that come of them (spec 6.3).
+
+Carrying them out and making tables of them is app's.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from agentflow.config import DesignConfig, build, put
+from agentflow.errors import ConfigError, UnknownNameError
+
+StageChoice = Literal["initial", "blind_refinement", "env_feedback"]
+Axis = dict[str, dict[str, Any]]
+"""Label -> dotted configuration keys and the values that it stands for."""
+
+
+class Source(BaseModel):
+    """Where published numbers for a sweep stand."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    table: str = Field(description="table of the published results")
+    conditions: dict[str, str] = Field(
+        {}, description="published condition: the sweep's; those left out are not taken; {}: all"
+    )
+    metrics: tuple[str, ...] = Field((), description="published metrics taken; (): all")
+
+
+class Layout(BaseModel):
+    """How a table is made of a sweep's runs."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    conditions: Literal["axes", "stages", "rounds", "none"] = Field(
+        "axes",
+        description="what the columns compare: the axes but task, the stages of each run, one "
+        "search cut after several rounds, or nothing; axes that do not are rows",
+    )
+    stage: StageChoice = Field("env_feedback", description="whose machines are counted")
+    rounds: tuple[int, ...] = Field((), description="where a search is cut, for rounds")
+    metrics: tuple[str, ...] = Field(min_length=1, description="columns of each condition")
+    task_metrics: dict[str, tuple[str, ...]] = Field(
+        {}, description="tasks that are measured otherwise"
+    )
+    columns: Literal["condition", "task"] = Field(
+        "condition", description="what heads a group of columns; tasks that do not are rows"
+    )
+    published: tuple[Source, ...] = ()
+
+
+class SweepConfig(BaseModel):
+    """A sweep as written in YAML."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    title: str = Field(min_length=1, description="heads its table")
+    about: str = Field("", description="what it shows, in a sentence or two")
+    base: dict[str, Any] = Field({}, description="configuration that all runs share")
+    seeds: tuple[int, ...] = Field((0,), min_length=1)
+    axes: dict[str, Axis] = Field({}, description="what the runs differ in")
+    table: Layout
+
+    @field_validator("axes", mode="before")
+    @classmethod
+    def _labelled(cls, axes: object) -> object:
+        """An axis that is a list varies the configuration key that it is named after."""
+        if not isinstance(axes, Mapping):
+            return axes
+        return {
+            name: {str(value): {name: value} for value in axis} if isinstance(axis, list) else axis
+            for name, axis in axes.items()
+        }
+
+    @field_validator("axes")
+    @classmethod
+    def _never_empty(cls, axes: dict[str, Axis]) -> dict[str, Axis]:
+        for name, axis in axes.items():
+            if not axis:
+                raise ValueError(f"axis {name} has no values")
+        return axes
+
+
+@dataclass(frozen=True)
+class Member:
+    """One run of a sweep."""
+
+    name: str
+    """Of its run directory."""
+    labels: Mapping[str, str]
+    """Axis -> label."""
+    config: DesignConfig
+
+    @property
+    def variant(self) -> str:
+        """The labels of all axes but `task`, in order."""
+        return ", ".join(label for axis, label in self.labels.items() if axis != "task")
+
+
+def read_sweep(document: Mapping[str, Any], source: str) -> SweepConfig:
+    """Validate a sweep's document.
+
+    Args:
+        document: As loaded.
+        source: Named in errors.
+
+    Raises:
+        ConfigError: A key is unknown or wrong; or this is the configuration of a single run.
+    """
+    if "table" not in document and "axes" not in document:
+        raise ConfigError(
+            f"{source} is no sweep: it has neither axes nor a table; a single run is started with "
+            f"agentflow design --config {source}"
+        )
+    try:
+        return SweepConfig.model_validate(dict(document))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "extra_forbidden":
+            kind = Layout if first["loc"][0] == "table" else SweepConfig
+            known = [".".join([*map(str, first["loc"][:-1]), name]) for name in kind.model_fields]
+            raise ConfigError(f"{source}: {UnknownNameError('key', key, known)}") from None
+        message = first["msg"].removeprefix("Value error, ")
+        raise ConfigError(f"{source}: {key}: {message[0].lower()}{message[1:]}") from None
+
+
+def members(sweep: SweepConfig) -> tuple[Member, ...]:
+    """All runs: the product of the axes, in their order, times the seeds.
+
+    Raises:
+        ConfigError: A configuration is wrong, or two runs would be the same.
+    """
+    found: dict[str, Member] = {}
+    for choice in product(*(axis.items() for axis in sweep.axes.values())):
+        labels = dict(zip(sweep.axes, (label for label, _ in choice), strict=True))
+        document: dict[str, Any] = dict(sweep.base)
+        for _, settings in choice:
+            for key, value in settings.items():
+                document = put(document, key, value)
+        for seed in sweep.seeds:
+            name = _name([*labels.values(), f"seed-{seed}"])
+            if name in found:
+                raise ConfigError(f"two runs of the sweep would be called {name}")
+            found[name] = Member(name, labels, build({**document, "seed": seed}))
+    return tuple(found.values())
+
+
+def varied(sweep: SweepConfig) -> dict[str, str]:
+    """Configuration key -> the axis that sets it; `seed` is set by the list of seeds."""
+    keys = {
+        key: name
+        for name, axis in sweep.axes.items()
+        for settings in axis.values()
+        for key in settings
+    }
+    return {**keys, "seed": "seeds"}
+
+
+def _name(parts: list[str]) -> str:
+    return ".".join(re.sub(r"[^A-Za-z0-9_-]+", "-", part).strip("-") or "-" for part in parts)
