@@ -16,7 +16,7 @@ from agentflow.metrics import published as literature
 from agentflow.metrics.cells import Cell, Value, curve
 from agentflow.metrics.cells import Member as Numbers
 from agentflow.metrics.records import STAGES
-from agentflow.metrics.tables import Column, Row, Table, shown
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, shown
 from agentflow.metrics.usage import Bill, Simulated, Spent, bill
 from agentflow.metrics.validity import Rate
 from agentflow.runs import read_calls, read_result
@@ -169,6 +169,11 @@ def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
     if name != LAYOUT:
         raise UsageError(f"published rows exist in the view {LAYOUT!r} alone, not in {name!r}")
     return layout(read_swept(path), published=True)
+
+
+def written(path: Path, name: str, form: str, *, published: bool = False) -> str:
+    """A table of a sweep as text in one of the `FORMATS`; see `view`."""
+    return FORMATS[form](view(path, name, published=published))
 
 
 def _variants(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:

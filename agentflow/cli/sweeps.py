@@ -83,10 +83,9 @@ def table(
     ] = False,
 ) -> None:
     """Compare the runs of a sweep in a table."""
-    from agentflow.app.views import view
-    from agentflow.metrics.tables import FORMATS
+    from agentflow.app.views import written
 
-    print(FORMATS[form](view(sweep, show, published=published)), end="")
+    print(written(sweep, show, form, published=published), end="")
 
 
 def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
