@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -31,8 +32,11 @@ def resolved(path: Path | None, settings: Iterable[str]) -> dict[str, Any]:
     given = list(settings)
     plan = Plan.of(configured(path, given, {}))
     config = shown(plan.config)
-    layers = _layers(path, given)
-    origins = {".".join(keys): _origin(keys, layers) for keys, _ in _leaves(config)}
+    whole, layers = _layers(path, given)
+    origins = {
+        ".".join(keys): _origin(keys, layers) if _holds(whole, keys) else DEFAULT
+        for keys, _ in _leaves(config)
+    }
     return {"config": config, "from": origins}
 
 
@@ -41,15 +45,17 @@ def as_yaml(found: Mapping[str, Any]) -> str:
     return "\n".join(_lines(found["config"], (), found["from"]))
 
 
-def _layers(path: Path | None, settings: list[str]) -> list[tuple[str, Mapping[str, Any]]]:
-    """Name and document of everything that was given, what counts last first."""
+def _layers(
+    path: Path | None, settings: list[str]
+) -> tuple[Mapping[str, Any], list[tuple[str, Mapping[str, Any]]]]:
+    """What was given in all, and name and document of each source; what counts most, first."""
     file = load(path) if path is not None else {}
     laid = override(file, settings)
     filled = with_environment(laid, os.environ)
     before = {keys for keys, _ in _leaves(laid)}
     added = [keys for keys, _ in _leaves(filled) if keys not in before]
     environment = {"model": {keys[-1]: True for keys in added}} if added else {}
-    return [
+    return filled, [
         (ENVIRONMENT, environment),
         (SETTING, override({}, settings)),
         (str(path), file),
@@ -57,19 +63,19 @@ def _layers(path: Path | None, settings: list[str]) -> list[tuple[str, Mapping[s
 
 
 def _origin(keys: tuple[str, ...], layers: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
-    for name, document in layers:
-        value: Any = document
-        for key in keys:
-            if not isinstance(value, Mapping):
-                break  # given as a whole, from further up
-            if key not in value:
-                break
-            value = value[key]
-        else:
-            return name
+    return next((name for name, document in layers if _holds(document, keys)), DEFAULT)
+
+
+def _holds(document: Mapping[str, Any], keys: tuple[str, ...]) -> bool:
+    """Whether a document gives a value for a key, or for a group around it as a whole."""
+    value: Any = document
+    for key in keys:
         if not isinstance(value, Mapping):
-            return name
-    return DEFAULT
+            return True
+        if key not in value:
+            return False
+        value = value[key]
+    return True
 
 
 def _leaves(
@@ -97,4 +103,5 @@ def _lines(
 
 def _flow(value: Any) -> str:
     text = yaml.safe_dump(value, default_flow_style=True, width=10**9, allow_unicode=True)
-    return text.removesuffix("...\n").strip()
+    line = text.removesuffix("...\n").strip()
+    return json.dumps(value) if "\n" in line else line

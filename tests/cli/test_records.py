@@ -1,0 +1,84 @@
+"""The commands on recorded runs and on configurations, as a user sees them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from agentflow.cli import main
+
+RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
+Captured = pytest.CaptureFixture[str]
+
+
+def shown(capsys: Captured, *arguments: str) -> str:
+    assert main(list(arguments)) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    return captured.out
+
+
+def test_runs_are_one_line_each_however_long_the_path(tmp_path: Path, capsys: Captured) -> None:
+    run = tmp_path / ("a" * 100) / "run"
+    shutil.copytree(RECORDED, run)
+    head, line = shown(capsys, "runs", str(tmp_path)).splitlines()
+    assert head.split() == ["run", "state", "task", "workflow", "model", "seed", "score", "cost"]
+    assert line.split()[:4] == [str(run), "done", "throwing", "hierarchical"]
+    (item,) = json.loads(shown(capsys, "runs", str(tmp_path), "--json"))
+    assert (item["run"], item["state"]) == (str(run), "done")
+
+
+def test_a_folder_without_runs_says_so(tmp_path: Path, capsys: Captured) -> None:
+    assert shown(capsys, "runs", str(tmp_path)) == "no runs\n"
+    assert shown(capsys, "runs", str(tmp_path), "--json") == "[]\n"
+
+
+def test_a_damaged_run_does_not_hide_the_others(tmp_path: Path, capsys: Captured) -> None:
+    shutil.copytree(RECORDED, tmp_path / "good")
+    shutil.copytree(RECORDED, tmp_path / "bad")
+    (tmp_path / "bad" / "result.json").write_text("{")
+    why, _, bad, good = shown(capsys, "runs", str(tmp_path)).splitlines()
+    assert why == f"{tmp_path / 'bad' / 'result.json'} is damaged: expected a JSON object"
+    assert bad.split()[1:] == ["damaged", "-", "-", "-", "-", "-", "-"]
+    assert good.split()[1] == "done"
+
+
+def test_show_tells_stages_costs_and_failures(capsys: Captured) -> None:
+    lines = shown(capsys, "show", str(RECORDED)).splitlines()
+    assert lines[0] == f"{RECORDED}: done"
+    assert lines[1] == "throwing, hierarchical, procedural (no language model), seed 0"
+    assert lines[2] == "best score 21.66, 23 blocks, found in stage env_feedback"
+    assert "env_feedback      2/2             2/2    10.83  21.66  6      4" in map(
+        str.rstrip, lines
+    )
+    assert "0 of 19 replies refused; 8 machines simulated" in lines
+    assert json.loads(shown(capsys, "show", str(RECORDED), "--json"))["state"] == "done"
+
+
+def test_failures_are_a_table(capsys: Captured) -> None:
+    lines = shown(capsys, "failures", str(RECORDED)).splitlines()
+    assert "planning      no motion          2      8 machines" in lines
+    assert len(lines) == 2 + 11
+
+
+def test_a_configuration_is_shown_as_one(capsys: Captured, tmp_path: Path) -> None:
+    text = shown(capsys, "config", "show", "--set", "search.rounds=2")
+    assert "    rounds: 2                                       # --set\n" in text
+    (tmp_path / "again.yaml").write_text(text)
+    assert shown(capsys, "config", "show", "--config", str(tmp_path / "again.yaml"), "--json")
+    found = json.loads(shown(capsys, "config", "show", "--set", "search.rounds=2", "--json"))
+    assert found["config"] == yaml.safe_load(text)
+    assert found["from"]["settings.search.rounds"] == "--set"
+
+
+@pytest.mark.parametrize("command", ["show", "rescore", "failures", "runs"])
+def test_what_is_no_run_is_one_line(command: str, tmp_path: Path, capsys: Captured) -> None:
+    assert main([command, str(tmp_path / "none")]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("agentflow: ")
+    assert captured.err.count("\n") == 1

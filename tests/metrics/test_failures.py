@@ -1,0 +1,95 @@
+"""What went wrong is counted by the stated rules, and the stated rules are those of the help."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from agentflow.cli import main
+from agentflow.metrics.failures import KINDS, STILL, Failures, failures, kind_of
+from agentflow.runs import Event
+
+
+def attempt(code: str, role: str = "designer", **more: Any) -> Event:
+    data = {"role": role, "valid": False, "parsed": True, "code": code, **more}
+    return Event("attempt", f"{role}/{code}/attempt-1", data)
+
+
+def evaluation(machine: str, broken: int = 0, **more: Any) -> Event:
+    data = {"machine": machine, "broken": [[1, 0, 0.5]] * broken, **more}
+    return Event("evaluation", f"initial/{machine}", data)
+
+
+@pytest.mark.parametrize(
+    ("event", "name"),
+    [
+        (attempt("truncated", parsed=False), "unparsable"),
+        (attempt("not_json", parsed=False), "unparsable"),
+        (attempt("missing_section", "refiner", parsed=False), "unparsable"),
+        (attempt("required_count"), "missing component"),
+        (attempt("required_missing", "meta_designer"), "missing component"),
+        (attempt("type_outside_structure"), "plan not followed"),
+        (attempt("undefined_structure", "meta_designer"), "plan not followed"),
+        (attempt("type_not_allowed", parsed=False), "block not allowed"),
+        (attempt("face_not_found", parsed=False), "wrong attachment"),
+        (attempt("face_occupied", "refiner"), "wrong attachment"),
+        (attempt("overlap"), "overlap"),
+        (attempt("overlap", "refiner"), "overlap"),
+        (attempt("block_not_found", "refiner"), "refused edit"),
+        (attempt("no_change", "refiner"), "refused edit"),
+        (attempt("size_limit"), "other"),
+        (attempt("id_sequence", parsed=False), "other"),
+        (attempt("a code of tomorrow"), "other"),
+    ],
+    ids=lambda value: value.label if isinstance(value, Event) else "",
+)
+def test_a_refused_reply_is_of_one_kind(event: Event, name: str) -> None:
+    assert kind_of(event).name == name
+    found = failures([event], lambda _digest: False)
+    assert {kind: count for kind, count in found.kinds.items() if count} == {name: 1}
+    assert (found.replies, found.refused, found.machines) == (1, 1, 0)
+
+
+def test_machines_count_once_and_may_be_of_several_kinds() -> None:
+    events = [
+        evaluation("a", broken=2, moved=STILL),
+        evaluation("a", broken=2, moved=STILL),
+        evaluation("b", moved=STILL + 0.001),
+        evaluation("c", moved=None),
+        evaluation("d"),
+    ]
+    found = failures(events, lambda digest: digest in "ab")
+    assert found.machines == 4
+    assert {kind: count for kind, count in found.kinds.items() if count} == {
+        "breakage": 1,
+        "no motion": 1,
+        "wrong facing": 2,
+    }
+
+
+def test_accepted_replies_and_other_events_are_no_failures() -> None:
+    fine = Event("attempt", "a", {"valid": True, "parsed": True, "code": "", "role": "designer"})
+    assert failures([fine, Event("stage", "initial", {})], lambda _: True) == Failures(replies=1)
+
+
+def test_runs_add_up() -> None:
+    one = failures([attempt("overlap"), evaluation("a", broken=1)], lambda _: False)
+    both = one + failures([attempt("overlap"), attempt("")], lambda _: False)
+    assert (both.replies, both.refused, both.machines) == (3, 3, 1)
+    assert (both.kinds["overlap"], both.kinds["breakage"], both.kinds["other"]) == (2, 1, 1)
+    assert both.codes == {"overlap": 2, "unparsable": 1}
+
+
+def test_a_code_belongs_to_one_kind() -> None:
+    codes = [code for kind in KINDS for code in kind.codes]
+    assert len(codes) == len(set(codes))
+
+
+def test_the_help_states_every_rule(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["failures", "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    for kind in KINDS:
+        machines = "(machines) " if kind.unit == "machine" else ""
+        assert re.search(rf"{kind.name} {re.escape(machines)}{re.escape(kind.rule)}", text), kind
