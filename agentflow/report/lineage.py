@@ -37,7 +37,9 @@ class Node:
     calls: tuple[str, ...] = ()
     """Labels of the calls that made it."""
     best: bool = False
-    """Whether it is the run's result, or on the way there."""
+    """Whether it is the run's result."""
+    lead: bool = False
+    """Whether it is that, or on the way there."""
 
     def to_json(self) -> dict[str, Any]:
         """As the page reads it."""
@@ -90,11 +92,13 @@ class Lineage:
         tried = [n for n in self.nodes.values() if n.valid and n.score is not None]
         found = [n for n in tried if n.machine == machine] or tried
         best = max(found, key=lambda n: n.score or 0.0, default=None)
-        way = set()
-        while best is not None:
-            way.add(best.id)
-            best = self.nodes.get(best.parent or "")
-        return tuple(replace(node, best=node.id in way) for node in self.nodes.values())
+        way, at = set(), best
+        while at is not None:
+            way.add(at.id)
+            at = self.nodes.get(at.parent or "")
+        return tuple(
+            replace(node, best=node == best, lead=node.id in way) for node in self.nodes.values()
+        )
 
     def _answered(self, event: Event) -> None:
         """A call was answered."""

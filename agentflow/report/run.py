@@ -97,15 +97,18 @@ class RunStory:
             "task": config.get("task", ""),
             "workflow": config.get("workflow", ""),
             "seed": config.get("seed", 0),
-            "score": self.result["score"] if self.result else None,
+            "score": self.result["score"] if self.result else self._highest(),
             "sentence": self._sentence(),
             "about": f"{model}: {counted['attempt']} calls, {machines} machines simulated",
             "prices": priced,
         }
 
+    def _highest(self) -> float | None:
+        return next((node.score for node in self.nodes if node.best), None)
+
     def _sentence(self) -> str:
         if self.result is None:
-            return "so far: the run is unfinished"
+            return "is the best so far: the run is unfinished"
         if not self.result["valid"]:
             return str(self.result.get("reason") or "no valid machine was found")
         stage = str(self.result.get("best_stage") or "").replace("_", " ")

@@ -93,7 +93,7 @@ function path(film, bodies, hero, camera) {
     box.expandByScalar(MARGIN);
     const middle = box.getCenter(new THREE.Vector3());
     const size = box.getSize(new THREE.Vector3());
-    const reach = Math.max(size.y * 0.62, Math.hypot(size.x, size.z) * 0.4);
+    const reach = Math.max(size.y * 0.56, Math.hypot(size.x, size.z) * 0.35);
     points.push([middle.x, middle.y, middle.z, Math.max(reach / slope, 7)]);
   }
   return points.map((_, index) => {

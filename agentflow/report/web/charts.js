@@ -85,21 +85,21 @@ function axes(xs, ys, across, up) {
       svg("path", { class: "grid", d: `M${xs.from} ${ys(value)}H${xs.to}` }),
       svg("text", { class: "tick end", x: xs.from - 6, y: ys(value) + 4 }, brief(value)),
     ]),
-    ...ticksBelow(xs, ys.from, across),
+    ...ticksBelow(xs, ys.from, across, 1),
     svg("text", { class: "tick", x: 2, y: 9 }, up),
   ];
 }
 
-function ticksBelow(xs, y, name) {
+function ticksBelow(xs, y, name, least = 0) {
   return [
-    ...ticks(xs.low, xs.high, 5).map((value) => svg("text", { class: "tick middle", x: xs(value), y: y + 15 }, brief(value))),
+    ...ticks(xs.low, xs.high, 5, least).map((value) => svg("text", { class: "tick middle", x: xs(value), y: y + 15 }, brief(value))),
     svg("text", { class: "tick end", x: xs.to, y: y + 29 }, name),
   ];
 }
 
-/** Round numbers from low to high. */
-function ticks(low, high, count) {
-  const raw = (high - low) / count;
+/** Round numbers from low to high, at least so far apart. */
+function ticks(low, high, count, least = 0) {
+  const raw = Math.max((high - low) / count, least);
   const power = 10 ** Math.floor(Math.log10(raw));
   const step = [1, 2, 5, 10].map((factor) => factor * power).find((size) => size >= raw * 0.999);
   const found = [];

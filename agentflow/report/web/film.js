@@ -58,10 +58,16 @@ export class Film {
     return [index, Math.min(Math.max(exact - index, 0), 1)];
   }
 
+  /** One number between two samples; places along a curve, turns straight on. */
   at(component, body, index, share) {
     const row = (component * this.bodies + body) * this.samples + index;
     const here = this.values[row];
-    return share > 0 ? here + share * (this.values[row + 1] - here) : here;
+    if (share <= 0) return here;
+    const next = this.values[row + 1];
+    if (component > 2) return here + share * (next - here);
+    const before = index > 0 ? this.values[row - 1] : here;
+    const after = index + 2 < this.samples ? this.values[row + 2] : next;
+    return curved(before, here, next, after, share);
   }
 
   turn(body, index, share) {
@@ -70,6 +76,14 @@ export class Film {
     const length = Math.hypot(...turned) || 1;
     turned.forEach((value, i) => (this.rotation[4 * body + i] = value / length));
   }
+}
+
+/** Catmull and Rom's curve through four places, between the second and the third. */
+function curved(before, here, next, after, share) {
+  const first = (next - before) / 2;
+  const last = (after - here) / 2;
+  const rest = next - here;
+  return here + share * (first + share * (3 * rest - 2 * first - last + share * (first + last - 2 * rest)));
 }
 
 /** Rows of 16-bit numbers from their differences over time, all low bytes before all high ones. */

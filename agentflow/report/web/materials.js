@@ -3,7 +3,7 @@
 
 import * as THREE from "three";
 
-const SUN = "const vec3 sun = normalize(vec3(4.0, 12.0, -7.0));";
+const SUN = "const vec3 sun = normalize(vec3(-5.0, 12.0, -6.0));";
 const FAR = "float far = smoothstep(60.0, 220.0, distance(place, cameraPosition));";
 
 export const surface = new THREE.ShaderMaterial({

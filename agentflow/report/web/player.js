@@ -177,7 +177,7 @@ export class Player {
         el("p", { class: "nothing" })),
       el("div", { class: "transport" }, this.button,
         el("div", { class: "track" }, this.slider, this.ticks), this.clock, this.chooser, this.loads,
-        el("button", { title: "Look from the usual side again (R)", click: () => this.again() }, "Reset view")),
+        el("button", { title: "Look from the usual side again (R)", click: () => this.again() }, "Reset")),
       el("p", { class: "remark" }), this.list);
   }
 

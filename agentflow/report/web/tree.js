@@ -72,6 +72,7 @@ export class Tree {
     const links = [...this.nodes.values()].map((node) => this.link(node)).filter(Boolean);
     this.element.replaceChildren(svg("g", { class: "links", "aria-hidden": "true" }, ...links), ...this.marks.values());
     this.select(this.selected ?? this.nodes.keys().next().value);
+    this.element.parentElement.scrollTop = this.y(this.nodes.get(this.selected) ?? { row: 0 }) - this.element.parentElement.clientHeight / 2;
     if (focused) this.marks.get(this.selected).focus();
   }
 
@@ -91,7 +92,7 @@ export class Tree {
     const way = y0 === y1
       ? `M${x0} ${y0}H${x1}`
       : `M${x0} ${y0}V${y1 - bend}Q${x0} ${y1} ${x0 + bend} ${y1}H${x1}`;
-    return svg("path", { d: way, class: node.best ? "best" : "" });
+    return svg("path", { d: way, class: node.lead ? "lead" : "" });
   }
 
   mark(node) {
