@@ -206,8 +206,8 @@ class DeliveryReferee:
         self._here = self._first = self._best = self._best_time = 0.0
         self._origin = (0.0, 0.0)
         self._height = self._reach = 0.0
-        self._grounded = 0.0
-        """Last moment at which the cargo touched ground or anything else of the scene."""
+        self._aloft: float | None = None
+        """Since when the cargo has touched neither ground nor anything else of the scene."""
         self._landing: float | None = None
 
     def start(self, world: World) -> None:
@@ -222,10 +222,7 @@ class DeliveryReferee:
         self._here = self._line.along(x, z, self._here)
         self._height = max(self._height, y)
         touching = world.touching(CARGO)
-        if any(isinstance(body, str) for body in touching):
-            if world.time - self._grounded >= FLIGHT - ROUNDING and self._landing is None:
-                self._landing = world.time
-            self._grounded = world.time
+        self._fly(world.time, any(isinstance(body, str) for body in touching))
         if self._touched is None:
             if not any(isinstance(body, int) for body in touching):
                 return
@@ -233,6 +230,15 @@ class DeliveryReferee:
         self._reach = max(self._reach, hypot(x - self._origin[0], z - self._origin[1]))
         if self._here - self._first > self._best:
             self._best, self._best_time = self._here - self._first, world.time
+
+    def _fly(self, time: float, down: bool) -> None:
+        """Take note of the first landing."""
+        if not down:
+            self._aloft = time if self._aloft is None else self._aloft
+            return
+        if self._aloft is not None and time - self._aloft >= FLIGHT - ROUNDING:
+            self._landing = time if self._landing is None else self._landing
+        self._aloft = None
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
         """Score, terms and events; a term is None where it does not apply."""

@@ -14,7 +14,7 @@ from agentflow.env.scene import Thing, Vec3
 EACH, CLOSE = 10.0, 10.0
 """Points of a ring that was passed; most points for coming close to the next one (spec 3)."""
 HALF = 0.5
-"""Points that a metre away from the next ring's centre costs in throwing (spec 3)."""
+"""Points that each metre from the next ring's centre costs (spec 3)."""
 SIDES = 24
 THICK = 0.4
 """Of the ring's body, m."""
@@ -79,11 +79,8 @@ class Passage:
         if self.passed < len(self._rings):
             self.closest = min(self.closest, dist(place, self._rings[self.passed].centre))
 
-    def score(self, cost: float = HALF) -> float:
-        """10 for each ring, and up to 10 for coming close to the next.
-
-        Args:
-            cost: Points that each metre from the next ring's centre takes.
-        """
-        close = 0.0 if self.passed == len(self._rings) else max(0.0, CLOSE - cost * self.closest)
+    @property
+    def score(self) -> float:
+        """10 for each ring, and up to 10 for coming close to the next."""
+        close = 0.0 if self.passed == len(self._rings) else max(0.0, CLOSE - HALF * self.closest)
         return EACH * self.passed + close

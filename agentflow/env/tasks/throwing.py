@@ -166,7 +166,8 @@ class ThrowReferee:
         if self._knobs.score == "rings":
             passage = best.passage
             done = passage.passed == self._knobs.ring.count
-            terms["passed"] = f"{passage.passed} of {self._knobs.ring.count}"
+            terms["passed"] = float(passage.passed)
+            terms["rings"] = float(self._knobs.ring.count)
             terms["closest"] = None if done else passage.closest
         elif self._knobs.score == "accuracy":
             terms["target_distance"] = best.away(0.0, self._knobs.target.at)
@@ -180,7 +181,7 @@ class ThrowReferee:
     def _worth(self, flight: Flight) -> float:
         mode = self._knobs.score
         if mode == "rings":
-            return flight.passage.score() if flight.distance else 0.0
+            return flight.passage.score if flight.distance else 0.0
         if mode == "accuracy":
             away = flight.away(0.0, self._knobs.target.at)
             return 0.0 if away is None else max(0.0, TARGET_POINTS - TARGET_COST * away)
@@ -205,7 +206,7 @@ def _more(machine: Machine, terms: Mapping[str, Any]) -> list[str]:
             if closest is None
             else (f", closest distance to the next ring's centre {number(closest)} m")
         )
-        lines.append(f"Rings: passed {terms['passed']}{near}")
+        lines.append(f"Rings: passed {terms['passed']:g} of {terms['rings']:g}{near}")
     if "target_distance" in terms:
         away = terms["target_distance"]
         landed = "no throw landed" if away is None else f"landed {number(away)} m from it"

@@ -9,6 +9,7 @@ import pytest
 from agentflow.env.tasks.base import Body, Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Verdict
+from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import BOULDER, THROWER, FakeWorld, make_trace
 
 STEP = 1 / 120
@@ -197,3 +198,93 @@ def test_the_feedback_is_short_and_regular() -> None:
     )
     assert feedback.data["boulder"] == BOULDER
     assert len(feedback.data["series"][0]["values"]) == 26
+
+
+def arc(*places: tuple[float, float]) -> list[Moment]:
+    """A flight that begins at 0.1 s, through these heights and distances, one each tenth."""
+    return [(0.1 + 0.1 * i, y, z, FREE) for i, (y, z) in enumerate(places)]
+
+
+THROUGH = [
+    *moments(STEP, 0.1, 0.0, 1.0, HELD),
+    *arc((4.0, 5.0), (8.0, 12.0), (8.0, 16.0), (5.0, 24.0)),
+    (0.6, 1.0, 30.0, DOWN),
+]
+
+
+def test_one_ring_passed_scores_ten() -> None:
+    verdict = judge(THROUGH, get_task("throwing/4"))
+    assert verdict.score == 10.0
+    assert (verdict.terms["passed"], verdict.terms["rings"]) == (1.0, 1.0)
+    assert verdict.terms["closest"] is None
+
+
+def test_two_rings_passed_score_twenty() -> None:
+    assert judge(THROUGH, get_task("throwing/5")).score == 20.0
+
+
+def test_close_to_the_second_ring_scores_in_between() -> None:
+    script = [
+        *moments(STEP, 0.1, 0.0, 1.0, HELD),
+        *arc((4.0, 5.0), (8.0, 12.0), (8.0, 16.0), (7.0, 18.0)),
+        (0.6, 1.0, 18.0, DOWN),
+    ]
+    verdict = judge(script, get_task("throwing/5"))
+    assert verdict.score == 10.0 + 10.0 - 0.5 * 4.0
+    assert (verdict.terms["passed"], verdict.terms["closest"]) == (1.0, 4.0)
+
+
+def test_a_boulder_carried_through_the_ring_scores_nothing() -> None:
+    script = [*moments(STEP, 1.0, 0.0, 30.0, HELD), (1.1, 1.0, 30.0, DOWN)]
+    assert judge(script, get_task("throwing/4")).score == 0.0
+
+
+def test_what_has_touched_the_ring_passes_no_further() -> None:
+    rim: frozenset[Body] = frozenset({"ring 1, piece 3"})
+    script = [
+        *moments(STEP, 0.1, 0.0, 1.0, HELD),
+        *arc((4.0, 5.0), (8.0, 12.0), (8.0, 13.0), (8.0, 13.9)),
+        (0.5, 8.0, 13.95, rim),
+        *arc((8.0, 16.0)),
+        (0.9, 1.0, 24.0, DOWN),
+    ]
+    verdict = judge(script, get_task("throwing/5"))
+    assert verdict.terms["landed_on"] == "ring 1, piece 3"
+    assert verdict.terms["passed"] == 0.0
+
+
+def test_accuracy_counts_half_a_point_less_per_metre_from_the_target() -> None:
+    task = get_task("throwing", {"score": "accuracy", "target.at": 26})
+    verdict = judge(THROUGH, task)
+    assert verdict.score == 8.0
+    assert verdict.terms["target_distance"] == 4.0
+    assert judge(moments(STEP, 1.0, 0.0, 26.0, HELD), task).score == 0.0
+    assert "z = 26 m" in task.brief.score[0]
+
+
+def test_of_several_boulders_the_mean_counts() -> None:
+    task = get_task("throwing", {"reload": 2})
+    assert task.brief.required == {36: 2}
+    steps = (ROOT, Step(1, 30, 0, 4), Step(2, 36, 1, 0), Step(3, 30, 0, 0), Step(4, 36, 3, 0))
+    machine = Machine(steps)
+    referee = task.referee(machine)
+    world = FakeWorld(centres={2: (0.0, 2.0, 0.0), 4: (0.0, 2.0, 0.0)})
+    world.contacts = {2: HELD, 4: frozenset({3})}
+    referee.start(world)
+    for time, z, contacts in ((0.3, 6.0, FREE), (0.6, 12.0, DOWN)):
+        world.time = time
+        world.centres[4], world.contacts[4] = (0.0, 2.0, z), contacts
+        referee.watch(world)
+    verdict = referee.verdict(make_trace(5))
+    assert verdict.score == 6.0
+    assert (verdict.terms["boulder"], verdict.terms["throws"]) == (4, "1 of 2")
+    text = task.feedback(machine, make_trace(5), (), verdict).text
+    assert "Boulders: 1 of 2 thrown, the best is block 4 (Boulder)" in text
+
+
+def test_feedback_on_rings_tells_how_close_it_came() -> None:
+    task = get_task("throwing/4")
+    short = [*moments(STEP, 0.1, 0.0, 1.0, HELD), *arc((7.0, 10.0)), (0.5, 1.0, 12.0, DOWN)]
+    verdict = judge(short, task)
+    text = task.feedback(THROWER, make_trace(len(THROWER)), (), verdict).text
+    assert "Rings: passed 0 of 1, closest distance to the next ring's centre 8.00 m" in text

@@ -1,0 +1,45 @@
+"""The platform: a plate right under the machine, wherever its angle puts it."""
+
+from __future__ import annotations
+
+from math import radians, sin
+
+import numpy as np
+import pytest
+
+from agentflow.env.raster import corners_of
+from agentflow.env.rotations import rotate
+from agentflow.env.scene import Start
+from agentflow.env.tasks.platforms import Platform
+
+
+@pytest.mark.parametrize(("height", "angle"), [(2, 0), (0, 15), (1, -20)])
+def test_its_upper_side_is_the_plane_that_the_machine_stands_on(
+    height: float, angle: float
+) -> None:
+    platform = Platform(height=height, angle=angle)
+    (plate,) = platform.things()
+    start = platform.start
+    normal = rotate(np.array(start.rotation), (0.0, 1.0, 0.0))
+    above = (corners_of(plate) - (0.0, start.height, 0.0)) @ normal
+    assert above.max() == pytest.approx(0.0, abs=1e-9)
+    upper = corners_of(plate)[above > -1e-6]
+    assert upper[:, 1].min() == pytest.approx(height)
+    ends = [upper[np.sign(upper[:, 2]) == side][:, 1].mean() for side in (-1, 1)]
+    assert ends[1] - ends[0] == pytest.approx(18 * sin(radians(angle)))
+
+
+def test_without_one_the_machine_stands_on_the_ground() -> None:
+    platform = Platform()
+    assert (platform.things(), platform.sentences(), platform.start) == ((), (), Start())
+
+
+def test_it_is_told() -> None:
+    assert Platform(height=2).sentences() == (
+        "It stands not on the ground but on a platform, 18 m long and wide, 2 m above the ground.",
+    )
+    assert Platform(angle=-10).sentences() == (
+        "It stands not on the ground but on a platform, 18 m long and wide, that is tilted by 10 "
+        "degrees, its z- end up; its lowest edge is 0 m above the ground, and the machine is "
+        "tilted with it.",
+    )

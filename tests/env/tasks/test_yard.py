@@ -1,0 +1,39 @@
+"""What stands around a thrower."""
+
+from __future__ import annotations
+
+from math import cos, radians, sin
+
+import pytest
+
+from agentflow.env.raster import corners_of
+from agentflow.env.tasks.registry import get_task
+
+
+def test_four_ramps_rise_outward_from_the_walls() -> None:
+    things = {thing.name: thing for thing in get_task("throwing/2").scene().things}
+    high, far = 20 * sin(radians(20)), 11.4 + 20 * cos(radians(20))
+    for name, axis, sign in (("front", 2, 1), ("back", 2, -1), ("right", 0, 1), ("left", 0, -1)):
+        corners = corners_of(things[f"{name} ramp"])
+        upper = corners[corners[:, 1] > corners[:, 1].max() - 1e-6]
+        assert upper[:, 1] == pytest.approx(high)
+        assert sign * upper[:, axis] == pytest.approx(far)
+        foot = corners[abs(corners[:, 1]) < 1e-6]
+        assert len(foot) == 2
+        assert sign * foot[:, axis] == pytest.approx(11.4)
+
+
+def test_the_ramps_are_told() -> None:
+    assert (
+        "Ramps surround them on all four sides: from the ground at 11.4 m from x = z = 0 they rise "
+        "outward by 20 degrees over 20 m, to a height of 6.8 m; to touch one is to land."
+    ) in get_task("throwing/2").brief.scene
+
+
+def test_a_hurdle_stands_across_the_way() -> None:
+    task = get_task("throwing", {"obstacle.height": 6, "obstacle.at": 14})
+    hurdle = task.scene().things[-1]
+    assert (hurdle.name, hurdle.position, hurdle.size) == ("hurdle", (0, 3, 14), (30, 6, 0.8))
+    assert task.brief.scene[-1] == (
+        "A wall 6 m high, 30 m wide and 0.8 m thick stands across z+ at z = 14 m."
+    )
