@@ -225,8 +225,9 @@ def _curve_sentences(road: Road, curve: Curve) -> Iterator[str]:
     x, z, heading = line[-1].end if not curve.back else line[-1].place(0.0)
     if curve.back:
         yield (
-            f"After {curve.further:g} m straight on it turns {curve.back:g} degrees to the left, on "
-            f"a circle of the same radius, as far as x = {_rounded(x)} m, z = {_rounded(z)} m."
+            f"After {curve.further:g} m straight on it turns {curve.back:g} degrees to the left, "
+            f"on a circle of the same radius, as far as x = {_rounded(x)} m, "
+            f"z = {_rounded(z)} m."
         )
     yield f"From there it goes on straight{_towards(heading)}."
 
