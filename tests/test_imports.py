@@ -27,6 +27,7 @@ ALLOWED = {
     "sweeps": {"errors", "config"},
     "store": {"errors", "machine", "env", "laboratory"},
     "laboratory": {"errors", "machine", "env", "search", "workflows", "runs"},
+    "rewards": {"errors", "machine", "env"},
     "cli": {"errors", "app", "config", "runs", "live"},
 }
 """Part -> parts it may import; `app` may import all. Keep it as CONTRIBUTING.md draws it."""
