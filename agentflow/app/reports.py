@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.design import finished
+from agentflow.app.failures import count_failures
 from agentflow.app.films import Shapes, exhibit
+from agentflow.app.recorded import recorded_machine
 from agentflow.config import DesignConfig, build
 from agentflow.env.archive import load_npz
 from agentflow.env.constants import constants
@@ -17,7 +19,7 @@ from agentflow.env.pool import RolloutPool
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Rollout
-from agentflow.errors import RunError, UsageError
+from agentflow.errors import UsageError
 from agentflow.llm.messages import Usage
 from agentflow.llm.prices import FREE
 from agentflow.machine import Machine, library, read_machine
@@ -39,6 +41,8 @@ class Shown:
     """A machine of a run that a page shows."""
 
     machine: Machine
+    task: Task
+    seed: int
     score: float | None
     """As recorded."""
     interval: float | None
@@ -65,11 +69,14 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
     config = build(document.get("config"))
     result = finished(path) if (path / "result.json").exists() else None
     story = RunStory.read(path, result, best_of(result))
-    chosen = _chosen(path, story, films)
     shapes = Shapes()
-    machines = asyncio.run(exhibits(chosen, config, shapes, workers, say))
+    machines = asyncio.run(exhibits(_chosen(path, story, config, films), shapes, workers, say))
     cost, priced = _costs(config)
-    data = story.to_json(cost, priced) | {"machines": machines, "shapes": shapes.rows}
+    data = story.to_json(cost, priced) | {
+        "machines": machines,
+        "shapes": shapes.rows,
+        "failures": count_failures(path)["kinds"],
+    }
     write(out, page(f"{config.task} · agentflow", data))
     return out
 
@@ -82,32 +89,16 @@ def best_of(result: Mapping[str, Any] | None) -> str | None:
     return machine.digest if machine is not None else None
 
 
-def read_recorded(path: Path, digest: str) -> Machine:
-    """A machine of a run by its content hash.
-
-    Raises:
-        RunError: It is not there or is damaged.
-    """
-    file = path / "machines" / f"{digest}.json"
-    try:
-        machine = read_machine(file.read_text(encoding="utf-8"), library()).machine
-    except (OSError, ValueError) as error:
-        raise RunError(f"{file} cannot be read: {error}") from None
-    if machine is None:
-        raise RunError(f"{file} is damaged: expected a machine")
-    return machine
-
-
 async def exhibits(
-    chosen: Mapping[str, Shown], config: DesignConfig, shapes: Shapes, workers: int, say: Say
+    chosen: Mapping[str, Shown], shapes: Shapes, workers: int, say: Say
 ) -> dict[str, dict[str, Any]]:
-    """The machines as a page shows them, each simulated as the run did; by the same keys."""
-    task, done = get_task(config.task, config.knobs), 0
+    """The machines as a page shows them, each simulated as its run did; by the same keys."""
+    done = 0
     filmed = [key for key, item in chosen.items() if item.interval is not None]
 
     async def shown(key: str, item: Shown) -> tuple[str, dict[str, Any]]:
         nonlocal done
-        rollout = await _rollout(item, task, config.seed, pool)
+        rollout = await _rollout(item, pool)
         if key in filmed:
             done += 1
             say(done, len(filmed))
@@ -130,24 +121,36 @@ def write(out: Path, text: str) -> None:
         raise UsageError(f"cannot write {out}: {error.strerror}") from None
 
 
-def _chosen(path: Path, story: RunStory, films: int) -> dict[str, Shown]:
+def _chosen(path: Path, story: RunStory, config: DesignConfig, films: int) -> dict[str, Shown]:
     """Every machine of the tree, the best ones first."""
-    same = story.document.get("constants") == constants().digest
+    task = get_task(config.task, config.knobs)
     found = {}
     for place, (digest, node) in enumerate(story.machines.items()):
         interval = None if place >= films else FINE if place < BEST else COARSE
-        kept = path / "rollouts" / f"{digest}.npz"
-        old = kept if not same and kept.exists() else None
-        found[digest] = Shown(read_recorded(path, digest), node.score, interval, old)
+        found[digest] = Shown(
+            machine=recorded_machine(path, digest),
+            task=task,
+            seed=config.seed,
+            score=node.score,
+            interval=interval,
+            kept=kept_rollout(path, story.document, digest),
+        )
     return found
 
 
-async def _rollout(item: Shown, task: Task, seed: int, pool: RolloutPool) -> Rollout | None:
+def kept_rollout(path: Path, document: Mapping[str, Any], digest: str) -> Path | None:
+    """The recorded rollout of a machine, if there is one and physics has changed since."""
+    file = path / "rollouts" / f"{digest}.npz"
+    changed = document.get("constants") != constants().digest
+    return file if changed and file.exists() else None
+
+
+async def _rollout(item: Shown, pool: RolloutPool) -> Rollout | None:
     if item.kept is not None:
-        return load_npz(item.kept)
+        return replace(load_npz(item.kept), scene=item.task.scene(item.machine))
     if item.interval is None:
         return None
-    return await pool.run(item.machine, task, seed=seed, interval=item.interval)
+    return await pool.run(item.machine, item.task, seed=item.seed, interval=item.interval)
 
 
 def _remark(item: Shown, rollout: Rollout | None) -> str:

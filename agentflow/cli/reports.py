@@ -32,3 +32,15 @@ def _progress(done: int, of: int) -> None:
     if sys.stderr.isatty():
         end = "\n" if done == of else "\r"
         print(f"agentflow: film {done} of {of}", end=end, file=sys.stderr, flush=True)
+
+
+@commands.command(epilog="Example: agentflow gallery runs --out gallery.html")
+def gallery(
+    runs: Annotated[list[Path], typer.Argument(help="Run directories, or folders of them.")],
+    out: Annotated[Path, typer.Option(help="File to write.")] = Path("gallery.html"),
+    workers: Workers = 2,
+) -> None:
+    """Write one HTML page of the machines that runs have found, with films and scores."""
+    from agentflow.app.gallery import gallery as write
+
+    print(write(runs, out, workers=workers, say=_progress))

@@ -7,7 +7,9 @@ const SIDE = new THREE.Vector3(-0.86, 0.36, -0.42); // from the right, a little 
 const EVERY = 0.1; // seconds between the points of the path
 const SMOOTHING = 8; // points on either side that are averaged
 const NEAR = 12; // metres around the root that stay in the picture
-const MARGIN = 1.6; // metres around it
+const MARGIN = 1.3; // metres around the middles of blocks
+const FILL = 0.92; // share of the picture that they may take
+const NEAREST = 7; // metres
 
 export class Eye {
   constructor(picture, element, changed) {
@@ -26,7 +28,7 @@ export class Eye {
 
   /** Look at another film from the usual side. */
   begin(film, bodies, hero) {
-    this.path = path(film, bodies, hero, this.camera);
+    this.path = path(film, bodies, hero);
     this.reset();
   }
 
@@ -75,29 +77,30 @@ export class Eye {
     const index = Math.min(Math.floor(exact), this.path.length - 1);
     const next = Math.min(index + 1, this.path.length - 1);
     const at = this.path[index].map((value, i) => value + (exact - index) * (this.path[next][i] - value));
-    const wide = Math.max(1, 1.25 / this.camera.aspect); // narrow pictures need more distance
-    return [new THREE.Vector3(at[0], at[1], at[2]), at[3] * wide];
+    const slope = FILL * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2));
+    const distance = Math.max(at[3] / (slope * this.camera.aspect), at[4] / slope) + at[5];
+    return [new THREE.Vector3(at[0], at[1], at[2]), Math.max(distance, NEAREST)];
   }
 }
 
-/** Middle and distance, over time, from which the machine and its hero are in the picture. */
-function path(film, bodies, hero, camera) {
-  const slope = Math.tan(THREE.MathUtils.degToRad(camera.fov / 2));
+/** Over time, the box around the machine and its hero as seen from the usual side: its middle, and
+ *  half its width, height and depth. */
+function path(film, bodies, hero) {
+  const view = new THREE.Matrix4().lookAt(SIDE, new THREE.Vector3(), new THREE.Vector3(0, 1, 0));
+  const back = view.clone().transpose();
   const points = [];
   for (let time = 0; time <= film.duration + EVERY; time += EVERY) {
     film.sample(time);
     const place = (body) => new THREE.Vector3().fromArray(film.position, 3 * body);
-    const box = new THREE.Box3().expandByPoint(place(hero));
     const root = place(0);
-    for (const body of bodies) if (place(body).distanceTo(root) < NEAR) box.expandByPoint(place(body));
-    box.expandByScalar(MARGIN);
-    const middle = box.getCenter(new THREE.Vector3());
-    const size = box.getSize(new THREE.Vector3());
-    const reach = Math.max(size.y * 0.56, Math.hypot(size.x, size.z) * 0.35);
-    points.push([middle.x, middle.y, middle.z, Math.max(reach / slope, 7)]);
+    const near = bodies.map(place).filter((point) => point.distanceTo(root) < NEAR);
+    const box = new THREE.Box3().setFromPoints([...near, place(hero)].map((point) => point.applyMatrix4(back)));
+    const middle = box.getCenter(new THREE.Vector3()).applyMatrix4(view);
+    const size = box.expandByScalar(MARGIN).getSize(new THREE.Vector3());
+    points.push([...middle.toArray(), size.x / 2, size.y / 2, size.z / 2]);
   }
   return points.map((_, index) => {
     const near = points.slice(Math.max(0, index - SMOOTHING), index + SMOOTHING + 1);
-    return [0, 1, 2, 3].map((i) => near.reduce((sum, point) => sum + point[i], 0) / near.length);
+    return points[index].map((_, i) => near.reduce((sum, point) => sum + point[i], 0) / near.length);
   });
 }

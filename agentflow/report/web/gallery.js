@@ -13,7 +13,7 @@ export function galleryPage(data) {
       el("small", {}, card.about)));
   const choose = (card) => {
     cards.forEach((item, index) => item.setAttribute("aria-pressed", data.cards[index] === card));
-    player.show(data.machines[card.machine], card.score === null ? card.task : `${card.task} · ${shown(card.score)}`, card.remark);
+    player.show(data.machines[card.machine], card.score === null ? card.task : `${card.task} · ${shown(card.score)}`, data.machines[card.machine]?.remark ?? "");
   };
   if (data.cards.length) choose(data.cards[0]);
   return [

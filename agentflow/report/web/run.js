@@ -83,24 +83,29 @@ function stages({ stages: rows }) {
   if (!rows.length) return null;
   const head = ["Stage", "Valid", "Mean", "Mean, invalid 0", "Best", "Std", "Calls", "Tokens", "Rollouts"];
   return section("Stages", table("What each stage gave", head, rows.map((row) => [
-    row.name.replaceAll("_", " "), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
+    named(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
     row.calls, row.tokens, row.rollouts])));
 }
 
-function failures({ validity, reasons }) {
+function failures({ validity, reasons, failures: kinds }) {
   if (!validity.length) return null;
-  return section("Validity",
+  const counted = kinds.filter(({ count }) => count > 0);
+  return section("Validity and failures",
     table("Replies by role, first attempts and retries together", ["Role", "Replies", "Parsed", "Valid", "Repaired"],
-      validity.map((row) => [row.role, row.attempts, row.parsed, row.valid, row.repaired])),
+      validity.map((row) => [named(row.role), row.attempts, row.parsed, row.valid, row.repaired])),
+    el("h3", {}, "Why replies were refused"),
     reasons.length ? bars("Why replies were refused", reasons.map(({ code, count, example }) => [code, count, example]))
-      : el("p", { class: "quiet" }, "No reply was refused."));
+      : el("p", { class: "quiet" }, "No reply was refused."),
+    el("h3", {}, "What went wrong, by rule"),
+    counted.length ? bars("What went wrong", counted.map(({ name, count, unit, level, rule }) =>
+      [name, count, `${level}, of ${unit}: ${rule}`])) : el("p", { class: "quiet" }, "Nothing that the rules count."));
 }
 
 function usage({ usage: rows, run }) {
   if (!rows.length) return null;
   const head = ["Role", "Calls", "Prompt", "Completion", "Reasoning", "Cached", "Seconds", "Cost"];
   return section("Usage", table("Tokens, time and money by role", head, rows.map((row) => [
-    row.role, row.calls, row.prompt, row.completion, row.reasoning, row.cached, row.seconds, row.cost])),
+    named(row.role), row.calls, row.prompt, row.completion, row.reasoning, row.cached, row.seconds, row.cost])),
     run.prices ? null : el("p", { class: "quiet" }, "No prices were configured, so nothing is known of the cost."));
 }
 
@@ -112,7 +117,7 @@ function conversations({ talk }, calls) {
       details.dataset.filled = "yes";
       const known = await calls();
       details.append(...labels.map((label) => call(known.get(label))));
-    } }, el("summary", {}, role, " ", el("small", {}, `${labels.length} calls`)));
+    } }, el("summary", {}, named(role), " ", el("small", {}, labels.length === 1 ? "1 call" : `${labels.length} calls`)));
     return details;
   };
   return section("Prompts and replies", ...talk.map(group));
@@ -122,6 +127,8 @@ function made({ facts }) {
   return section("How this was made", el("dl", { class: "facts" },
     ...facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
 }
+
+const named = (name) => name.replaceAll("_", " ");
 
 /** The calls by label, with their texts in place of the numbers that stand for them. */
 async function recorded(packed) {
