@@ -121,7 +121,8 @@ def read_sweep(document: Mapping[str, Any], source: str) -> SweepConfig:
     try:
         return SweepConfig.model_validate(dict(document))
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+        found = error.errors(include_url=False)
+        first = next((item for item in found if item["type"] == "extra_forbidden"), found[0])
         key = ".".join(str(part) for part in first["loc"])
         if first["type"] == "extra_forbidden":
             kind = Layout if first["loc"][0] == "table" else SweepConfig

@@ -199,11 +199,11 @@ class _Work:
     limiters: dict[str, Limiter] = field(default_factory=dict)
 
     async def carry_out(self, jobs: int) -> None:
+        waiting = [member for member in self.plan.members if not self._is_done(member)]
+        if not waiting:
+            return
         log = LineFile(self.folder / LOG)
         try:
-            waiting = [member for member in self.plan.members if not self._is_done(member)]
-            if not waiting:
-                return
             async with RolloutPool(build(self.plan.sweep.base).workers) as pool:
                 store = Store(self.folder / STORE, pool)
                 free = asyncio.Semaphore(jobs)

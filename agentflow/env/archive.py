@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import zlib
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
 from agentflow.env.trace import Broken, Event, Feedback, Rollout, Trace
 from agentflow.errors import UsageError
+
+UNREADABLE = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
+"""What reading a file that is empty, cut short, damaged or none of ours raises."""
 
 
 def rollout_json(rollout: Rollout) -> dict[str, Any]:
@@ -61,10 +66,10 @@ def load_npz(path: Path) -> Rollout:
         UsageError: The file is not there or is none of ours.
     """
     try:
-        with np.load(path) as file:
+        with path.open("rb") as raw, np.load(raw) as file:
             result = json.loads(str(file["result"]))
             arrays = {name: file[name] for name in file.files if name != "result"}
-    except (OSError, ValueError, KeyError) as error:
+    except UNREADABLE as error:
         raise UsageError(f"{path} is no saved rollout: {error}") from None
     named = result.pop("trace", None)
     trace = None
