@@ -18,8 +18,8 @@ from agentflow.errors import ConfigError
 from agentflow.laboratory import PhysicsLaboratory, Simulator
 from agentflow.prompts.render import PromptSet
 from agentflow.workflows.base import Record, WorkflowResult
-from agentflow.workflows.registry import WITHOUT_MODEL, workflow
-from agentflow.workflows.statistics import row
+from agentflow.workflows.registry import PLACEMENT, WITHOUT_MODEL, demand_fit, workflow
+from agentflow.workflows.statistics import passes, row
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,7 @@ class Plan:
         Raises:
             UnknownNameError: One of them does not exist.
             ConfigError: A knob is unknown or out of range, or a price is missing.
+            UsageError: The workflow is not meant for such a task.
         """
         workflow(config.workflow)
         answerers(config.model)
@@ -44,6 +45,7 @@ class Plan:
             task = get_task(config.task, config.knobs)
         except ConfigError as error:
             raise ConfigError(f"{error}{hint(config.knobs)}") from None
+        demand_fit(config.workflow, task.brief)
         return cls(config, task, PromptSet(config.prompts))
 
 
@@ -101,6 +103,7 @@ def answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
     result = conducted.result
     best = result.best
     machine = best.machine if best else None
+    counted = {"attempts": passes(result.stages[0])} if result.workflow in PLACEMENT else {}
     return {
         "task": plan.task.name,
         "workflow": result.workflow,
@@ -113,6 +116,7 @@ def answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
         "rollouts": len(conducted.laboratory.rollouts),
         "stopped": result.stopped,
         "reason": result.reason,
+        **counted,
     }
 
 

@@ -12,6 +12,7 @@ from agentflow.agents.context import EXAMPLE
 from agentflow.agents.designer import Designer, DesignerInput
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
+from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import UnknownNameError, UsageError
@@ -35,6 +36,7 @@ SAMPLES: Mapping[str, Callable[[Brief, Machine], Asked]] = MappingProxyType(
             Refiner(),
             RefinerInput(brief, found, score=0.0, feedback=REPORT),
         ),
+        "placer": lambda brief, _: (Placer(), PlacerInput(brief)),
     }
 )
 """Role -> what it is asked first in a run, about a task and a machine."""

@@ -32,7 +32,7 @@ def list_(as_json: Json = False) -> None:
 @prompts.command(epilog="Example: agentflow prompts show --role refiner --task throwing")
 def show(
     role: Annotated[
-        str, typer.Option(help="meta_designer, designer, inspector, querier or refiner.")
+        str, typer.Option(help="meta_designer, designer, inspector, querier, refiner or placer.")
     ] = "designer",
     task: Annotated[str, typer.Option(help="Task, for instance throwing.")] = "throwing",
     name: Annotated[str, typer.Option("--set", help="Prompt set.")] = "default",

@@ -47,6 +47,8 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
         table.add_row(row["name"], *counts, number(row["mean"]), number(row["max"]))
     console.print(table)
+    if attempts := result.get("attempts"):
+        console.print(_passes(attempts))
     cost = result.get("cost")
     console.print(
         f"model: {result['model']}; {result['calls']} calls, {result['tokens']} tokens, "
@@ -58,6 +60,18 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
         console.print(f"{name}: {path}")
     if ending := ending_of(result):
         console.print(ending)
+
+
+def _passes(attempts: Data) -> str:
+    """How many of independent attempts do what is asked."""
+    count, total = attempts["passes"], attempts["attempts"]
+    if not total:
+        return "passes: none of no attempts"
+    low, high = attempts["interval"]
+    return (
+        f"passes: {count} of {total} attempts ({attempts['share']:.0%}; 95 % interval {low:.0%} to "
+        f"{high:.0%}); {attempts['parsed']} parsed, {attempts['spatial']} spatially valid"
+    )
 
 
 def ending_of(result: Data) -> str:

@@ -55,13 +55,22 @@ class Plate:
         Raises:
             ConfigError: There is no face, or a hole.
         """
-        column, line = (round(v / GRID) + self.row // 2 for v in (x, z))
+        column, line = self._grid(x, z)
         if not (0 <= column < self.row and 0 <= line < self.row):
             raise ConfigError(f"x = {x:g}, z = {z:g} m is not on a plate {self.size} m wide")
         face = line * self.row + column
         if face in self.closed:
             raise ConfigError(f"x = {x:g}, z = {z:g} m lies over a hole of the plate")
         return face
+
+    def has(self, x: float, z: float) -> bool:
+        """Whether something can be attached at a place, m from the plate's middle."""
+        column, line = self._grid(x, z)
+        inside = 0 <= column < self.row and 0 <= line < self.row
+        return inside and line * self.row + column not in self.closed
+
+    def _grid(self, x: float, z: float) -> tuple[int, int]:
+        return round(x / GRID) + self.row // 2, round(z / GRID) + self.row // 2
 
     def place(self, face: int) -> tuple[float, float]:
         """Where a face is: x and z, m from the plate's middle."""

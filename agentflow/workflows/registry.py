@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from agentflow.errors import UnknownNameError
+from agentflow.errors import UnknownNameError, UsageError
+from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.workflows.base import Workflow
 from agentflow.workflows.hierarchical import hierarchical
 from agentflow.workflows.iterative import iterative
+from agentflow.workflows.placement import placement, random_placement
 from agentflow.workflows.random_dsl import random_dsl
 from agentflow.workflows.single import single
 
@@ -18,10 +20,14 @@ WORKFLOWS: Mapping[str, Workflow] = MappingProxyType(
         "iterative": iterative,
         "hierarchical": hierarchical,
         "random-dsl": random_dsl,
+        "placement": placement,
+        "random-placement": random_placement,
     }
 )
-WITHOUT_MODEL = frozenset({"random-dsl"})
+WITHOUT_MODEL = frozenset({"random-dsl", "random-placement"})
 """Workflows that ask no model."""
+PLACEMENT = ("placement", "random-placement")
+"""Workflows that complete what a task gives, and the only ones that do."""
 
 
 def workflow(name: str) -> Workflow:
@@ -33,3 +39,21 @@ def workflow(name: str) -> Workflow:
     if name not in WORKFLOWS:
         raise UnknownNameError("workflow", name, WORKFLOWS)
     return WORKFLOWS[name]
+
+
+def demand_fit(name: str, brief: Brief) -> None:
+    """Refuse a workflow that is not meant for such a task.
+
+    Raises:
+        UsageError: The task gives a structure to complete and the workflow is for whole machines,
+            or the reverse; names the workflows that fit.
+    """
+    if brief.given == LONE_ROOT:
+        if name in PLACEMENT:
+            others = ", ".join(item for item in WORKFLOWS if item not in PLACEMENT)
+            raise UsageError(f"{brief.name} gives nothing to complete; use --workflow {others}")
+    elif name not in PLACEMENT:
+        raise UsageError(
+            f"{brief.name} has no {name} workflow: nothing is refined there, cogs are placed again "
+            f"and again; use --workflow {' or '.join(PLACEMENT)}"
+        )

@@ -15,6 +15,9 @@ class WorkflowSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     trajectories: int = Field(8, ge=1, description="machines designed side by side")
+    placements: int = Field(
+        50, ge=1, description="independent attempts (placement, random-placement)"
+    )
     candidates: int = Field(
         1, ge=1, description="designs per structure and trajectory (hierarchical)"
     )

@@ -11,7 +11,7 @@ from agentflow.errors import PromptError, UnknownNameError
 from agentflow.machine.blocks import library
 from agentflow.prompts.render import PromptSet, block_functions, prompt_sets
 
-ROLES = ("designer", "inspector", "meta_designer", "querier", "refiner")
+ROLES = ("designer", "inspector", "meta_designer", "placer", "querier", "refiner")
 
 
 def test_sets_and_roles() -> None:

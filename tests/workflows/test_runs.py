@@ -5,10 +5,10 @@ import random
 import pytest
 
 from agentflow.errors import UnknownNameError, UnreachableError
-from agentflow.workflows.registry import WITHOUT_MODEL, WORKFLOWS, workflow
+from agentflow.workflows.registry import PLACEMENT, WITHOUT_MODEL, WORKFLOWS, workflow
 from tests.workflows.world import CRITIQUE, INQUIRY, Author, Run, Script, Shelf, edit, fenced, steps
 
-ASKING = [name for name in WORKFLOWS if name not in WITHOUT_MODEL]
+ASKING = [name for name in WORKFLOWS if name not in {*WITHOUT_MODEL, *PLACEMENT}]
 MEDIUM = {"trajectories": 4, "search": {"rounds": 3, "width": 2, "waves": 2}}
 
 
@@ -16,7 +16,8 @@ def test_by_name() -> None:
     with pytest.raises(UnknownNameError) as caught:
         workflow("hierachical")
     assert str(caught.value) == (
-        "unknown workflow 'hierachical'; known: hierarchical, iterative, single, random-dsl"
+        "unknown workflow 'hierachical'; known: hierarchical, iterative, single, random-dsl, "
+        "placement, random-placement"
     )
 
 
