@@ -1,0 +1,241 @@
+"""Pages in a real browser: they open, play, scrub, can be walked through, and execute nothing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.remote.webelement import WebElement
+from selenium.webdriver.support.ui import WebDriverWait
+
+from agentflow.app.gallery import gallery
+from agentflow.app.reports import report
+from tests.report.browser import chromium, complaints
+from tests.report.hostile import LONG, NASTY, hostile_run
+
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]
+PATIENCE = 60.0
+RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
+
+
+def quiet(_done: int, _of: int) -> None:
+    """Nobody watches."""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    return report(hostile_run(folder), folder / "report.html", films=9, workers=1, say=quiet)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[webdriver.Chrome]:
+    with chromium(tmp_path_factory.mktemp("profile")) as driver:
+        yield driver
+
+
+@pytest.fixture
+def opened(browser: webdriver.Chrome, page: Path) -> webdriver.Chrome:
+    complaints(browser)  # whatever an earlier page said
+    browser.get_log("performance")  # type: ignore[no-untyped-call]
+    browser.get(page.as_uri())
+    until(browser, lambda: not title(browser).startswith("no"))
+    return browser
+
+
+def until(driver: webdriver.Chrome, met: Any) -> None:
+    WebDriverWait(driver, PATIENCE, 0.05).until(lambda _: met())
+
+
+def find(driver: webdriver.Chrome, selector: str) -> WebElement:
+    return driver.find_element(By.CSS_SELECTOR, selector)
+
+
+def title(driver: webdriver.Chrome) -> str:
+    return find(driver, ".view .title").text
+
+
+def time_of(driver: webdriver.Chrome) -> float:
+    return float(find(driver, "output").text.removesuffix(" s"))
+
+
+def node(driver: webdriver.Chrome, name: str) -> WebElement:
+    return find(driver, f"[role=treeitem][data-node='{name}']")
+
+
+def reds(driver: webdriver.Chrome) -> int:
+    """Pixels of the film in the colour of broken blocks."""
+    return int(
+        driver.execute_async_script(
+            """const [done] = arguments; const player = document.querySelector(".player");
+            player.addEventListener("frame", () => {
+              const canvas = document.querySelector("canvas");
+              const copy = document.createElement("canvas");
+              [copy.width, copy.height] = [canvas.width, canvas.height];
+              const pen = copy.getContext("2d");
+              pen.drawImage(canvas, 0, 0);
+              const { data } = pen.getImageData(0, 0, copy.width, copy.height);
+              let count = 0;
+              for (let i = 0; i < data.length; i += 4)
+                count += data[i] > 110 && data[i + 1] < 40 && data[i + 2] < 40;
+              done(count);
+            }, { once: true });
+            const slider = document.querySelector("input[type=range]");
+            slider.dispatchEvent(new Event("input"));"""
+        )
+    )
+
+
+def scrub(driver: webdriver.Chrome, time: float) -> None:
+    driver.execute_script(
+        """const slider = document.querySelector("input[type=range]");
+        slider.value = arguments[0]; slider.dispatchEvent(new Event("input"));""",
+        time,
+    )
+    until(driver, lambda: time_of(driver) == pytest.approx(time, abs=0.02))
+
+
+def test_it_opens_without_a_word_and_loads_nothing(opened: webdriver.Chrome, page: Path) -> None:
+    assert complaints(opened) == []
+    logs = opened.get_log("performance")  # type: ignore[no-untyped-call]
+    sent = [json.loads(entry["message"])["message"] for entry in logs]
+    asked = [
+        item["params"]["request"]["url"]
+        for item in sent
+        if item["method"] == "Network.requestWillBeSent"
+    ]
+    assert asked == [page.as_uri()]
+    assert find(opened, "h1").text == "throwing"
+    assert find(opened, ".score").text == "12.50 is the best so far: the run is unfinished"
+
+
+def test_it_plays_pauses_and_goes_slowly(opened: webdriver.Chrome) -> None:
+    play = find(opened, ".play")
+    play.click()
+    until(opened, lambda: time_of(opened) > 0.3)
+    play.click()
+    assert play.text == "Play"
+    stopped = time_of(opened)
+    opened.find_element(By.CSS_SELECTOR, "canvas").send_keys(",")
+    assert find(opened, "select").get_attribute("value") == "0.5"
+    assert time_of(opened) == stopped
+
+
+def test_keys_play_step_and_jump(opened: webdriver.Chrome) -> None:
+    canvas = find(opened, "canvas")
+    canvas.send_keys(Keys.ARROW_RIGHT * 3)
+    until(opened, lambda: time_of(opened) == pytest.approx(0.1, abs=0.011))
+    canvas.send_keys(Keys.END)
+    until(opened, lambda: time_of(opened) == 5.0)
+    canvas.send_keys(" ")
+    until(opened, lambda: 0.1 < time_of(opened) < 4.0)  # from the beginning again
+    canvas.send_keys(" ")
+    canvas.send_keys(Keys.HOME)
+    until(opened, lambda: time_of(opened) == 0.0)
+
+
+def test_the_tree_shows_a_machine_that_breaks(opened: webdriver.Chrome) -> None:
+    assert title(opened) == "trajectory 1, initial · 12.50"
+    assert reds(opened) == 0
+    node(opened, "env_feedback/traj-1/node-1").click()
+    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
+    until(opened, lambda: "broke off" in find(opened, ".events").text)
+    assert "the physical constants" not in find(opened, ".remark").text
+    assert reds(opened) == 0
+    scrub(opened, 1.0)
+    assert reds(opened) > 100
+    assert f"Add {NASTY[:20]}" in find(opened, ".edit pre").get_property("textContent")  # type: ignore[operator]
+
+
+def test_arrow_keys_walk_the_tree(opened: webdriver.Chrome) -> None:
+    node(opened, "initial/traj-1").click()
+    opened.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
+    until(opened, lambda: title(opened) == "refused edit")
+    opened.switch_to.active_element.send_keys(Keys.ARROW_UP)
+    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
+    focused = opened.switch_to.active_element
+    assert focused.get_attribute("aria-selected") == "true"
+    assert focused.get_attribute("aria-level") == "2"
+
+
+def test_a_refused_edit_says_why_and_has_no_film(opened: webdriver.Chrome) -> None:
+    node(opened, "env_feedback/traj-1/round-1/node-0/try-2").click()
+    until(opened, lambda: "refused because of <script>" in find(opened, ".chosen .problem").text)
+    assert find(opened, ".nothing").text == "No machine to show here."
+
+
+def test_hostile_text_is_shown_and_executes_nothing(opened: webdriver.Chrome) -> None:
+    opened.execute_script("document.querySelectorAll('.role').forEach((e) => (e.open = true))")
+    until(opened, lambda: opened.find_elements(By.CSS_SELECTOR, ".role .call"))
+    opened.execute_script("document.querySelectorAll('.call').forEach((e) => (e.open = true))")
+    until(opened, lambda: opened.find_elements(By.CSS_SELECTOR, ".role .said"))
+    opened.execute_script("document.querySelectorAll('.said').forEach((e) => (e.open = true))")
+    until(opened, lambda: opened.find_elements(By.CSS_SELECTOR, ".role pre"))
+    texts = opened.execute_script(
+        "return [...document.querySelectorAll('.role pre')].map((pre) => pre.textContent)"
+    )
+    named = NASTY.replace("\x00", "␦0␦").replace("\u202e", "␦202e␦")
+    named = named.replace("\u202c", "␦202c␦").replace("\ufeff", "␦feff␦")
+    assert set(texts) == {named, LONG[:20000]}
+    more = find(opened, ".role pre + button")
+    assert more.get_property("textContent") == "Show all 1,000,007 characters"
+    opened.execute_script("arguments[0].click()", more)
+    lengths = opened.execute_script(
+        "return [...document.querySelectorAll('.role pre')].map((pre) => pre.textContent.length)"
+    )
+    assert max(lengths) == len(LONG)
+    assert opened.execute_script("return window.owned ?? null") is None
+    assert opened.find_elements(By.CSS_SELECTOR, "main img, main a, main script, main b b") == []
+    assert opened.execute_script("return document.querySelectorAll('script').length") == 2
+    assert complaints(opened) == []
+
+
+def test_the_policy_forbids_what_the_page_does_not_need(opened: webdriver.Chrome) -> None:
+    assert opened.execute_script(
+        """const script = document.createElement("script");
+        try { script.textContent = "window.owned = 4"; document.body.append(script); } catch {}
+        return window.owned ?? null"""
+    ) is None  # fmt: skip
+    refused = opened.execute_async_script(
+        "const [done] = arguments; fetch('data:,x').then(() => done(false), () => done(true))"
+    )
+    assert refused is True
+    assert complaints(opened) != []  # and says so
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_is_wider_than_a_phone(page: Path, tmp_path: Path, dark: bool) -> None:
+    with chromium(tmp_path / "profile", (500, 844), dark=dark) as driver:
+        metrics = {"width": 360, "height": 760, "deviceScaleFactor": 2, "mobile": True}
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        driver.get(page.as_uri())
+        until(driver, lambda: find(driver, "body").get_attribute("data-ready") == "run")
+        driver.execute_script(
+            "document.querySelectorAll('details').forEach((e) => (e.open = true))"
+        )
+        widths = driver.execute_script(
+            "return [document.documentElement.scrollWidth, getComputedStyle(document.body)"
+            ".backgroundColor]"
+        )
+        assert widths == [360, "rgb(20, 24, 26)" if dark else "rgb(252, 251, 248)"]
+
+
+def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_path: Path) -> None:
+    out = gallery([RECORDED, RECORDED], tmp_path / "gallery.html", workers=1, say=quiet)
+    complaints(browser)
+    browser.get(out.as_uri())
+    until(browser, lambda: title(browser) == "throwing · 21.66")
+    cards = browser.find_elements(By.CSS_SELECTOR, ".card")
+    assert [card.get_attribute("aria-pressed") for card in cards] == ["true", "false"]
+    cards[1].click()
+    assert [card.get_attribute("aria-pressed") for card in cards] == ["false", "true"]
+    assert browser.execute_script(
+        "return [...document.images].map((image) => image.naturalWidth)"
+    ) == [320, 320]
+    assert complaints(browser) == []
