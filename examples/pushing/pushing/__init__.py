@@ -1,0 +1,99 @@
+"""A task family outside the package: push a crate along z+ as far as possible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from agentflow.env.feedback import compose
+from agentflow.env.scene import Scene, Thing
+from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.knobs import knob
+from agentflow.env.trace import Broken, Feedback, Trace, Verdict
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
+
+CRATE = "crate"
+BLOCKS = (0, 1, 2, 15, 16, 22, 35, 41, 63)
+
+
+class Crate(Parameters):
+    """What is to be pushed."""
+
+    distance: float = knob(10, 5, 50, "m", "z of the crate's middle")
+    edge: float = knob(2, 0.5, 5, "m", "length of an edge")
+    mass: float = knob(3, 0.1, 500, "kg", "mass of the crate")
+
+
+class PushingKnobs(CommonKnobs):
+    """What can be set about a level."""
+
+    crate: Crate = Crate()
+
+
+@dataclass(frozen=True)
+class Pushing(Family):
+    """Score: how much farther along z+ the crate's centre is at the end than at t = 0, m."""
+
+    family: ClassVar[str] = "pushing"
+    knobs: ClassVar[type[CommonKnobs]] = PushingKnobs
+    parameters: PushingKnobs
+
+    @property
+    def brief(self) -> Brief:
+        """What designers are told and what validity checks."""
+        crate = self.parameters.crate
+        return Brief(
+            name=self.name,
+            objective="Build a machine that pushes a crate as far as possible along z+.",
+            scene=(
+                *GROUND,
+                f"A crate of {crate.mass:g} kg with edges of {crate.edge:g} m stands with its "
+                f"middle at z = {crate.distance:g} m.",
+                *self.parameters.wind.sentences(),
+            ),
+            schedule=schedule_sentences(self.schedule, self.window),
+            score=(
+                "Score: how many metres farther along z+ the crate's centre is at the end of the "
+                "window than at t = 0; never below 0.",
+            ),
+            blocks=BLOCKS,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
+        """The crate."""
+        crate = self.parameters.crate
+        size = (crate.edge, crate.edge, crate.edge)
+        middle = (0.0, crate.edge / 2, crate.distance)
+        return Scene(
+            (Thing(CRATE, "box", size, middle, mass=crate.mass),), self.parameters.wind.velocity
+        )
+
+    def referee(self, machine: Machine) -> PushingReferee:  # noqa: ARG002
+        """A fresh observer of the crate."""
+        return PushingReferee()
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """How far the crate came."""
+        line = f"Crate: {verdict.terms['pushed']:.2f} m towards z+"
+        return compose(machine, trace, broken, verdict, "m", (line,), {}, ())
+
+
+class PushingReferee:
+    """Follows the crate."""
+
+    def start(self, world: World) -> None:
+        """Remember where the crate stands."""
+        self._start = self._end = world.centre(CRATE)[2]
+
+    def watch(self, world: World) -> None:
+        """Keep where the crate is."""
+        self._end = world.centre(CRATE)[2]
+
+    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
+        """Score and its one term."""
+        pushed = self._end - self._start
+        return Verdict(max(0.0, pushed), {"pushed": pushed})

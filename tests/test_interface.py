@@ -1,0 +1,220 @@
+"""The Python interface: what can be had, what it gives, and that importing it costs nothing."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import json
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+import agentflow
+from agentflow.app.replay import replay
+from agentflow.config import DesignConfig
+from agentflow.errors import ConfigError, UnknownNameError, UsageError
+from agentflow.runs import read_document
+from tests.workflows.world import Author
+
+ROOT = Path(__file__).parents[1]
+CAR = ROOT / "examples" / "car.json"
+TEXT = CAR.read_text()
+TINY = {"trajectories": 1, "search.rounds": 0}
+
+
+def car(_request: agentflow.Request) -> str:
+    return f"```json\n{TEXT}\n```"
+
+
+def test_everything_promised_is_there_and_documented() -> None:
+    assert dir(agentflow) == sorted(agentflow.__all__)
+    for name in agentflow.__all__:
+        value = getattr(agentflow, name)
+        if inspect.isfunction(value) or inspect.isclass(value):
+            assert value.__doc__, name
+    with pytest.raises(AttributeError, match="module 'agentflow' has no attribute 'desing'"):
+        _ = agentflow.desing  # type: ignore[attr-defined]
+    assert (files("agentflow") / "py.typed").is_file()
+
+
+def test_importing_the_package_loads_nothing_else() -> None:
+    code = "import sys, agentflow; print(*(n for n in sys.modules if n.startswith('agentflow')))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["agentflow"]
+
+
+def test_the_defaults_are_those_of_the_command_line() -> None:
+    for function in (agentflow.design, agentflow.design_async):
+        parameters = inspect.signature(function).parameters
+        defaults = {name: parameters[name].default for name in parameters}
+        assert defaults.pop("out") == "runs"
+        assert set(defaults.values()) == {None}
+    assert inspect.signature(agentflow.simulate).parameters["seed"].default == 0
+    assert inspect.signature(agentflow.reward).parameters["seed"].default == DesignConfig().seed
+
+
+@pytest.mark.parametrize("machine", [CAR, TEXT, f"```json\n{TEXT}```", json.loads(TEXT)])
+def test_check_takes_any_form(machine: object) -> None:
+    report = agentflow.check(machine, task="movement")  # type: ignore[arg-type]
+    assert report.task_valid
+    assert agentflow.check(report.machine) == agentflow.check(CAR)  # type: ignore[arg-type]
+
+
+def test_check_refuses_what_the_command_refuses() -> None:
+    assert [p.code for p in agentflow.check("nothing").problems] == ["not_json"]
+    assert not agentflow.check(CAR, "throwing").task_valid
+    with pytest.raises(UsageError, match="knobs change a task; name it with task="):
+        agentflow.check(CAR, knobs={"window": 3})
+    with pytest.raises(UnknownNameError, match="unknown task 'movment'; known: movement"):
+        agentflow.check(CAR, "movment")
+    with pytest.raises(UsageError, match="cannot read none: No such file"):
+        agentflow.check(Path("none"))
+
+
+async def test_simulation_and_reward_agree_alone_and_in_a_pool() -> None:
+    alone = agentflow.simulate(CAR, "movement", knobs={"window": 1})
+    worth = agentflow.reward("movement", f"Like this:\n{car(None)}", knobs={"window": 1})  # type: ignore[arg-type]
+    async with agentflow.RolloutPool(1) as pool:
+        pooled = await agentflow.simulate_async(CAR, "movement", pool, knobs={"window": 1})
+        again = await agentflow.reward_async("movement", TEXT, pool, knobs={"window": 1})
+    assert alone.digest == pooled.digest == worth.rollout.digest == again.rollout.digest
+    assert worth.value == again.value == alone.score
+    assert (worth.parsed, worth.spatial, worth.valid, worth.status) == (True, True, True, "ok")
+    assert worth.value is not None
+    assert worth.value > 1
+
+
+@pytest.mark.parametrize(
+    ("text", "parsed", "spatial", "codes"),
+    [
+        ("", False, None, ["not_json"]),
+        ("[]", False, None, ["empty"]),
+        (TEXT.replace('"type": 2', '"type": 999'), False, None, ["unknown_type"] * 4),
+        (TEXT.replace('"face_id": 3', '"face_id": 2'), True, False, None),
+    ],
+)
+def test_the_reward_of_what_is_no_machine(
+    text: str, parsed: bool, spatial: bool | None, codes: list[str] | None
+) -> None:
+    worth = agentflow.reward("movement", text)
+    assert (worth.value, worth.valid, worth.status) == (0.0, False, "invalid")
+    assert (worth.parsed, worth.spatial) == (parsed, spatial)
+    if codes is not None:
+        assert [problem.code for problem in worth.problems] == codes
+    assert worth.problems
+
+
+def test_a_machine_that_lacks_what_the_task_demands_is_worth_nothing() -> None:
+    worth = agentflow.reward("throwing", '[{"type": 0, "id": 0, "parent": -1, "face_id": -1}]')
+    assert (worth.value, worth.parsed, worth.spatial, worth.valid) == (0.0, True, True, False)
+    assert [problem.code for problem in worth.problems] == ["required_count"]
+
+
+def test_a_design_by_a_function(tmp_path: Path) -> None:
+    heard: list[str] = []
+    found = agentflow.design(
+        "movement",
+        workflow="single",
+        answer=car,
+        settings={**TINY, "window": 1},
+        seed=3,
+        out=tmp_path,
+        listener=lambda event: heard.append(event.kind),
+    )
+    assert (found.valid, found.model, found.stopped) == (True, "car", None)
+    assert found.machine == agentflow.check(CAR).machine
+    assert found.score == agentflow.simulate(CAR, "movement", knobs={"window": 1}).score
+    assert found.run.parent == tmp_path
+    assert found.data["calls"] == 1
+    assert heard[0] == "run"
+    config = read_document(found.run)["config"]
+    assert (config["model"]["name"], config["seed"], config["knobs"]) == ("car", 3, {"window": 1})
+    assert replay(found.run, pytest.fail) is None
+    assert agentflow.resume(found.run) == found
+
+
+async def test_a_coroutine_function_answers_on_the_loop(tmp_path: Path) -> None:
+    async def remote(request: agentflow.Request) -> agentflow.Reply:
+        await asyncio.sleep(0)
+        return agentflow.Reply(text=car(request), usage=agentflow.Usage(prompt=7))
+
+    async with agentflow.RolloutPool(1) as pool:
+        runs = [
+            agentflow.design_async(
+                "movement",
+                workflow="single",
+                answer=remote,
+                model="remote model",
+                settings={**TINY, "window": 1},
+                seed=seed,
+                out=tmp_path,
+                pool=pool,
+            )
+            for seed in (1, 2)
+        ]
+        first, second = await asyncio.gather(*runs)
+    assert first.score == second.score
+    assert (first.model, first.data["tokens"]) == ("remote model", 7)
+
+
+async def test_the_plain_functions_say_what_to_do_on_a_loop(tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as caught:
+        agentflow.design("movement", out=tmp_path)
+    assert str(caught.value) == (
+        "design waits for its run; on a running event loop, await design_async"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"task": "thowing"}, "unknown task 'thowing'; known: throwing"),
+        ({"workflow": "singel"}, "unknown workflow 'singel'; known: single"),
+        ({"settings": {"search.wdth": 1}}, "unknown configuration key 'settings.search.wdth'"),
+        ({"settings": {"wall.hight": 1}}, "unknown knob 'wall.hight' of throwing"),
+        ({"answer": car, "model": "procedural"}, "answer= stands for one model: give it another"),
+        ({"config": Path("none.yaml")}, "cannot read none.yaml"),
+    ],
+)
+def test_wrong_arguments_leave_nothing(
+    options: dict[str, object], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(UsageError) as caught:
+        agentflow.design(**options, out=tmp_path)  # type: ignore[arg-type]
+    assert str(caught.value).startswith(message)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_function_that_gives_no_text_is_a_bug_that_is_told(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match="the model function must give a text or a Reply, not 7"):
+        agentflow.design("movement", workflow="single", answer=lambda _: 7, out=tmp_path)  # type: ignore[arg-type, return-value]
+
+
+@pytest.mark.slow
+def test_an_interrupted_design_by_a_function_is_resumed_with_it(tmp_path: Path) -> None:
+    author, asked = Author(refused=0.0), []
+
+    def failing(request: agentflow.Request) -> agentflow.Reply:
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        asked.append(request.label)
+        return author(request)
+
+    settings = {"trajectories": 1, "search.rounds": 1, "search.width": 1, "window": 1}
+    with pytest.raises(agentflow.AgentflowError, match="interrupted; continue with"):
+        agentflow.design(
+            "movement", workflow="single", answer=failing, settings=settings, out=tmp_path
+        )
+    (run,) = tmp_path.iterdir()
+    found = agentflow.resume(run, answer=lambda request: author(request))
+    assert found.data["calls"] > len(asked)
+    assert found.model == "failing"
+
+
+def test_a_mapping_is_a_configuration(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="unknown configuration key 'sed'; known: seed"):
+        agentflow.design(config={"sed": 1}, out=tmp_path)
