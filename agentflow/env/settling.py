@@ -35,10 +35,9 @@ class Settling:
             machine: What stands there.
             engine: Where it stands.
             rate: Steps per second.
-            physics: Limits of speed, and how much further an interval may carry.
+            physics: How much further an interval may carry.
         """
         self._engine = engine
-        self._limits = physics["rest_speed"], physics["rest_spin"]
         self._far = physics["rest_drift"]
         self._gain, self._growth = physics["rest_gain"], 1.0 + physics["rest_growth"]
         self._interval = 2 * max(1, round(physics["rest_interval"] * rate / 2))
@@ -51,17 +50,16 @@ class Settling:
         self._steps = self._slow = 0
         self._places: list[Array] = []
 
-    def step(self, speeds: tuple[float, float]) -> bool:
+    def step(self, slow: bool) -> bool:
         """Take in one step.
 
         Args:
-            speeds: The greatest linear and angular speed in it, m/s and rad/s.
+            slow: Whether nothing was faster in it than what rests.
 
         Returns:
             Whether everything has been slow for an interval, and nothing gains.
         """
         self._steps += 1
-        slow = speeds[0] < self._limits[0] and speeds[1] < self._limits[1]
         self._slow = self._slow + 1 if slow else 0
         if self._steps % self._interval:
             return False

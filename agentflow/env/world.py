@@ -17,7 +17,7 @@ class EngineWorld:
 
     def centre(self, body: Body) -> Vec3:
         """Centre of a block or a thing, m."""
-        return self._engine.pose(body)[0]
+        return self._engine.centre(body)
 
     def origin(self, block: int) -> Vec3:
         """Building point of a block, m."""
@@ -25,7 +25,7 @@ class EngineWorld:
 
     def rotation(self, body: Body) -> Quat:
         """Orientation of a block or a thing."""
-        return self._engine.pose(body)[1]
+        return self._engine.rotation(body)
 
     def touching(self, body: Body) -> frozenset[Body]:
         """What a block or thing is in contact with in this step."""

@@ -193,6 +193,10 @@ class Engine(Protocol):
         when the simulation diverged."""
 
     @property
+    def head_speeds(self) -> tuple[float, float]:
+        """The same of one part of each piece of the machine, and of things: a quick look."""
+
+    @property
     def locked(self) -> tuple[int, ...]:
         """Moving joints that cannot move because rigid connections bridge them."""
 
@@ -214,7 +218,12 @@ class Engine(Protocol):
         """
 
     def step(self) -> None:
-        """Advance by one step, then read everything once."""
+        """Advance by one step, then read everything once.
+
+        For `start_time` after a switch that starts motors the engine may take finer steps, for
+        one of these: what they swing is up to speed within hundredths of a second, and may hit
+        what it is to throw in the middle of a step.
+        """
 
     def split(self, broken: Sequence[int]) -> None:
         """Remove these joints and rebuild what they held, keeping every position and velocity."""
@@ -228,8 +237,11 @@ class Engine(Protocol):
     def kept(self) -> State:
         """All states kept since `build`, every array with a leading axis of times; at least one."""
 
-    def pose(self, body: Body) -> tuple[Vec3, Quat]:
-        """Centre and orientation of a block or a moving thing."""
+    def centre(self, body: Body) -> Vec3:
+        """Centre of a block or a thing."""
+
+    def rotation(self, body: Body) -> Quat:
+        """Orientation of a block or a thing."""
 
     def origin(self, block: int) -> Vec3:
         """Building point of a block."""

@@ -147,20 +147,9 @@ class Workshop:
         )
 
     def _joint(self, built: Built, link: Link, joint: Joint) -> None:
+        """Sensors and stops; what moves or holds it is motors.py's."""
         index = built.index[link.part]
         pybullet.enableJointForceTorqueSensor(built.uid, index, True, physicsClientId=self.client)
-        if joint.kind == "spherical":
-            pybullet.setJointMotorControlMultiDof(
-                built.uid,
-                index,
-                pybullet.POSITION_CONTROL,
-                targetPosition=IDENTITY,
-                targetVelocity=(0.0, 0.0, 0.0),
-                positionGain=0.0,
-                velocityGain=1.0,
-                force=(joint.drive.friction,) * 3,
-                physicsClientId=self.client,
-            )
         if joint.drive.stops is not None:
             low, high = joint.drive.stops
             pybullet.changeDynamics(

@@ -41,14 +41,18 @@ class Contacts:
             self._where.setdefault(named, []).append(handle)
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing is in contact with in this step."""
+        """What a block or thing is in contact with in this step.
+
+        What comes fast bounces off before PyBullet has seen it closer than `TOUCH`; then only the
+        force tells of the contact.
+        """
         found = {
             self._who[contact[2], contact[4]]
             for uid, index in self._where[body]
             for contact in pybullet.getContactPoints(
                 bodyA=uid, linkIndexA=index, physicsClientId=self._client
             )
-            if contact[8] <= TOUCH
+            if contact[8] <= TOUCH or contact[9] > 0.0
         }
         return frozenset(found - {body})
 

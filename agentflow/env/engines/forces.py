@@ -79,7 +79,7 @@ class Drag:
 
         Args:
             parts: All parts, in order.
-            members: Their places.
+            members: Where their drag acts (`layout.hubs`).
             inertia: (P, 3) principal moments, engine frame.
         """
         laws: dict[int, list[float]] = {}
@@ -105,10 +105,14 @@ class Drag:
         self._plain: list[tuple[int, float, float]] = []
         self._full: list[tuple[int, list[float]]] = []
         for row, law in laws.items():
+            if not any(law):
+                continue
             if _is_plain(law):
                 self._plain.append((row, law[0], law[4]))
             else:
                 self._full.append((row, law))
+        self.rows = [row for row, _, _ in self._plain] + [row for row, _ in self._full]
+        """Rows that it acts on."""
 
     def __call__(self, rows: Sequence[Row]) -> list[Wrench]:
         """What drag does to each cluster that it acts on."""

@@ -28,6 +28,8 @@ class _Hold:
     """Something in a grip: where it sits in the grabber's own axes, engine frame."""
 
     held: Held
+    force: float
+    """Most that it holds, N."""
     place: Vec3
     turn: Quat
     constraint: int = -1
@@ -76,6 +78,11 @@ class Grips:
                 self._collide(part, hold, True)
             self._holds.clear()
 
+    def tighten(self) -> None:
+        """Set how strong the grips are; Bullet keeps it as an impulse per step."""
+        for hold in self._holds.values():
+            self._strengthen(hold)
+
     def watch(self) -> None:
         """Grip what was touched in this step."""
         if self._open and len(self._holds) < len(self._grips):
@@ -100,13 +107,13 @@ class Grips:
             if dot(subtract(contact[5], place), front) > grip.reach - EDGE:
                 back = _inverse(turn)
                 there, pose = self._frame(held)
-                hold = _Hold(held, turned(back, subtract(there, place)), product(back, pose))
+                arm = turned(back, subtract(there, place))
+                hold = _Hold(held, grip.force, arm, product(back, pose))
                 self._holds[grip.part] = hold
                 self._tie(grip.part, hold)
                 return
 
     def _tie(self, part: int, hold: _Hold) -> None:
-        grip = next(grip for grip in self._grips if grip.part == part)
         hold.constraint = pybullet.createConstraint(
             *self._handles[part],
             *self._handles[hold.held],
@@ -117,10 +124,13 @@ class Grips:
             hold.turn,
             physicsClientId=self._client,
         )
-        pybullet.changeConstraint(
-            hold.constraint, maxForce=grip.force, physicsClientId=self._client
-        )
+        self._strengthen(hold)
         self._collide(part, hold, False)
+
+    def _strengthen(self, hold: _Hold) -> None:
+        pybullet.changeConstraint(
+            hold.constraint, maxForce=hold.force, physicsClientId=self._client
+        )
 
     def _collide(self, part: int, hold: _Hold, on: bool) -> None:
         (uid, index), (other, link) = self._handles[part], self._handles[hold.held]

@@ -10,12 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agentflow.env.engines.base import Assembly
+from agentflow.env.engines.base import Assembly, Joint, Part
 from agentflow.env.engines.forces import Members
 from agentflow.env.engines.frames import swap
 from agentflow.env.engines.tree import Body, Skeleton
-from agentflow.env.engines.vectors import subtract
+from agentflow.env.engines.vectors import cross, length, subtract
 from agentflow.env.scene import Thing
+
+NO_ARM = 1e-9
+"""m; places at rest are exact but for rounding."""
 
 Handle = tuple[int, int]
 """Body and link, as the engine numbers them; link -1 is the base."""
@@ -95,3 +98,29 @@ def lay_out(
         tuple(thing.name for thing in moving),
         tuple(bodies),
     )
+
+
+def hubs(assembly: Assembly, plan: Skeleton, members: Members) -> Members:
+    """`members` as drag may see them, which then acts on fewer clusters.
+
+    What turns about its own centre without drag of its own against turning, as a wheel does,
+    drags at a point of its axle: the cluster that holds the axle has that point as well, and
+    feels the same.
+    """
+    row, offset = members.row.copy(), members.offset.copy()
+    parts = assembly.parts
+    for link in (link for body in plan.bodies for link in body.links):
+        part, parent = parts[link.part], link.parent
+        if not part.angular_drag and _on_axle(assembly.joints[link.joint], part):
+            row[link.part] = members.row[parent]
+            arm = swap(subtract(part.centre, parts[parent].centre))
+            offset[link.part] = members.offset[parent] + arm
+    return Members(row, offset)
+
+
+def _on_axle(joint: Joint, part: Part) -> bool:
+    """Whether the part's centre stays where it is while the joint turns."""
+    arm = subtract(part.centre, joint.pivot)
+    if joint.kind == "revolute":
+        arm = cross(arm, joint.axis)
+    return joint.kind in ("revolute", "spherical") and length(arm) < NO_ARM

@@ -44,8 +44,9 @@ class Readings:
         self._assembly, self._layout = assembly, layout
         carriers = [parts[0] for parts in assembly.blocks]
         self._row = layout.members.row[carriers]
-        self._rows_of: list[int] = self._row.tolist()
-        leading = [assembly.parts[layout.leading[row]].centre for row in self._rows_of]
+        self.row_of: list[int] = self._row.tolist()
+        """Row that carries each block."""
+        leading = [assembly.parts[layout.leading[row]].centre for row in self.row_of]
         self._centre_at = _arms(assembly.centres, leading)
         self._origin_at = _arms(assembly.origins, leading)
         self._centre_arms = np.array(self._centre_at).reshape(-1, 3)
@@ -102,17 +103,19 @@ class Readings:
             thing_velocity=swap_all(things[:, :, VELOCITY]),
         )
 
-    def pose(self, rows: Sequence[Row], block: int) -> tuple[Vec3, Quat]:
-        """Centre and orientation of a block."""
-        x, y, z, a, b, c, w = rows[self._rows_of[block]][:7]
-        arm = turned((a, b, c, w), self._centre_at[block])
-        rotation = product(swap_quaternion((a, b, c, w)), self._assembly.rotations[block])
-        return swap(add((x, y, z), arm)), rotation
+    def centre(self, row: Row, block: int) -> Vec3:
+        """Centre of a block, from the row that carries it."""
+        x, y, z, a, b, c, w, *_ = row
+        return swap(add((x, y, z), turned((a, b, c, w), self._centre_at[block])))
 
-    def origin(self, rows: Sequence[Row], block: int) -> Vec3:
-        """Building point of a block."""
-        x, y, z, a, b, c, w = rows[self._rows_of[block]][:7]
+    def origin(self, row: Row, block: int) -> Vec3:
+        """Building point of a block, from the row that carries it."""
+        x, y, z, a, b, c, w, *_ = row
         return swap(add((x, y, z), turned((a, b, c, w), self._origin_at[block])))
+
+    def rotation(self, row: Row, block: int) -> Quat:
+        """Orientation of a block, from the row that carries it."""
+        return product(swap_quaternion(row[ROTATION]), self._assembly.rotations[block])
 
     def momentum(self, rows: Array) -> Mapping[str, Array]:
         """Total momentum (about the world's origin) and kinetic energy of the machine."""

@@ -1,17 +1,18 @@
-"""Owns what joints are set to when a body is rebuilt in mid-motion, from the rows of its parts.
+"""Owns how bodies are put in place: where a scene starts, and in mid-motion when they are rebuilt.
 
-Rows as in kinematics.py, in a right-handed frame with z up; setting joints is the engine's.
+Rows as in kinematics.py, in a right-handed frame with z up.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import atan2
 
 import numpy as np
 
-from agentflow.env.engines.base import Joint, Part
-from agentflow.env.engines.frames import swap, swap_turn
+from agentflow.env.engines.base import Assembly, Joint, Part
+from agentflow.env.engines.bullet import pybullet
+from agentflow.env.engines.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.engines.kinematics import (
     POSITION,
     ROTATION,
@@ -23,16 +24,62 @@ from agentflow.env.engines.kinematics import (
     matrices,
     turn_back,
 )
-from agentflow.env.engines.vectors import dot, subtract
-from agentflow.env.scene import Quat, Vec3
+from agentflow.env.engines.layout import Built
+from agentflow.env.engines.vectors import add, dot, subtract, turned
+from agentflow.env.scene import Quat, Start, Vec3
 from agentflow.env.trace import Array
+
+
+def put(client: int, built: Sequence[Built], start: Start) -> None:
+    """Turn and raise bodies that stand as they were made, on the ground at the world's middle."""
+    if start == Start():
+        return
+    rotation = start.rotation
+    for uid in (body.uid for body in built):
+        position, _ = pybullet.getBasePositionAndOrientation(uid, client)
+        place = add(turned(rotation, swap(position)), (0.0, start.height, 0.0))
+        pybullet.resetBasePositionAndOrientation(
+            uid, swap(place), swap_quaternion(rotation), client
+        )
+
+
+def restore(
+    client: int,
+    built: Built,
+    assembly: Assembly,
+    rows: Array,
+    motions: Mapping[int, tuple[float, float]],
+) -> None:
+    """Put a rebuilt body where its parts were, moving as they moved.
+
+    Args:
+        client: PyBullet client.
+        built: The body.
+        assembly: The machine.
+        rows: (P, 13) of all parts.
+        motions: Position and velocity of the joints that trees had, by joint.
+    """
+    uid, root = built.uid, rows[built.body.root]
+    pybullet.resetBasePositionAndOrientation(
+        uid, root[POSITION].tolist(), root[ROTATION].tolist(), client
+    )
+    pybullet.resetBaseVelocity(uid, root[VELOCITY].tolist(), root[SPIN].tolist(), client)
+    for link in built.body.links:
+        joint = assembly.joints[link.joint]
+        index = built.index[link.part]
+        if joint.kind == "spherical":
+            rotation, spin = relative(rows[link.parent], rows[link.part])
+            pybullet.resetJointStateMultiDof(uid, index, rotation, spin, physicsClientId=client)
+        elif joint.kind != "fixed":
+            position, velocity = motions.get(link.joint) or motion(joint, assembly.parts, rows)
+            pybullet.resetJointState(uid, index, position, velocity, physicsClientId=client)
 
 
 def relative(parent: Array, child: Array) -> tuple[Quat, Vec3]:
     """Orientation and spin of a child row against its parent's, in the joint's frame."""
-    turned = compose(conjugate(parent[None, ROTATION]), child[None, ROTATION])
+    rotation = compose(conjugate(parent[None, ROTATION]), child[None, ROTATION])
     spin = turn_back(matrices(child[None, ROTATION]), (child[SPIN] - parent[SPIN])[None])
-    x, y, z, w = turned[0].tolist()
+    x, y, z, w = rotation[0].tolist()
     p, q, r = spin[0].tolist()
     return (x, y, z, w), (p, q, r)
 

@@ -25,7 +25,9 @@ class Ropes:
             levels: How far each schedule entry is switched on; -1 gives rope out.
             step: Time between calls, s.
         """
-        self._ropes, self._levels, self._step = ropes, levels, step
+        self._ropes, self._levels = ropes, levels
+        self.step = step
+        """Time between calls, s."""
         self._left: list[float | None] = [None] * len(ropes)
         """Length of each rope, m."""
 
@@ -49,7 +51,7 @@ class Ropes:
                 if not level:
                     continue
                 left = distance
-            left = max(left - level * rope.speed * self._step, min(left, rope.shortest))
+            left = max(left - level * rope.speed * self.step, min(left, rope.shortest))
             left = self._left[i] = max(left, distance - rope.force / rope.stiffness)
             if distance <= left:
                 continue

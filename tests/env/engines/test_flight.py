@@ -116,7 +116,7 @@ def test_a_machine_with_enough_thrust_climbs() -> None:
     engine.build(assemble(tree, place(tree), constants()), Scene(), RATE)
     for _ in range(60):
         engine.step()
-    low = engine.pose(0)[0][1]
+    low = engine.centre(0)[1]
     engine.switch("motors", 1)
     speed = height = 0.0
     drag = (0.25 * 0.2 + 0.5 * 0.5) / 0.75
@@ -124,5 +124,5 @@ def test_a_machine_with_enough_thrust_climbs() -> None:
         engine.step()
         speed += (100.0 / 0.75 - 32.81 - drag * speed) / RATE
         height += speed / RATE
-    assert engine.pose(0)[0][1] - low == pytest.approx(height, rel=0.01)
+    assert engine.centre(0)[1] - low == pytest.approx(height, rel=0.01)
     engine.close()

@@ -66,18 +66,18 @@ def test_a_grabber_holds_ten_times_its_weight_and_lets_go(
     assert library()[BOULDER].mass == 10 * library()[GRABBER].mass
     assert place(tree).blocks[grabber].facing == facing
     start(engine, tree)
-    before = np.subtract(engine.pose(boulder)[0], engine.pose(grabber)[0])
+    before = np.subtract(engine.centre(boulder), engine.centre(grabber))
     run(engine, 3.0)
-    now = np.subtract(engine.pose(boulder)[0], engine.pose(grabber)[0])
+    now = np.subtract(engine.centre(boulder), engine.centre(grabber))
     assert now == pytest.approx(before, abs=0.02)
-    high = engine.pose(boulder)[0][1]
+    high = engine.centre(boulder)[1]
     assert high > 4.0
     engine.switch("grabbers", 0)
     run(engine, 0.4)
     if facing == "y+":
-        assert engine.pose(boulder)[0][1] == pytest.approx(high, abs=0.05)
+        assert engine.centre(boulder)[1] == pytest.approx(high, abs=0.05)
     else:
-        fallen = high - engine.pose(boulder)[0][1]
+        fallen = high - engine.centre(boulder)[1]
         assert fallen == pytest.approx(0.5 * 32.81 * 0.4**2, rel=0.05)
 
 
@@ -96,12 +96,12 @@ def test_a_grip_outlives_a_split(engine: PyBulletEngine) -> None:
     tree, grabber, boulder = crane("z+")
     assembly = start(engine, tree)
     run(engine, 1.0)
-    before = np.subtract(engine.pose(boulder)[0], engine.pose(grabber)[0])
+    before = np.subtract(engine.centre(boulder), engine.centre(grabber))
     engine.split([i for i, joint in enumerate(assembly.joints) if joint.block == 1])
     run(engine, 0.5)
-    now = np.subtract(engine.pose(boulder)[0], engine.pose(grabber)[0])
+    now = np.subtract(engine.centre(boulder), engine.centre(grabber))
     assert np.linalg.norm(now) == pytest.approx(np.linalg.norm(before), abs=0.01)
-    assert engine.pose(boulder)[0][1] > 4.0
+    assert engine.centre(boulder)[1] > 4.0
 
 
 CARGO = Thing("cargo", "sphere", (2.0, 2.0, 2.0), (0.0, 1.0, 12.0), mass=2.0, friction=0.1)
@@ -136,17 +136,17 @@ def test_a_grabber_does_not_catch_what_breaks_off_it(engine: PyBulletEngine) -> 
     rows = (*FOOT, (63, 0, 4), (63, 5, 0), (GRABBER, 6, 9), (15, 7, 0))
     assembly = start(engine, machine(*rows))
     run(engine, 0.3)
-    high = engine.pose(8)[0][1]
+    high = engine.centre(8)[1]
     engine.split([i for i, joint in enumerate(assembly.joints) if joint.block == 8])
     run(engine, 0.4)
-    assert high - engine.pose(8)[0][1] == pytest.approx(0.5 * 32.81 * 0.4**2, rel=0.05)
+    assert high - engine.centre(8)[1] == pytest.approx(0.5 * 32.81 * 0.4**2, rel=0.05)
 
 
 def test_a_grabber_does_not_hold_the_ground(engine: PyBulletEngine) -> None:
     start(engine, machine(*FOOT, (GRABBER, 0, 5)), Scene(wind=(0.0, 0.0, 30.0)))
     run(engine, 1.0)
     assert engine.touching(5) <= {"ground"}
-    assert engine.pose(0)[0][2] > 1.0
+    assert engine.centre(0)[2] > 1.0
 
 
 def test_a_grabber_grips_with_its_front_only(engine: PyBulletEngine) -> None:
@@ -156,7 +156,7 @@ def test_a_grabber_grips_with_its_front_only(engine: PyBulletEngine) -> None:
     ball = Thing("ball", "sphere", (1.0, 1.0, 1.0), (x, y, z), mass=1.0)
     start(engine, tree, Scene((ball,), wind=(6.0, 0.0, 0.0)))
     run(engine, 2.0)
-    assert engine.pose("ball")[0][1] < 1.0
+    assert engine.centre("ball")[1] < 1.0
 
 
 @dataclass(frozen=True)
@@ -201,12 +201,12 @@ def test_a_boulder_stays_in_a_container_through_a_gentle_drive(engine: PyBulletE
     rows = [(s.type, s.parent, s.face_id) for s in CAR]
     start(engine, machine(*rows, (15, 0, 4), (30, 7, 0), (BOULDER, 8, 0)))
     run(engine, 0.5)
-    before = np.subtract(engine.pose(9)[0], engine.pose(8)[0])
+    before = np.subtract(engine.centre(9), engine.centre(8))
     engine.switch("motors", 1)
     fastest = 0.0
     for _ in range(4):
         run(engine, 1.0)
-        inside = np.subtract(engine.pose(9)[0], engine.pose(8)[0])
+        inside = np.subtract(engine.centre(9), engine.centre(8))
         assert np.abs(inside - before).max() < 0.6
         assert engine.touching(9) == {8}
         fastest = max(fastest, float(engine.state().velocity[0][2]))
@@ -223,8 +223,8 @@ def test_a_container_keeps_its_boulder_unless_it_faces_down(
     face = [f.face_id for f in place(machine(*rows)).blocks[-1].faces if f.facing == facing][-1]
     tree = machine(*rows, (30, len(rows) - 1, face), (BOULDER, len(rows), 0))
     start(engine, tree)
-    high = engine.pose(len(rows) + 1)[0][1]
+    high = engine.centre(len(rows) + 1)[1]
     run(engine, 2.0)
-    fallen = high - engine.pose(len(rows) + 1)[0][1]
+    fallen = high - engine.centre(len(rows) + 1)[1]
     assert (fallen > 3.0) == (facing == "y-")
     assert fallen < 0.5 or facing == "y-"  # sideways it rolls from the middle onto a wall

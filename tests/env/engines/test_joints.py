@@ -163,7 +163,7 @@ def swings(friction: float) -> list[float]:
     angles = []
     for _ in range(round(4 * RATE)):
         engine.step()
-        x, y, z = rotate(np.array(engine.pose(8)[1]), (0.0, 0.0, 1.0))
+        x, y, z = rotate(np.array(engine.rotation(8)), (0.0, 0.0, 1.0))
         assert abs(x) < 0.02
         angles.append(float(np.arctan2(z, -y)))
     engine.close()

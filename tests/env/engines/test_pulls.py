@@ -94,13 +94,13 @@ def test_a_winch_lifts_at_its_speed_and_lowers_again() -> None:
             engine.step()
         return float(engine.state().length[0])
 
-    start, low = run(0.5), engine.pose(8)[0][1]
+    start, low = run(0.5), engine.centre(8)[1]
     engine.switch("winches", 1)
     run(0.5)
     middle = run(0.5)
     later = run(0.5)
     assert middle - later == pytest.approx(0.5 * constants()["winch_speed"], rel=0.05)
-    assert engine.pose(8)[0][1] > low + 1.0
+    assert engine.centre(8)[1] > low + 1.0
     engine.switch("winches", 0)
     held = run(0.5)
     assert held == pytest.approx(later, abs=0.03)

@@ -60,7 +60,7 @@ def test_feet_slide_when_the_wind_beats_their_friction(
     for share in (0.93, 1.07):
         start(engine, tree, Scene(wind=(limit * share, 0.0, 0.0)))
         run(engine, 1.5)
-        moved.append(engine.pose(0)[0][0])
+        moved.append(engine.centre(0)[0])
     assert moved[0] < 0.05
     assert moved[1] > 0.3
 
@@ -112,9 +112,9 @@ def test_the_ground_is_as_rough_as_the_constants_say(friction: float) -> None:
     run(engine, 0.5)
     uid = engine._things["slab"]
     pybullet.resetBaseVelocity(uid, (4.0, 0.0, 0.0), physicsClientId=engine.client)
-    start = engine.pose("slab")[0][0]
+    start = engine.centre("slab")[0]
     run(engine, 1.5)
-    way = engine.pose("slab")[0][0] - start
+    way = engine.centre("slab")[0] - start
     engine.close()
     assert way == pytest.approx(16.0 / (2 * friction * GRAVITY), rel=0.1)
 
