@@ -1,0 +1,121 @@
+"""Which machine was made from which, by the events of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from agentflow.report.lineage import Lineage, Node
+from agentflow.runs import Event, read_events
+
+RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
+BEST = "3810a45090a12de7"
+Shown = tuple[str, "str | None", str, "float | None", bool]
+
+
+def tried(label: str, machine: str, score: float | None, **data: Any) -> Event:
+    known = {"valid": True, "status": "ok", "broken": []}
+    return Event("evaluation", label, {**known, "machine": machine, "score": score, **data})
+
+
+def asked(label: str, **data: Any) -> Event:
+    return Event("attempt", label, {"role": label.partition("/")[0], "valid": True, **data})
+
+
+def outline(nodes: tuple[Node, ...]) -> list[Shown]:
+    return [(n.id, n.parent, n.title, n.score, n.lead) for n in nodes]
+
+
+def test_a_recorded_run() -> None:
+    nodes = Lineage.of(read_events(RECORDED)).finished(BEST)
+    blind, feedback = "blind_refinement", "env_feedback"
+    assert [(n.id, n.parent, round(n.score or 0.0, 2)) for n in nodes] == [
+        ("initial/traj-1", None, 18.12),
+        ("initial/traj-2", None, 12.63),
+        (f"{blind}/traj-2", "initial/traj-2", 0.0),
+        (f"{blind}/traj-1", "initial/traj-1", 19.23),
+        (f"{feedback}/traj-2/node-1", f"{blind}/traj-2", 0.0),
+        (f"{feedback}/traj-2/node-2", f"{blind}/traj-2", 0.0),
+        (f"{feedback}/traj-1/node-1", f"{blind}/traj-1", 21.66),
+        (f"{feedback}/traj-1/node-2", f"{blind}/traj-1", 0.0),
+    ]
+    (best,) = [n for n in nodes if n.best]
+    assert (best.machine, best.title) == (BEST, "trajectory 1, round 1")
+    assert best.edit == "Add 35 to 12 in 4\nAdd 35 to 12 in 1"
+    assert best.calls == ("refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1",)
+    way = ["initial/traj-1", f"{blind}/traj-1", best.id]
+    assert [n.id for n in nodes if n.lead] == way
+    assert nodes[0].calls == ("designer/structure-4/traj-1/candidate-1/attempt-1",)
+    assert nodes[3].calls == ("refiner/blind/traj-1/attempt-1",)
+
+
+def test_a_refused_edit_hangs_on_what_it_was_to_refine() -> None:
+    question = "refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1"
+    attempt = {"label": "round-1/node-0/try-1", "valid": False, "note": "why"}
+    expansion = {"node": 0, "attempts": [attempt], "children": [], "fallback": True}
+    nodes = Lineage.of(
+        [
+            tried("initial/traj-1", "a", 1.0),
+            asked(question, valid=False, script="Add 1 to 2 in 3"),
+            Event("expand", "env_feedback/traj-1/round-1", expansion),
+        ]
+    ).finished("a")
+    assert outline(nodes) == [
+        ("initial/traj-1", None, "trajectory 1, initial", 1.0, True),
+        ("env_feedback/traj-1/round-1/node-0/try-1", "initial/traj-1", "refused edit", None, False),
+    ]
+    assert (nodes[1].kind, nodes[1].problem, nodes[1].edit) == ("refused", "why", "Add 1 to 2 in 3")
+    assert nodes[1].calls == (question,)
+
+
+def test_a_trajectory_without_a_machine_says_why() -> None:
+    ended = {"trajectory": 2, "machine": None, "valid": False, "score": None, "reason": "overlap"}
+    call = "designer/traj-2/attempt-5"
+    events = [asked(call, valid=False), Event("candidate", "initial/traj-2", ended)]
+    (node,) = Lineage.of(events).finished(None)
+    assert (node.kind, node.machine, node.problem, node.calls) == (
+        "invalid",
+        None,
+        "overlap",
+        (call,),
+    )
+
+
+def test_random_edits_grow_from_the_last_that_was_kept() -> None:
+    def edit(round_: int, machine: str, score: float, kept: bool) -> list[Event]:
+        label = f"env_feedback/traj-1/round-{round_}"
+        data = {"parent": "?", "machine": machine, "kept": kept}
+        return [tried(label, machine, score), Event("edit", label, data)]
+
+    events = [
+        tried("initial/traj-1", "a", 1.0),
+        *edit(1, "b", 2.0, True),
+        *edit(2, "c", 0.0, False),
+    ]
+    nodes = Lineage.of([*events, *edit(3, "d", 3.0, True)]).finished(None)
+    place = "env_feedback/traj-1/round"
+    assert outline(nodes) == [
+        ("initial/traj-1", None, "trajectory 1, initial", 1.0, True),
+        (f"{place}-1", "initial/traj-1", "trajectory 1, round 1", 2.0, True),
+        (f"{place}-2", f"{place}-1", "trajectory 1, round 2", 0.0, False),
+        (f"{place}-3", f"{place}-1", "trajectory 1, round 3", 3.0, True),
+    ]
+    assert nodes[3].best
+
+
+def test_what_the_computer_failed_at_has_no_score_and_is_not_best() -> None:
+    events = [
+        tried("initial/traj-1", "a", None, status="timeout"),
+        tried("initial/traj-2", "b", -1.0, broken=[[1, 0, 0.5]]),
+        tried("initial/traj-3", "c", 0.0, valid=False, status="invalid"),
+    ]
+    nodes = Lineage.of(events).finished(None)
+    assert [(n.score, n.valid, n.status, n.broken, n.best) for n in nodes] == [
+        (None, True, "timeout", False, False),
+        (-1.0, True, "ok", True, True),
+        (None, False, "invalid", False, False),
+    ]
+
+
+def test_no_events_make_no_tree() -> None:
+    assert Lineage.of([]).finished(None) == ()

@@ -1,0 +1,117 @@
+"""What the page of a run says."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from pathlib import Path
+
+import pytest
+
+from agentflow.errors import RunError
+from agentflow.metrics.usage import unpriced
+from agentflow.report.run import RunStory, reasons, validity
+from agentflow.runs import Event, read_result
+from tests.report.hostile import NASTY, hostile_run
+
+RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
+BEST = "3810a45090a12de7"
+
+
+def attempt(code: str, problem: str = "", **data: object) -> Event:
+    known = {"role": "designer", "valid": not code, "parsed": True, "repaired": False}
+    return Event("attempt", problem, {**known, "code": code, "problem": problem, **data})
+
+
+def test_a_finished_run() -> None:
+    story = RunStory.read(RECORDED, read_result(RECORDED), BEST)
+    data = story.to_json(unpriced, priced=False)
+    assert data["run"] == {
+        "task": "throwing",
+        "workflow": "hierarchical",
+        "seed": 0,
+        "score": 21.66332491818061,
+        "sentence": "the best machine, found in the stage env feedback",
+        "about": "procedural (no language model): 19 calls, 8 machines simulated",
+        "prices": False,
+    }
+    assert next(iter(story.machines)) == BEST
+    assert len(story.machines) == 8
+    assert len(data["progress"]) == 8
+    assert {"expansions": 2, "calls": 19, "tokens": 0, "score": 21.66332491818061} in data[
+        "progress"
+    ]
+    assert [row["name"] for row in data["stages"]] == [
+        "initial",
+        "blind_refinement",
+        "env_feedback",
+    ]
+    assert data["usage"][-1]["calls"] == 19
+    assert data["usage"][0] == {
+        "role": "meta_designer",
+        "calls": 1,
+        "prompt": 0,
+        "completion": 0,
+        "reasoning": 0,
+        "cached": 0,
+        "seconds": 0.0,
+        "cost": None,
+    }
+    assert data["talk"][0] == {"role": "meta_designer", "labels": ["meta_designer/attempt-1"]}
+    json.dumps(data, allow_nan=False)
+
+
+def test_calls_are_kept_whole_and_what_comes_again_once() -> None:
+    story = RunStory.read(RECORDED, None, None)
+    packed = story.to_json(unpriced, priced=False)["calls"]
+    said = json.loads(zlib.decompress(base64.b64decode(packed)))
+    assert len(said["calls"]) == 19
+    designers = [call for call in said["calls"] if call["label"].startswith("designer")]
+    systems = {tuple(call["messages"][0]) for call in designers}
+    assert len(systems) == 1
+    role, number = systems.pop()
+    assert role == "system"
+    assert said["texts"][number].startswith("You ")
+    assert "<Modification Steps>" in said["calls"][-1]["reply"]
+    assert said["calls"][-1]["valid"] is True
+
+
+def test_an_unfinished_run_shows_its_best_so_far(tmp_path: Path) -> None:
+    story = RunStory.read(hostile_run(tmp_path), None, None)
+    data = story.to_json(lambda _model, _usage: 0.5, priced=True)
+    assert (data["run"]["score"], data["run"]["sentence"]) == (
+        12.5,
+        "is the best so far: the run is unfinished",
+    )
+    assert data["usage"][-1]["cost"] == 1.5
+    said = json.loads(zlib.decompress(base64.b64decode(data["calls"])))
+    assert said["calls"][0]["reply"] == NASTY
+
+
+def test_a_run_without_a_machine_says_why(tmp_path: Path) -> None:
+    result = {"valid": False, "score": None, "reason": "no valid machine: overlap", "model": "m"}
+    story = RunStory.read(hostile_run(tmp_path), result, None)
+    head = story.to_json(unpriced, priced=False)["run"]
+    assert (head["score"], head["sentence"]) == (None, "no valid machine: overlap")
+
+
+def test_reasons_are_counted_with_an_example() -> None:
+    attempts = [attempt("overlap", "1 in 2"), attempt(""), attempt("overlap", "3"), attempt("type")]
+    assert reasons(attempts) == [
+        {"code": "overlap", "count": 2, "example": "1 in 2"},
+        {"code": "type", "count": 1, "example": ""},
+    ]
+
+
+def test_validity_by_role() -> None:
+    attempts = [attempt("x", parsed=False), attempt("", repaired=True), attempt("", role="refiner")]
+    assert validity(attempts) == [
+        {"role": "designer", "attempts": 2, "parsed": 1, "valid": 1, "repaired": 1},
+        {"role": "refiner", "attempts": 1, "parsed": 1, "valid": 1, "repaired": 0},
+    ]
+
+
+def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"is no run: it has no readable run\.yaml"):
+        RunStory.read(tmp_path, None, None)
