@@ -9,7 +9,7 @@ import json
 import random
 import re
 
-from agentflow.llm.procedural.mechanisms import RULES, Growth, data, suited
+from agentflow.llm.procedural.mechanisms import Growth, data, grow, suited
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine.blocks import library
 from agentflow.machine.validity import check
@@ -64,11 +64,11 @@ def design(facts: Facts, chance: random.Random) -> str:
             ranges = parts[name]["dims"].items()
             guidance = facts.guidance if attempt < TRIES / 2 else ""
             dims = {key: _drawn(key, span, guidance, chance) for key, span in ranges}
-            RULES[parts[name]["rule"]](growth, dims)
+            grow(growth, parts[name], dims)
             told.append(f"{name}: {', '.join(f'{key} {value}' for key, value in dims.items())}.")
         if _done(growth, [parts[name]["slots"][0] for name in names], start, facts):
             break
-    return f"Counted in blocks: {' '.join(told)}\n```json\n{growth.machine.to_text()}\n```"
+    return f"Counted in blocks: {' '.join(told)}\n```json\n{facts.written(growth.machine)}\n```"
 
 
 def _done(growth: Growth, slots: list[list[int]], start: int, facts: Facts) -> bool:

@@ -38,13 +38,6 @@ def inspect(facts: Facts, machine: Machine, chance: random.Random) -> str:  # no
     )
 
 
-def _named(geometry: Geometry, *kinds: int) -> str:
-    told = (
-        f"block {b.id} ({b.name}) facing {b.facing}" for b in geometry.blocks if b.type in kinds
-    )
-    return "; ".join(told) or "None."
-
-
 def _defects(geometry: Geometry) -> Iterator[tuple[list[int], str]]:
     """Every check that fails: the blocks, and what follows."""
     blocks, depth = geometry.blocks, [z for _, z in support_polygon(geometry)]

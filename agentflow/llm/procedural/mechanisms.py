@@ -23,7 +23,7 @@ from agentflow.machine.tree import ROOT, Machine, Step
 
 Dims = Mapping[str, int]
 BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)
-HINGE, SPRING, CUBE, MOTOR, BALLAST, LOG = 5, 9, 15, 22, 35, 63
+HINGE, SPRING, CUBE, MOTOR, BALLAST = 5, 9, 15, 22, 35
 JOINTS, RIGID, LOADS = (MOTOR, HINGE), (*BEAMS, CUBE), (BALLAST, CONTAINER, BOULDER)
 MOVERS = (*JOINTS, SPRING, *WHEELS)
 
@@ -34,13 +34,19 @@ def data(name: str) -> Any:
     return yaml.safe_load(Path(__file__).with_name(name).read_text("utf-8"))
 
 
+def purpose(brief: Brief) -> str:
+    """What a task is about, by the words of its objective; "stand" where nothing is known."""
+    told = data("mechanisms.yaml")["purposes"].items()
+    return next((name for name, words in told if words in brief.objective), "stand")
+
+
 def suited(brief: Brief) -> list[Any]:
     """The mechanisms that serve a task and can be built from its blocks; at least one."""
     book, blocks = data("mechanisms.yaml"), {*brief.blocks}
     main = {name: {*part["slots"][0]} or blocks for name, part in book["parts"].items()}
     able = [m for m in book["mechanisms"] if all(main[name] & blocks for name in m["parts"])]
-    purposes = ("throw", "drive", "stand")[BOULDER not in brief.required :]
-    return next(filter(None, ([m for m in able if m["purpose"] == p] for p in purposes)))
+    wanted = (purpose(brief), "drive", "stand")
+    return next(filter(None, ([m for m in able if m["purpose"] == p] for p in wanted)))
 
 
 class Growth:
@@ -102,25 +108,40 @@ def locked(geometry: Geometry) -> bool:
     return any(group[loop.block] != group[loop.partner] for loop in geometry.auto_connections)
 
 
-def _base(g: Growth, dims: Dims) -> None:
-    beam = g.choose(BEAMS, SPARE)
-    sides = {"z+": "ahead", "z-": "behind", "x+": "aside", "x-": "aside"}
-    ends = [g.chain(beam, 0, side, dims[name]) for side, name in sides.items()]
-    for end in list(filter(None, ends))[: dims["ballast"]]:
-        g.chain(g.choose((BALLAST,)), end, "y+")
+def grow(g: Growth, part: Any, dims: Dims) -> None:
+    """Add a part to what stands, step by step as mechanisms.yaml says."""
+    named: dict[str, list[int]] = {}
+    for step in part["grow"]:
+        if "rule" in step:
+            RULES[step["rule"]](g, dims)
+        else:
+            named[step.get("as", "")] = _rows(g, step, dims, named)
 
 
-def _motor_tower(g: Growth, dims: Dims) -> None:
-    top = g.chain(g.choose(BEAMS, SPARE), 0, "y+", dims["storeys"])
-    motor = g.chain(g.choose((MOTOR,)), top, "x+", skip=dims["below the top"])
-    g.chain(g.choose((CUBE,)), motor, "x+", dims["spacer"] * (motor != top))
+def _rows(g: Growth, step: Any, dims: Dims, named: Mapping[str, list[int]]) -> list[int]:
+    """Rows of blocks of one type from each anchor to each side; the last of each row."""
+    kind, ends = g.choose(*step["types"]), []
+    starts = named[step["from"]] if step["from"] in named else [_anchor(g, step["from"])]
+    for at, (side, count) in product(
+        starts[: _size(step.get("most", 99), dims)], step["to"].items()
+    ):
+        towards = g.geometry[at].facing if side == "out" else side
+        end = g.chain(kind, at, towards, _size(count, dims), _size(step.get("skip", 0), dims))
+        ends += [end] * (end != at)
+    return ends
 
 
-def _hinge_tower(g: Growth, dims: Dims) -> None:
-    beam = g.choose(BEAMS, SPARE)
-    top = g.chain(beam, 0, "y+", 1 if beam == LOG else dims["storeys"])  # room for the boulder
-    g.chain(g.choose((HINGE,)), top, "y+")
-    g.chain(beam, top, "z-", dims["shelf"])
+def _size(told: str | int, dims: Dims) -> int:
+    return dims[told] if isinstance(told, str) else told
+
+
+def _anchor(g: Growth, name: str) -> int:
+    """Where a part begins: the root, the pivot of an arm, or what reaches farthest to a side."""
+    if name in ("root", "pivot"):
+        return _pivot(g) if name == "pivot" else 0
+    axis, sign = "xyz".index(name[0]), 1 if name[1] == "+" else -1
+    solid = [b for b in g.geometry.blocks if b.type in (STARTING_BLOCK, *RIGID, *SPARE)]
+    return max(solid, key=lambda b: (sign * b.center[axis], -abs(b.center[0]))).id
 
 
 def _pivot(g: Growth) -> int:
@@ -139,11 +160,6 @@ def _arm(g: Growth, dims: Dims) -> None:
     g.chain(g.choose((BOULDER,)), box, "y+" if box == arm else mouth)
 
 
-def _counterweight(g: Growth, dims: Dims) -> None:
-    lever = g.chain(g.choose((CUBE, *BEAMS)), _pivot(g), "z+")
-    g.chain(g.choose((BALLAST,)), lever, "z+", dims["weights"])
-
-
 def _springs(g: Growth, dims: Dims) -> None:
     """From the lever's front end to whatever stands low and not behind."""
     pivot, blocks = _pivot(g), g.geometry.blocks
@@ -153,15 +169,6 @@ def _springs(g: Growth, dims: Dims) -> None:
     feet = [(b.id, f.face_id) for b in near for f in b.faces if f.position[1] < low]
     for _ in range(dims["springs"] if tops and feet else 0):
         g.add(g.choose((SPRING,)), g.chance.choice(tops), g.chance.choice(feet))
-
-
-def _chassis(g: Growth, dims: Dims) -> None:
-    beam = g.choose((*BEAMS, *SPARE))
-    ends = [g.chain(beam, 0, "z+", dims["ahead"]), g.chain(beam, 0, "z-", dims["behind"])]
-    for end, side in product(ends, ("x+", "x-")):
-        g.chain(beam, end, side, dims["cross beams"])
-    for end in ends[: dims["ballast"]]:
-        g.chain(g.choose((BALLAST,)), end, "y+")
 
 
 def _wheels(g: Growth, dims: Dims) -> None:
@@ -182,6 +189,5 @@ def _anything(g: Growth, dims: Dims) -> None:
         g.add(g.choose(kinds), g.chance.choice(spots or [(0, 0)]))
 
 
-RULES = {rule.__name__[1:]: rule for rule in (_base, _motor_tower, _hinge_tower, _arm, _chassis,
-         _counterweight, _springs, _wheels, _anything)}  # fmt: skip
-"""How a part is added to what stands, by the name in mechanisms.yaml."""
+RULES = {rule.__name__[1:]: rule for rule in (_arm, _springs, _wheels, _anything)}
+"""What no row of blocks is, by the name in mechanisms.yaml."""

@@ -5,6 +5,7 @@ Nothing but the messages is looked at. What to answer is decided by the module o
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,12 +13,14 @@ from dataclasses import dataclass
 from agentflow.llm.messages import Message
 from agentflow.machine.blocks import library
 from agentflow.machine.brief import Brief
+from agentflow.machine.coordinates import read_coordinates, to_coordinates
 from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine
 
 _ASKED = {"machine_structure": "meta_designer", "First the rationale": "designer",
           "<Three-Dimensional Perception of the World>": "inspector",
-          "<Required Feedback>": "querier", "<Modification Steps>": "refiner"}  # fmt: skip
+          "<Required Feedback>": "querier", "<Modification Steps>": "refiner",
+          "Place cogs": "placer"}  # fmt: skip
 """Words of a demanded reply format -> role that is asked."""
 _NUMBER = r"(-?\d{1,6}(?:\.\d{1,6})?)"
 _HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
@@ -36,6 +39,7 @@ class Facts:
 
     role: str
     brief: Brief
+    task: str  # as it is told
     structure: str  # name of the structure to build now
     guidance: str
     types: frozenset[int]  # that may be used now: the structure's, or all of the task's
@@ -44,6 +48,11 @@ class Facts:
     broken: tuple[tuple[int, int, float], ...]  # block, partner, seconds
     failed: frozenset[str]  # commands and scripts that led to an error or to no better score
     whole: bool  # whether a refiner is to send a whole machine
+    coordinates: bool  # whether machines are written as positions and rotations
+
+    def written(self, machine: Machine) -> str:
+        """A machine as the prompt writes its own."""
+        return json.dumps(to_coordinates(machine)) if self.coordinates else machine.to_text()
 
 
 def read_facts(messages: Sequence[Message]) -> Facts | None:
@@ -53,8 +62,10 @@ def read_facts(messages: Sequence[Message]) -> Facts | None:
     parts = dict(zip(map(str.strip, pieces[1::2]), pieces[2::2], strict=True))
     form, now = parts.get("Your reply", ""), parts.get("Structure to build now", "")
     role = next((role for words, role in _ASKED.items() if words in form), "")
-    machine = read_machine(parts.get("Current machine", ""), library()).machine
-    if not role or (machine is None and role in ("inspector", "querier", "refiner")):
+    shown = parts.get("Current machine", "")
+    coordinates = '"Position"' in (shown or form)
+    machine = (read_coordinates if coordinates else read_machine)(shown, library()).machine
+    if not role or (machine is None and role in ("inspector", "querier", "refiner", "placer")):
         return None
     types = frozenset(map(int, _ROW.findall(parts.get("Blocks", "")))) & frozenset(library())
     listed = frozenset(map(int, re.findall(r"[0-9]{1,6}", _line(now, "Allowed types"))))
@@ -62,6 +73,7 @@ def read_facts(messages: Sequence[Message]) -> Facts | None:
     return Facts(
         role=role,
         brief=_brief(parts.get("Task", ""), types),
+        task=parts.get("Task", ""),
         structure=_line(now, "Name"),
         guidance=now.partition("Guidance:")[2] + parts.get("Rationale to follow", ""),
         types=types & listed if now else types,
@@ -70,6 +82,7 @@ def read_facts(messages: Sequence[Message]) -> Facts | None:
         broken=tuple((int(a), int(b), float(t)) for a, b, t in _BROKEN.findall(report)),
         failed=_failures(parts, messages),
         whole="whole modified machine" in form,
+        coordinates=coordinates,
     )
 
 
@@ -87,7 +100,8 @@ def _brief(task: str, types: frozenset[int]) -> Brief:
     """As much of the brief as validity needs; the building volume is the same for all tasks."""
     found = [(int(kind), count) for count, kind in _REQUIRED.findall(task) if count in _COUNTS]
     required = {kind: _COUNTS.index(count) for kind, count in found if kind in types}
-    return Brief(_line(task, "Task"), "", (), (), (), (0, *sorted(types - {0})), required)
+    objective = task.partition("Task:")[2].partition("\n")[2].partition("\n")[0]
+    return Brief(_line(task, "Task"), objective, (), (), (), (0, *sorted(types - {0})), required)
 
 
 def _failures(parts: Mapping[str, str], messages: Sequence[Message]) -> frozenset[str]:

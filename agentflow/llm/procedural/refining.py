@@ -9,7 +9,7 @@ import random
 from math import dist
 from typing import Any
 
-from agentflow.llm.procedural.mechanisms import WHEELS, clusters, data, locked
+from agentflow.llm.procedural.mechanisms import WHEELS, clusters, data, locked, purpose
 from agentflow.llm.procedural.reading import Facts, plain
 from agentflow.machine.blocks import BOULDER, CONTAINER
 from agentflow.machine.edits import apply_script
@@ -24,9 +24,11 @@ TRIES, LONG = 200, 1.5  # most tries; least length of a two-ended block, m
 def refine(facts: Facts, machine: Machine, chance: random.Random) -> str:
     """One or two changes that fit the symptoms."""
     geometry = place(machine)
-    purpose = "throw" if BOULDER in facts.brief.required else "drive"
-    rules = [rule for rule in data("refining.yaml") if rule[purpose]]
-    weights = [rule[purpose] + 2 * sum(w in facts.told for w in rule["seen"]) for rule in rules]
+    about = purpose(facts.brief)
+    rules = [rule for rule in data("refining.yaml") if about in rule["for"]]
+    weights = [
+        rule["for"][about] + 2 * sum(w in facts.told for w in rule["seen"]) for rule in rules
+    ]
     script: list[str] = []
     names: list[str] = []
     wanted = chance.choice((1, 1, 2))
@@ -39,7 +41,7 @@ def refine(facts: Facts, machine: Machine, chance: random.Random) -> str:
     return str(data("replies.yaml")["refinement"]).format(
         seen=", ".join(sorted(seen)) or "nothing I know of",
         names=", then ".join(names) or "nothing that works",
-        body=f"```json\n{edited.to_text()}\n```" if facts.whole else "\n".join(script),
+        body=f"```json\n{facts.written(edited)}\n```" if facts.whole else "\n".join(script),
     )
 
 
@@ -76,7 +78,7 @@ def _spots(where: str, geometry: Geometry) -> list[Spot]:
     moves, held = where in ("swung", "ahead"), (*WHEELS, CONTAINER, BOULDER)
     blocks = [b for b in geometry.blocks if bool(group[b.id]) == moves and b.type not in held]
     spots = [(b, f) for b in blocks if where != "low" or b.box_min[1] < low for f in b.faces]
-    if where == "ahead":
+    if where in ("ahead", "front"):
         return [(b, f) for b, f in spots if "z+" in (f.facing, b.facing)]
     return [(b, f) for b, f in spots if where != "side" or f.facing[0] == "x"]
 

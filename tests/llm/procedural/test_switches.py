@@ -1,0 +1,92 @@
+"""Every role in every combination of switches, for every family: replies parse, runs end well."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import pytest
+
+from agentflow.agents.base import Desk
+from agentflow.env.tasks.registry import task_names
+from agentflow.errors import UsageError
+from agentflow.llm.procedural import ProceduralClient
+from agentflow.machine.brief import LONE_ROOT
+from agentflow.machine.validity import check
+from agentflow.workflows.registry import WITHOUT_MODEL, WORKFLOWS, demand_fit, workflow
+from agentflow.workflows.settings import WorkflowSettings
+from tests.llm.procedural.asking import PROMPTS, brief_of
+from tests.workflows.world import Notes, Shelf
+
+FAMILIES = [name for name in task_names() if "/" not in name]
+DESIGNED = [name for name in FAMILIES if brief_of(name).given == LONE_ROOT]
+GIVEN = [name for name in FAMILIES if name not in DESIGNED]
+TINY = {"trajectories": 2, "search": {"rounds": 1, "width": 2, "waves": 2}}
+SWITCHES: dict[str, tuple[object, ...]] = {
+    "representation": ("tree", "coordinates"),
+    "refinement": ("steps", "whole_machine"),
+    "meta_designer": ("modules", "detailed", "off"),
+    "feedback": ("active", "basic", "score_only"),
+    "spatial": (True, False),
+}
+"""Those that change what a prompt shows or what a reply must look like; all are combined."""
+OTHERS = ("inspector", "querier", "history", "vision")
+"""Those that add or leave out a section, turned over from one combination to the next."""
+
+
+def combinations() -> list[dict[str, Any]]:
+    """All of SWITCHES, each with another setting of OTHERS."""
+    return [
+        {
+            **dict(zip(SWITCHES, values, strict=True)),
+            **{name: bool(number >> bit & 1) for bit, name in enumerate(OTHERS)},
+        }
+        for number, values in enumerate(product(*SWITCHES.values()))
+    ]
+
+
+async def run(task: str, name: str, switches: dict[str, Any]) -> None:
+    """A tiny run: every reply is read by its role, and a valid machine comes of it."""
+    brief, notes = brief_of(task), Notes()
+    desk = Desk(ProceduralClient(1), PROMPTS, max_retry=5)
+    settings = WorkflowSettings.model_validate({**TINY, **switches})
+    result = await workflow(name)(brief, lambda _: desk, Shelf(), settings, notes)
+    attempts = notes.of("attempt")
+    lost = {label: data["problem"] for label, data in attempts.items() if not data["parsed"]}
+    assert attempts
+    assert not lost, (task, name, switches)
+    assert result.best is not None, (task, name, switches, result.reason)
+    assert result.best.machine is not None
+    assert check(result.best.machine, brief).task_valid
+
+
+@pytest.mark.parametrize("task", DESIGNED)
+async def test_every_role_in_both_representations_and_formats(task: str) -> None:
+    await run(task, "hierarchical", {})
+    switches = {"representation": "coordinates", "refinement": "whole_machine"}
+    await run(task, "hierarchical", switches)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", DESIGNED)
+async def test_every_combination_of_switches(task: str) -> None:
+    for switches in combinations():
+        await run(task, "hierarchical", switches)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", FAMILIES)
+async def test_every_workflow_that_fits(task: str) -> None:
+    fitting = {name for name in WORKFLOWS if name not in WITHOUT_MODEL and fits(name, task)}
+    assert fitting == ({"placement"} if task in GIVEN else {"single", "iterative", "hierarchical"})
+    for name in fitting:
+        for representation in ("tree", "coordinates") if task in DESIGNED else ("tree",):
+            await run(task, name, {"representation": representation})
+
+
+def fits(name: str, task: str) -> bool:
+    try:
+        demand_fit(name, brief_of(task))
+    except UsageError:
+        return False
+    return True
