@@ -34,8 +34,8 @@ def scores(swept: Swept) -> Table:
     Raises:
         UsageError: scipy is missing.
     """
-    groups = _variants(swept)
-    cells = {key: _last_cell(swept, runs) for key, runs in groups.items()}
+    groups = variants(swept)
+    cells = {key: last_cell(swept, runs) for key, runs in groups.items()}
     powers = sorted({n for cell in cells.values() for n in cell.scores.best_at()})
     names = ("valid", "95 %", "mean (valid)", "95 %", "mean (all, invalid = 0)", "95 %", "max")
     columns = [*names, "std", *(f"Best@{n}" for n in powers)]
@@ -72,7 +72,7 @@ def scores(swept: Swept) -> Table:
 def usage(swept: Swept) -> Table:
     """What runs cost, by role and by stage, and how fast machines were simulated."""
     rows: list[Row] = []
-    for (task, model, variant), runs in _variants(swept).items():
+    for (task, model, variant), runs in variants(swept).items():
         whole = _bill(runs)
         speed = _simulated(runs)
         parts = [("all", whole.total), *whole.roles.items(), *whole.stages.items()]
@@ -115,7 +115,7 @@ def players(swept: Swept) -> Table:
 
 def expansions(swept: Swept) -> Table:
     """The mean best score of all searches after so many new machines each, by variant."""
-    groups = _variants(swept)
+    groups = variants(swept)
     counts = [
         n for n in CURVE if any(curve(_numbers(runs), n) is not None for runs in groups.values())
     ]
@@ -176,7 +176,8 @@ def written(path: Path, name: str, form: str, *, published: bool = False) -> str
     return FORMATS[form](view(path, name, published=published))
 
 
-def _variants(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:
+def variants(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:
+    """Task, model and variant -> their runs, in the order of the sweep."""
     groups: dict[tuple[str, ...], list[Finished]] = {}
     for run in swept.runs:
         key = (task_of(run.member), run.model, run.member.variant)
@@ -195,7 +196,7 @@ def _numbers(runs: Iterable[Finished]) -> tuple[Numbers, ...]:
     return tuple(run.numbers for run in runs)
 
 
-def _last_cell(swept: Swept, runs: Sequence[Finished]) -> Cell:
+def last_cell(swept: Swept, runs: Sequence[Finished]) -> Cell:
     """Of the last stage that any of the runs came to."""
     reached = {item.stage for run in runs for item in run.numbers.record.candidates}
     last = [stage for stage in STAGES if stage in reached]
