@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import sys
 from collections.abc import AsyncIterator, Mapping
@@ -259,7 +258,7 @@ def simulate(
         results = rollouts.simulate_lines(
             source, level, seed=seed, rate=rate, power=on, workers=workers
         )
-        asyncio.run(_print_all(results))
+        _print_all(results)
         return
     result = rollouts.simulate_text(
         machines.machine_text(machine),
@@ -276,9 +275,14 @@ def simulate(
         show_rollout(result)
 
 
-async def _print_all(results: AsyncIterator[Any]) -> None:
-    async for result in results:
-        _print_json(result)
+def _print_all(results: AsyncIterator[Any]) -> None:
+    import asyncio
+
+    async def each() -> None:
+        async for result in results:
+            _print_json(result)
+
+    asyncio.run(each())
 
 
 @commands.command(epilog="Example: agentflow render car.json --task movement --out car.mp4")

@@ -18,6 +18,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from agentflow.cli.text import number
 from agentflow.runs import Event, Listener
 
 Say = Callable[[str], None]
@@ -138,11 +139,6 @@ def _stage_table(rows: list[dict[str, Any]]) -> Table:
         cells = (f"{row['valid']}/{row['trajectories']}", number(row["mean"]), number(row["max"]))
         table.add_row(row["name"], *cells)
     return table
-
-
-def number(value: float | None) -> str:
-    """A score with two decimals; a dash where there is none."""
-    return "-" if value is None else f"{value:.2f}"
 
 
 def _first_line(text: str) -> str:

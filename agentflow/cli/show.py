@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from agentflow.cli.live import number
+from agentflow.cli.text import number
 
 Data = Mapping[str, Any]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agentflow.cli.live import number
 from agentflow.cli.show import Data, _out, _table
+from agentflow.cli.text import number
 
 LONG = 1000
 """Characters; a line with a path may be longer than the terminal is wide, so that it is whole."""

@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from agentflow.app.sweeps import Watcher
-from agentflow.cli.live import number
+from agentflow.cli.text import number
 from agentflow.runs import Event
 
 SPARE = 6

@@ -1,0 +1,8 @@
+"""Owns how single values are written for a person. Imports nothing, so that it costs nothing."""
+
+from __future__ import annotations
+
+
+def number(value: float | None) -> str:
+    """A score with two decimals; a dash where there is none."""
+    return "-" if value is None else f"{value:.2f}"
