@@ -12,11 +12,12 @@ from agentflow.llm.messages import Reply, Request
 from agentflow.llm.procedural.designing import design, plan
 from agentflow.llm.procedural.inspecting import inspect, query
 from agentflow.llm.procedural.mechanisms import data
+from agentflow.llm.procedural.placing import place_cogs
 from agentflow.llm.procedural.reading import read_facts
 from agentflow.llm.procedural.refining import refine
 
 _BUILDING = {"meta_designer": plan, "designer": design}
-_JUDGING = {"inspector": inspect, "querier": query, "refiner": refine}
+_JUDGING = {"inspector": inspect, "querier": query, "refiner": refine, "placer": place_cogs}
 
 
 class ProceduralClient:
