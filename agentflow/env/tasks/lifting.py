@@ -146,7 +146,7 @@ class Lifting(TrialFamily):
 
     def referee(self, machine: Machine) -> LiftReferee:  # noqa: ARG002 - only the object counts
         """A fresh observer of the object."""
-        return LiftReferee()
+        return LiftReferee(self.window)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
@@ -158,9 +158,14 @@ class Lifting(TrialFamily):
 
 
 class LiftReferee:
-    """Follows the object's height step by step."""
+    """Follows the object's height step by step.
 
-    def __init__(self) -> None:
+    A rollout ends early only when everything rests, so what is up then stays up for the rest of
+    the window.
+    """
+
+    def __init__(self, window: float) -> None:
+        self._window = window
         self._settled = self._rise = self._best = self._best_time = 0.0
         self._since: float | None = None
         """Since when it is up; None while it is not."""
@@ -188,6 +193,8 @@ class LiftReferee:
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
         """Whether the trial succeeded, and how it went."""
+        if self._since is not None:
+            self._held = max(self._held, self._window - self._since)
         success = self._since is not None and self._held >= HOLD - ROUNDING
         terms: dict[str, float | bool | str | None] = {
             "success": success,

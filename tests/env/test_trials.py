@@ -1,0 +1,180 @@
+"""Trials: how ten rollouts become one, the same here and in a pool, whatever happens to one."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import dataclass, replace
+
+import pytest
+
+from agentflow.env.pool import RolloutPool
+from agentflow.env.rollout import rollout_json, simulate
+from agentflow.env.scene import Scene
+from agentflow.env.tasks.jumping import Jumping, JumpingKnobs
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Feedback, Rollout
+from agentflow.env.trials import joined
+from agentflow.machine.tree import Machine
+
+from .fakes import LONE_ROOT, make_rollout, make_trace
+
+TASK = get_task("jumping", {"window": 1})
+
+
+def trial(number: int, success: bool, miss: float | None = None) -> Rollout:
+    """A rollout as a trial gives it."""
+    outcome = "success, over" if success else f"failed, {miss} m short"
+    return replace(
+        make_rollout(make_trace(1)),
+        score=float(success),
+        terms={"success": success, "outcome": outcome, "miss": miss},
+        feedback=Feedback(f"Score: {success:.2f}\nResult: {outcome}", {"score": float(success)}),
+        digest=f"{number:032x}",
+        sim_seconds=1.0,
+        wall_seconds=0.5,
+    )
+
+
+def stopped(status: str) -> Rollout:
+    """A rollout that was not played to its end."""
+    return replace(
+        make_rollout(None),
+        status=status,  # type: ignore[arg-type]
+        score=0.0 if status == "diverged" else None,
+        feedback=Feedback(f"The simulation: {status}.", {"status": status}),
+    )
+
+
+def test_a_single_rollout_stays_as_it_is() -> None:
+    only = trial(1, False)
+    assert joined([only]) is only
+
+
+def test_successes_are_counted_and_the_first_failure_is_shown() -> None:
+    played = [trial(1, True), trial(2, False, 0.5), trial(3, False, 0.25), trial(4, True)]
+    whole = joined(played)
+    assert (whole.status, whole.score, whole.sim_seconds, whole.wall_seconds) == ("ok", 2, 4, 2)
+    assert whole.trace is played[1].trace
+    assert dict(whole.terms) == {
+        "successes": 2.0,
+        "trials": 4.0,
+        "shown_trial": 2.0,
+        "closest_miss": 0.25,
+        "trial_1": True,
+        "outcome_1": "success, over",
+        "trial_2": False,
+        "outcome_2": "failed, 0.5 m short",
+        "trial_3": False,
+        "outcome_3": "failed, 0.25 m short",
+        "trial_4": True,
+        "outcome_4": "success, over",
+    }
+    assert whole.feedback.text == (
+        "Score: 2.00 successful trials of 4\n"
+        "Trial 1: success, over\n"
+        "Trial 2: failed, 0.5 m short\n"
+        "Trial 3: failed, 0.25 m short\n"
+        "Trial 4: success, over\n"
+        "All that follows is of trial 2.\n"
+        "Result: failed, 0.5 m short"
+    )
+    assert (whole.feedback.data["score"], whole.feedback.data["shown_trial"]) == (2.0, 2)
+    assert [item["success"] for item in whole.feedback.data["trials"]] == [True, False, False, True]
+
+
+def test_the_first_trial_is_shown_when_all_succeed() -> None:
+    played = [trial(1, True), trial(2, True)]
+    whole = joined(played)
+    assert (whole.score, whole.terms["shown_trial"], whole.terms["closest_miss"]) == (2, 1, None)
+    assert whole.trace is played[0].trace
+
+
+def test_the_digest_is_over_all_trials_in_their_order() -> None:
+    one, two, three = trial(1, True), trial(2, True), trial(3, True)
+    digests = {joined(each).digest for each in ([one, two], [two, one], [one, three])}
+    assert len(digests) == 3
+    assert joined([one, two]).digest == joined([one, two]).digest
+
+
+def test_a_trial_that_diverges_is_a_failed_one() -> None:
+    whole = joined([trial(1, True), stopped("diverged"), trial(3, True)])
+    assert (whole.status, whole.score, whole.terms["trial_2"]) == ("ok", 2.0, False)
+    assert whole.terms["outcome_2"] == "the simulation diverged"
+    assert "Trial 2: the simulation diverged\n" in whole.feedback.text
+    everywhere = joined([stopped("diverged"), stopped("diverged")])
+    assert (everywhere.status, everywhere.score) == ("diverged", 0.0)
+
+
+@pytest.mark.parametrize("status", ["timeout", "crashed", "invalid"])
+def test_what_stops_one_trial_stops_all(status: str) -> None:
+    cut = stopped(status)
+    assert joined([trial(1, True), cut, stopped("timeout")]) is cut
+
+
+def test_trials_are_the_seeds_and_within_their_limits() -> None:
+    level = get_task("jumping")
+    first, again, other = level.trials(0), level.trials(0), level.trials(1)
+    assert first == again
+    assert first != other
+    assert len(first) == 10
+    assert len(set(first)) == 10
+    for one in (*first, *other):
+        assert one.trials(5) == (one,)
+        knobs = one.parameters
+        assert isinstance(knobs, JumpingKnobs)
+        assert 11 <= knobs.walls.first <= 13
+        assert 0.45 <= knobs.walls.height <= 0.55
+        assert 0.72 <= knobs.friction <= 0.88
+        assert -2 <= knobs.yaw <= 2
+
+
+def test_the_whole_is_what_its_trials_are_in_any_order() -> None:
+    whole = simulate(LONE_ROOT, TASK, seed=3)
+    alone = [simulate(LONE_ROOT, one) for one in reversed(TASK.trials(3))]
+    again = joined(alone[::-1])
+    assert (whole.score, whole.status) == (0.0, "ok")
+    assert whole.digest == again.digest
+    assert whole.feedback == again.feedback
+    assert simulate(LONE_ROOT, TASK, seed=4).digest != whole.digest
+
+
+async def test_a_pool_gives_the_same_with_one_worker_and_with_two() -> None:
+    here = rollout_json(simulate(LONE_ROOT, TASK)) | {"wall_seconds": 0}
+    for workers in (1, 2):
+        async with RolloutPool(workers) as pool:
+            there = await pool.run(LONE_ROOT, TASK)
+        assert rollout_json(there) | {"wall_seconds": 0} == here
+        assert there.scene == TASK.trials(0)[0].scene(LONE_ROOT)
+
+
+def test_the_wall_limit_is_each_trials() -> None:
+    cut = simulate(LONE_ROOT, TASK, wall_limit=0.0)
+    assert (cut.status, cut.score, cut.trace) == ("timeout", None, None)
+    whole = simulate(LONE_ROOT, TASK)
+    assert whole.wall_seconds is not None
+    assert simulate(LONE_ROOT, TASK, wall_limit=whole.wall_seconds * 0.8).status == "ok"
+
+
+@dataclass(frozen=True)
+class Deadly(Jumping):
+    """Jumping whose third trial kills the process that builds its scene."""
+
+    keeper: int = 0
+    """The process that it spares."""
+
+    def scene(self, machine: Machine | None = None) -> Scene:
+        if self.trial == 3 and os.getpid() != self.keeper:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().scene(machine)
+
+
+@pytest.mark.slow
+async def test_a_trial_that_crashes_makes_the_whole_crashed() -> None:
+    assert isinstance(TASK, Jumping)
+    task = Deadly(TASK.name, 1, TASK.parameters, 1.0, TASK.schedule, keeper=os.getpid())
+    async with RolloutPool(2) as pool:
+        rollout = await pool.run(LONE_ROOT, task)
+        assert (rollout.status, rollout.score) == ("crashed", None)
+        assert (await pool.run(LONE_ROOT, TASK)).status == "ok"
+    assert simulate(LONE_ROOT, task).status == "ok"
