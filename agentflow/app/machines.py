@@ -96,6 +96,12 @@ def check(
     return answer
 
 
+def warnings(text: str, brief: Brief | None, form: Form = "auto") -> list[str]:
+    """What a check has to say of a machine that does not make it invalid."""
+    report = judge(read_for(brief, text, form), brief)
+    return [warning.message for warning in report.warnings]
+
+
 def check_lines(
     lines: Iterable[str], brief: Brief | None, geometry: bool, form: Form = "auto"
 ) -> Iterator[dict[str, Any]]:

@@ -162,11 +162,12 @@ def check(
         for report in machines.check_lines(source, brief, geometry, form):
             _print_json(report)
         return
-    report = machines.check(machines.machine_text(machine), brief, geometry, form)
+    text = machines.machine_text(machine)
+    report = machines.check(text, brief, geometry, form)
     if as_json:
         _print_json(report)
     else:
-        show_report(report)
+        show_report(report, machines.warnings(text, brief, form))
 
 
 def _brief(task: str | None, knobs: list[str] | None) -> Any:

@@ -87,8 +87,8 @@ def ending_of(result: Data) -> str:
     return ""
 
 
-def show_report(report: Data) -> None:
-    """A validity report."""
+def show_report(report: Data, warnings: Sequence[str]) -> None:
+    """A validity report, and what else there is to say of the machine."""
     console = _out()
     for key in ("file_valid", "spatial_valid", "machine_valid"):
         words = {True: "yes", False: "no", None: "not judged"}[report[key]]
@@ -97,6 +97,8 @@ def show_report(report: Data) -> None:
         console.print("size: " + " x ".join(f"{extent:g}" for extent in report["size"]) + " m")
     for problem in report["problems"]:
         console.print(f"{problem['code']}: {problem['message']}")
+    for warning in warnings:
+        console.print(f"warning: {warning}")
     for block in report.get("blocks", ()):
         if "end_a" in block:
             console.print(f"block {block['id']}: from {block['end_a']} to {block['end_b']}")

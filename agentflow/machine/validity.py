@@ -13,6 +13,7 @@ from agentflow.machine.blocks import Vec3, library
 from agentflow.machine.brief import SIZE_LIMIT, Brief
 from agentflow.machine.connect import Located
 from agentflow.machine.geometry import Geometry, bounds, overlap_of, place
+from agentflow.machine.locks import locked_joints
 from agentflow.machine.parse import Reading, file_problems, read_machine
 from agentflow.machine.plates import plate_of
 from agentflow.machine.pose import to_metres
@@ -58,6 +59,11 @@ class Report:
     """The machine that was judged; None when not file-valid."""
     notes: tuple[str, ...] = ()
     """What the reader passed over without harm."""
+
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """What makes no machine invalid, but hardly anybody wants: joints that cannot move."""
+        return () if self.machine is None else tuple(locked_joints(place(self.machine)))
 
     def to_json(self) -> dict[str, object]:
         """The report as JSON data with exactly the keys of spec 1.12."""

@@ -1,0 +1,54 @@
+"""Joints that rigid connections bridge are named, and no others."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.engines.assembly import assemble
+from agentflow.env.engines.tree import skeleton
+from agentflow.machine.geometry import place
+from agentflow.machine.locks import locked_joints
+from agentflow.machine.random import random_machine
+from agentflow.machine.tree import Machine
+from agentflow.machine.validity import check
+from tests.env.machines import machine
+
+HINGED = ((0, -1, -1), (5, 0, 0), (63, 1, 0))
+
+
+def test_a_brace_across_a_hinge_locks_it() -> None:
+    report = check(machine(*HINGED, (7, 0, 4, 2, 9)))
+    assert report.machine_valid
+    (warning,) = report.warnings
+    assert warning.code == "locked"
+    assert warning.blocks == (1, 3)
+    assert warning.message == (
+        "the moving joint of block 1 (Hinge) cannot move: block 3 (Brace) bridges it"
+    )
+
+
+def test_without_a_brace_or_with_a_spring_in_its_place_it_moves() -> None:
+    assert check(machine(*HINGED)).warnings == ()
+    assert check(machine(*HINGED, (9, 0, 4, 2, 9))).warnings == ()
+
+
+def test_what_is_no_machine_has_no_warnings() -> None:
+    assert check("no machine").warnings == ()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_they_are_the_joints_that_physics_finds_locked(seed: int) -> None:
+    tree = random_machine(Random(seed), size=(12, 30))
+    physics = assemble(tree, place(tree), constants())
+    locked = skeleton(len(physics.parts), physics.joints).locked
+    expected = {physics.joints[i].block for i in locked}
+    assert _blamed(tree) == expected
+
+
+def _blamed(tree: Machine) -> set[int]:
+    """Blocks whose joints are said to be locked."""
+    moving = (warning.message.split("block ")[1] for warning in locked_joints(place(tree)))
+    return {int(text.split()[0]) for text in moving}
