@@ -60,6 +60,7 @@ class Store:
         try:
             for folder in (self._machines, self._rollouts):
                 folder.mkdir(parents=True, exist_ok=True)
+            self._kept = {file.stem for file in self._rollouts.glob("*.npz")}
         except OSError as error:
             raise RunError(f"cannot write to {path}: {error.strerror}") from None
 
@@ -75,12 +76,13 @@ class Store:
         key = rollout_key(machine, task, seed)
         async with self._busy.setdefault(key, asyncio.Lock()):
             path = self._rollouts / f"{key}.npz"
-            if path.exists():
+            if key in self._kept:
                 with suppress(UsageError):
                     return await asyncio.to_thread(load_npz, path)
             rollout = await self._pool.run(machine, task, seed=seed)
             if rollout.score is not None:
                 await asyncio.to_thread(_save, rollout, path)
+                self._kept.add(key)
             return rollout
 
     def share(self, run: Path, task: Task, seed: int) -> None:
@@ -99,11 +101,12 @@ def _save(rollout: Rollout, path: Path) -> None:
 
 def _unite(file: Path, kept: Path) -> None:
     """Make two paths one file; the one kept wins. Left as they are where links are impossible."""
-    source, target = (kept, file) if kept.exists() else (file, kept)
-    if target.exists() and target.samefile(source):
-        return
-    part = target.with_name(target.name + ".part")
     with suppress(OSError):
-        part.unlink(missing_ok=True)
-        os.link(source, part)
-        os.replace(part, target)
+        try:
+            os.link(file, kept)
+        except FileExistsError:
+            if not file.samefile(kept):
+                part = file.with_name(file.name + ".part")
+                part.unlink(missing_ok=True)
+                os.link(kept, part)
+                os.replace(part, file)

@@ -6,6 +6,7 @@ import os
 import platform
 import subprocess
 from datetime import datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,7 @@ def run_document(plan: Plan) -> dict[str, Any]:
     }
 
 
+@cache
 def _commit() -> str | None:
     """The git commit of the code, where it runs from a checkout."""
     try:

@@ -7,6 +7,7 @@ import json
 import os
 import traceback
 from collections.abc import Iterable, Mapping
+from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -33,6 +34,7 @@ from agentflow.errors import (
     InterruptedRunError,
     UsageError,
 )
+from agentflow.laboratory import Simulator
 from agentflow.llm.limits import Limiter
 from agentflow.metrics.cells import check_metrics
 from agentflow.metrics.published import check_source
@@ -152,7 +154,13 @@ def folder_of(plan: SweepPlan, path: Path, out: Path) -> Path:
 
 
 def run_sweep(
-    plan: SweepPlan, folder: Path, watcher: Watcher, *, jobs: int, resume: bool
+    plan: SweepPlan,
+    folder: Path,
+    watcher: Watcher,
+    *,
+    jobs: int,
+    resume: bool,
+    pool: Simulator | None = None,
 ) -> Outcome:
     """Carry out what is not yet done of a sweep.
 
@@ -160,8 +168,10 @@ def run_sweep(
         plan: The sweep.
         folder: Its own.
         watcher: Told everything.
-        jobs: Runs at once; rollouts of all share `workers` processes of the base configuration.
+        jobs: Runs at once.
         resume: Whether it may have been begun before.
+        pool: Where machines are simulated, for all runs; by default `workers` processes, as the
+            base configuration says.
 
     Raises:
         RunError: The folder cannot be used.
@@ -170,7 +180,7 @@ def run_sweep(
     with held(folder, document_of(plan.name, plan.sweep), resume):
         work = _Work(plan, folder, watcher)
         try:
-            asyncio.run(work.carry_out(jobs))
+            asyncio.run(work.carry_out(jobs, pool))
         except KeyboardInterrupt:
             raise InterruptedRunError(
                 f"interrupted; {len(work.done)} of {len(plan.members)} runs are done; continue "
@@ -198,13 +208,16 @@ class _Work:
     """Failed because the endpoint could not be used."""
     limiters: dict[str, Limiter] = field(default_factory=dict)
 
-    async def carry_out(self, jobs: int) -> None:
+    async def carry_out(self, jobs: int, pool: Simulator | None) -> None:
         waiting = [member for member in self.plan.members if not self._is_done(member)]
         if not waiting:
             return
         log = LineFile(self.folder / LOG)
         try:
-            async with RolloutPool(build(self.plan.sweep.base).workers) as pool:
+            async with AsyncExitStack() as stack:
+                if pool is None:
+                    workers = build(self.plan.sweep.base).workers
+                    pool = await stack.enter_async_context(RolloutPool(workers))
                 store = Store(self.folder / STORE, pool)
                 free = asyncio.Semaphore(jobs)
                 await together(self._one(member, store, free, log) for member in waiting)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
+from typing import Any, BinaryIO
+from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 import numpy as np
 
@@ -54,9 +55,17 @@ def save_npz(rollout: Rollout, path: Path) -> None:
         result["trace"] = {name: value for name, value in trace.items() if name not in arrays}
     try:
         with path.open("wb") as file:
-            np.savez_compressed(file, result=np.array(json.dumps(result)), **arrays)
+            _write(file, {"result": np.array(json.dumps(result)), **arrays})
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _write(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
+    """As `numpy.savez_compressed`, in half the time: states hardly get smaller at higher levels."""
+    with ZipFile(file, "w", ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, value in arrays.items():
+            with archive.open(f"{name}.npy", "w") as entry:
+                np.lib.format.write_array(entry, value, allow_pickle=False)
 
 
 def load_npz(path: Path) -> Rollout:

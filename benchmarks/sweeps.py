@@ -1,0 +1,114 @@
+"""Measures what a sweep adds to its runs: time per event, and a table over all of them.
+
+Machines are random, no model is asked, and every rollout is one that was simulated beforehand, so
+that what is left is bookkeeping: run directories, events, machines, the store, the log.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from agentflow.app.conduct import Plan, conduct
+from agentflow.app.models import open_models
+from agentflow.app.replay import Memory
+from agentflow.app.sweeps import folder_of, plan_sweep, run_sweep
+from agentflow.app.views import view
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Rollout
+from agentflow.llm.budget import Budget
+from agentflow.llm.tape import Tape
+from agentflow.machine.formats import read_any
+from agentflow.machine.tree import Machine
+from agentflow.runs import Event
+
+THROWER = Path(__file__).parent.parent / "tests/machines/thrower_long_arm.json"
+SWEEP = {
+    "title": "Benchmark",
+    "base": {
+        "task": "throwing",
+        "workflow": "random-dsl",
+        "settings": {"trajectories": 4, "rollouts": 24},
+    },
+    "axes": {"condition": {"one": {"history": True}, "other": {"history": False}}},
+    "table": {"stage": "env_feedback", "metrics": ["valid", "mean", "max"]},
+}
+
+
+class StandIn:
+    """A simulator that has always just simulated the same throw."""
+
+    def __init__(self) -> None:
+        machine = read_any(THROWER.read_text(encoding="utf-8")).machine
+        assert machine is not None
+        self._rollout = simulate(machine, get_task("throwing"))
+
+    async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:  # noqa: ARG002
+        return self._rollout
+
+
+class Silent:
+    """Counts events and shows nothing."""
+
+    def __init__(self) -> None:
+        self.events = 0
+
+    def begun(self, run: str) -> None: ...
+
+    def event(self, run: str, event: Event) -> None:  # noqa: ARG002
+        self.events += 1
+
+    def remark(self, run: str, line: str) -> None: ...
+
+    def ended(self, run: str, result: Mapping[str, Any]) -> None: ...
+
+    def failed(self, run: str, reason: str) -> None:
+        raise RuntimeError(f"{run}: {reason}")
+
+
+async def in_memory(plans: list[Plan], pool: StandIn, tape: Tape) -> float:
+    """Seconds of processor time for the same runs without any record on disk."""
+    began = time.process_time()
+    for plan in plans:
+        models = open_models(plan.config, tape, Budget(), print, {})
+        await conduct(plan, models, Memory(), pool)
+    return time.process_time() - began
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=1000)
+    runs = parser.parse_args().runs
+    pool, watcher = StandIn(), Silent()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        path = folder / "benchmark.yaml"
+        path.write_text(yaml.safe_dump(SWEEP))
+        plan = plan_sweep(path, (), {}, seeds=runs // 2)
+        with Tape(folder / "calls.jsonl", print) as tape:
+            bare = asyncio.run(in_memory(list(plan.plans.values()), pool, tape))
+        where = folder_of(plan, path, folder / "out")
+        began, wall = time.process_time(), time.perf_counter()
+        run_sweep(plan, where, watcher, jobs=2, resume=False, pool=pool)
+        whole, wall = time.process_time() - began, time.perf_counter() - wall
+        print(f"{len(plan.members)} runs, {watcher.events} events, {wall:.1f} s wall")
+        print(f"without a record: {bare:.1f} s of processor; as a sweep: {whole:.1f} s")
+        print(f"bookkeeping: {1000 * (whole - bare) / watcher.events:.2f} ms per event (limit 2)")
+        for name in ("published", "scores", "expansions", "usage"):
+            began, wall = time.process_time(), time.perf_counter()
+            view(where, name)
+            spent, wall = time.process_time() - began, time.perf_counter() - wall
+            print(f"table {name}: {spent:.2f} s of processor, {wall:.2f} s wall (limit 5)")
+
+
+if __name__ == "__main__":
+    main()
