@@ -1,0 +1,177 @@
+"""What is written in README, docs and examples is true: commands, code, links.
+
+`console` fences are carried out as they stand, with the embedded model; a command whose output is
+shown must print it. `sh` fences need what a test has not (an endpoint, an installation): their
+commands must be such as the command line understands.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+import typer
+
+from agentflow.cli import MODULES, main
+from agentflow.cli.commands import commands
+from agentflow.env.tasks.registry import task_names
+from agentflow.machine import check
+from agentflow.machine.formats import read_any
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted(
+    path.relative_to(ROOT).as_posix()
+    for pattern in ("README.md", "CONTRIBUTING.md", "docs/**/*.md", "examples/*.md")
+    for path in ROOT.glob(pattern)
+)
+NEEDED = ("examples", "configs", "docs", "runs/recorded-throwing")
+"""What commands may refer to, from the root of the repository."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """One documented command line, and what it is shown to print ("" where nothing is shown)."""
+
+    line: str
+    output: str = ""
+
+    @property
+    def words(self) -> list[str]:
+        return shlex.split(self.line, comments=True)
+
+
+def fences(page: str, language: str) -> list[str]:
+    text = (ROOT / page).read_text()
+    return re.findall(rf"(?ms)^```{language}\n(.*?)^```$", text)
+
+
+def shown(page: str) -> list[Command]:
+    """The commands of `console` fences."""
+    entries = [e for block in fences(page, "console") for e in f"\n{block}".split("\n$ ")[1:]]
+    split = (entry.rstrip("\n").partition("\n") for entry in entries)
+    return [Command(line, output + "\n" if output else "") for line, _, output in split]
+
+
+def understood(page: str) -> Iterator[Command]:
+    """Every command of ours, from `console` and `sh` fences."""
+    lines = [line for block in fences(page, "sh") for line in block.splitlines()]
+    for command in [*shown(page), *map(Command, lines)]:
+        if command.words and command.words[0] == "agentflow":
+            yield command
+
+
+def long(page: str) -> bool:
+    """Whether its commands run physics."""
+    quick = {"check", "edit", "convert", "tasks", "blocks", "config", "prompts"}
+    return any(
+        command.words[0] == "python" or command.words[1] not in quick
+        for command in shown(page)
+        if command.words[0] != "echo"
+    )
+
+
+WITH_COMMANDS = [
+    pytest.param(page, marks=pytest.mark.slow if long(page) else ())
+    for page in PAGES
+    if shown(page)
+]
+ALL = [(page, command) for page in PAGES for command in understood(page)]
+
+
+def test_there_is_something_to_test() -> None:
+    assert len(WITH_COMMANDS) >= 8
+    assert len(ALL) >= 50
+
+
+@pytest.mark.parametrize(("page", "command"), ALL, ids=lambda value: getattr(value, "line", value))
+def test_the_command_line_understands_it(page: str, command: Command) -> None:
+    for module in MODULES:
+        import_module(f"agentflow.cli.{module}")
+    group, words = typer.main.get_command(commands), command.words
+    context = group.make_context("agentflow", words[1:])
+    while hasattr(group, "resolve_command"):
+        rest = [*context._protected_args, *context.args]
+        name, group, rest = group.resolve_command(context, rest)  # type: ignore[assignment]
+        assert group is not None, page
+        context = group.make_context(name, rest, parent=context)
+
+
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("page", WITH_COMMANDS)
+def test_commands_run_as_written(
+    page: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    for name in NEEDED:
+        shutil.copytree(ROOT / name, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    for name in ("AGENTFLOW_MODEL", "OPENAI_BASE_URL", "OPENAI_API_KEY"):
+        monkeypatch.delenv(name, raising=False)
+    for command in shown(page):
+        assert run(command.words) == 0, (command.line, capfd.readouterr().err)
+        printed = capfd.readouterr().out
+        assert command.output in ("", printed), command.line
+
+
+def run(words: list[str]) -> int:
+    """A command of ours, a Python script, or `echo TEXT > FILE`."""
+    if words[0] == "agentflow":
+        return main(words[1:])
+    if words[0] == "python":
+        return subprocess.run([sys.executable, *words[1:]], check=False).returncode
+    echo, text, arrow, file = words
+    assert echo == "echo"
+    with Path(file).open({">": "w", ">>": "a"}[arrow]) as target:
+        target.write(text + "\n")
+    return 0
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if fences(page, "python")])
+def test_python_runs(page: str) -> None:
+    code = "".join(fences(page, "python"))
+    assert "assert" in code
+    exec(compile(code, page, "exec"), {})
+
+
+def test_machines_that_are_shown_are_valid() -> None:
+    machines = fences("docs/machine-language.md", "json")
+    assert len(machines) == 2
+    for text in machines:
+        assert check(read_any(text)).machine_valid
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_somewhere(page: str) -> None:
+    text = (ROOT / page).read_text()
+    for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text):
+        if "://" not in target:
+            assert os.path.exists((ROOT / page).parent / target), target
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_fence_says_what_it_is(page: str) -> None:
+    opened = re.findall(r"(?m)^```(.*)$", (ROOT / page).read_text())[::2]
+    assert all(language for language in opened), opened
+
+
+def test_every_family_is_told_of() -> None:
+    text = (ROOT / "docs/tasks.md").read_text()
+    for name in task_names():
+        assert f"\n| {name.partition('/')[0]} | " in text, name
+
+
+def test_every_page_is_reachable_from_the_readme() -> None:
+    readme = (ROOT / "README.md").read_text()
+    for page in ROOT.glob("docs/*.md"):
+        assert f"](docs/{page.name})" in readme, page.name
