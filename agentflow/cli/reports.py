@@ -17,15 +17,21 @@ Films = Annotated[int, typer.Option(min=0, help="Machines with a film, the best 
 
 @commands.command(epilog="Example: agentflow report runs/recorded-throwing --out report.html")
 def report(
-    run: Annotated[Path, typer.Argument(help="Run directory.")],
+    run: Annotated[Path, typer.Argument(help="Run directory, or the folder of a sweep.")],
     out: Out = None,
     films: Films = 200,
     workers: Workers = 2,
 ) -> None:
-    """Write one HTML page of a run: films in 3D, the search tree, every prompt and reply."""
-    from agentflow.app.reports import report as write
+    """Write one HTML page: of a run with films in 3D, of a sweep with its tables."""
+    from agentflow.app.reports import report as of_run
+    from agentflow.app.sweepfolder import is_sweep
+    from agentflow.app.sweepreport import sweep_report as of_sweep
 
-    print(write(run, out or run / "report.html", films=films, workers=workers, say=_progress))
+    file = out or run / "report.html"
+    if is_sweep(run):
+        print(of_sweep(run, file))
+    else:
+        print(of_run(run, file, films=films, workers=workers, say=_progress))
 
 
 def _progress(done: int, of: int) -> None:

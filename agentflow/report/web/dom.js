@@ -20,9 +20,10 @@ export function shown(value, digits = 2) {
   return value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits });
 }
 
-/** A table; cells are strings, numbers or elements, columns that hold numbers stand to the right. */
-export function table(caption, head, rows) {
-  const numeric = head.map((_, column) => rows.some((row) => typeof row[column] === "number"));
+/** A table; cells are strings, numbers or elements. Columns that hold numbers stand to the right:
+ *  all from the column `labels` on, where that is given. */
+export function table(caption, head, rows, labels = Infinity) {
+  const numeric = head.map((_, column) => column >= labels || rows.some((row) => typeof row[column] === "number"));
   const kind = (column) => (numeric[column] ? "number" : "");
   const cell = (value, column) =>
     el("td", { class: kind(column) }, typeof value === "number" || value === null ? shown(value) : value);
@@ -41,7 +42,7 @@ export function table(caption, head, rows) {
 
 /** A headed part of the page. */
 export function section(title, ...children) {
-  const id = `part-${title.toLowerCase().replace(/[^a-z]+/g, "-")}`;
+  const id = `part-${title.toLowerCase().replace(/[^a-z0-9]+/g, "-")}`;
   return el("section", { "aria-labelledby": id }, el("h2", { id }, title), ...children);
 }
 

@@ -1,0 +1,115 @@
+"""How large reports are, how soon they can be used, how smoothly their films play.
+
+Usage: python benchmarks/report.py [--run RUN]   (without one, a run with 200 candidates is made)
+Chromium draws without a graphics card here; frames are counted in the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import random
+import tempfile
+import time
+from pathlib import Path
+
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+
+from agentflow.app.design import design
+from agentflow.app.films import Shapes
+from agentflow.app.reports import FINE, Shown, exhibits, report, write
+from agentflow.config import build
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine.random import random_machine
+from agentflow.report.page import page
+from agentflow.runs import read_events
+from tests.report.browser import chromium
+
+BLOCKS = 60
+SECONDS = 4.0
+"""How long a film is watched."""
+COUNT = """const [seconds, done] = arguments;
+const player = document.querySelector(".player"), speed = player.querySelector("select");
+let frames = 0;
+player.addEventListener("frame", () => (frames += 1));
+speed.value = 0.5;
+speed.dispatchEvent(new Event("change"));
+player.querySelector(".play").click();
+const start = performance.now();
+setTimeout(() => done((1000 * frames) / (performance.now() - start)), 1000 * seconds);"""
+
+
+def main() -> None:
+    """Print one line per figure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--run", type=Path, help="run directory")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        run = given.run or candidates(folder)
+        begun = time.monotonic()
+        file = report(run, folder / "run.html", films=200, workers=2, say=lambda *_: None)
+        machines = {e.data["machine"] for e in read_events(run) if e.kind == "evaluation"}
+        print(f"machines in the run   {len(machines)}")
+        print(f"time to write         {time.monotonic() - begun:.1f} s")
+        print(f"size                  {file.stat().st_size / 1e6:.2f} MB")
+        with chromium(folder / "profile", (1440, 900)) as driver:
+            show(driver, "run", file)
+            show(driver, f"{BLOCKS} blocks", large_machine(folder))
+
+
+def show(driver: webdriver.Chrome, name: str, file: Path) -> None:
+    """Open a page three times, then watch its film."""
+    soonest = min(opened(driver, file) for _ in range(3))
+    frames = driver.execute_async_script(COUNT, SECONDS)
+    size = driver.execute_script(
+        "const { width, height } = document.querySelector('canvas'); return [width, height]"
+    )
+    print(f"{name}: interactive   {soonest:.2f} s")
+    print(f"{name}: film          {frames:.0f} frames per second at {json.dumps(size)} pixels")
+
+
+def opened(driver: webdriver.Chrome, file: Path) -> float:
+    """Seconds until the first picture of the film is there and its buttons answer."""
+    driver.get("about:blank")
+    begun = time.monotonic()
+    driver.get(file.as_uri())
+    WebDriverWait(driver, 30, 0.01).until(
+        lambda _: driver.find_element(By.CSS_SELECTOR, "[type=range]").get_attribute("max") != "1"
+    )
+    driver.execute_async_script("requestAnimationFrame(() => requestAnimationFrame(arguments[0]))")
+    return time.monotonic() - begun
+
+
+def candidates(folder: Path) -> Path:
+    """A run of the embedded model with some 200 candidates."""
+    settings = {"trajectories": 8, "search": {"rounds": 6}}
+    config = build({"task": "throwing", "seed": 0, "settings": settings})
+    return Path(design(config, folder, lambda _line: None)["run"])
+
+
+def large_machine(folder: Path) -> Path:
+    """A page with one random machine of many blocks."""
+    task, chance = get_task("movement"), random.Random(4)
+    machine = random_machine(chance, task.brief, size=(BLOCKS, BLOCKS))
+    shapes = Shapes()
+    shown = {"0": Shown(machine, task, 0, None, FINE)}
+    machines = asyncio.run(exhibits(shown, shapes, 1, lambda *_: None))
+    card = {"machine": "0", "task": "movement", "about": "", "score": None, "picture": None}
+    data = {
+        "kind": "gallery",
+        "title": "Large",
+        "shapes": shapes.rows,
+        "machines": machines,
+        "cards": [card],
+    }
+    file = folder / "large.html"
+    write(file, page("large", data))
+    return file
+
+
+if __name__ == "__main__":
+    main()
