@@ -8,6 +8,8 @@ from typing import Any
 from agentflow.config import override
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
+from agentflow.machine.blocks import library
+from agentflow.machine.brief import LONE_ROOT
 
 
 def find_task(name: str, settings: Iterable[str] = ()) -> Task:
@@ -21,37 +23,53 @@ def find_task(name: str, settings: Iterable[str] = ()) -> Task:
 
 
 def task_list() -> list[dict[str, Any]]:
-    """Every shipped level: name, title, objective, what a good score is."""
+    """Every level: name, title, objective, window, block list, what a good score is."""
     items = []
     for name in task_names():
-        level = get_level(name)
+        level, task = get_level(name), get_task(name)
         items.append(
             {
                 "name": name,
+                "family": task.family,
                 "title": level.file.title,
-                "objective": get_task(name).brief.objective,
+                "objective": task.brief.objective,
+                "window": task.window,
+                "blocks": list(task.brief.blocks),
                 "good": level.file.good,
             }
         )
     return items
 
 
-def task_json(name: str) -> dict[str, Any]:
-    """One level: scene, schedule, score, block list, and every knob with its range."""
-    task = get_task(name)
+def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:
+    """One level: scene, schedule, score, block list, and every knob with its range.
+
+    Args:
+        name: as for `registry.get_level`.
+        settings: `knob=value` laid over the level.
+
+    Raises:
+        UnknownNameError, ConfigError: As `find_task` does.
+    """
+    task, file = find_task(name, settings), get_level(name).file
     brief = task.brief
     return {
         "name": brief.name,
+        "family": task.family,
+        "title": file.title,
         "objective": brief.objective,
         "scene": list(brief.scene),
         "schedule": list(brief.schedule),
         "score": list(brief.score),
         "window": task.window,
         "blocks": list(brief.blocks),
+        "block_names": [f"{kind} {library()[kind].name}" for kind in brief.blocks],
         "required": {str(kind): count for kind, count in brief.required.items()},
-        "good": get_level(name).file.good,
+        "given": [] if brief.given == LONE_ROOT else brief.given.to_json(),
+        "good": file.good,
+        "note": file.note,
         "knobs": [
             {"name": knob.name, "value": value, "range": knob.range, "help": knob.help}
-            for knob, value in knob_table(name)
+            for knob, value in knob_table(task)
         ],
     }

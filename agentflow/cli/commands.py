@@ -101,8 +101,9 @@ def design(
     from agentflow.app.design import resume as go_on
     from agentflow.app.models import configured
     from agentflow.app.pictures import render_run
-    from agentflow.cli.live import watch
+    from agentflow.cli.live import DRAWING, watch
     from agentflow.cli.show import show_result
+    from agentflow.runs import Event
 
     options = {
         "task": task,
@@ -122,7 +123,9 @@ def design(
             result = go_on(resume, say, listener)
         else:
             result = start(configured(config, settings or (), options), out, say, listener)
-    pictures = render_run(Path(result["run"])) if result["valid"] else {}
+        if listener is not None and result["valid"]:
+            listener(Event(DRAWING, "best", {}))
+        pictures = render_run(Path(result["run"])) if result["valid"] else {}
     if as_json:
         _print_json(result)
     else:
@@ -316,23 +319,6 @@ def render(
         files = render_file(source, level, seed, out or Path("machine"), view)
     for path in files.values():
         print(path)
-
-
-@commands.command(epilog="Example: agentflow tasks throwing")
-def tasks(
-    name: Annotated[str | None, typer.Argument(help="One level in full.")] = None,
-    as_json: Json = False,
-) -> None:
-    """List the tasks, or show one level with scene, schedule, score, blocks and knobs."""
-    from agentflow.app.tasks import task_json, task_list
-    from agentflow.cli.show import show_task, show_tasks
-
-    if name is None:
-        found = task_list()
-        _print_json(found) if as_json else show_tasks(found)
-    else:
-        level = task_json(name)
-        _print_json(level) if as_json else show_task(level)
 
 
 @commands.command(epilog="Example: agentflow blocks 63")

@@ -8,7 +8,6 @@ from typing import Any
 
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from agentflow.cli.text import number
 
@@ -140,30 +139,6 @@ def show_rollout(result: Data) -> None:
         console.print(result["feedback"])
     for answer in result.get("answers", ()):
         console.print(str(answer))
-
-
-def show_tasks(tasks: Sequence[Data]) -> None:
-    """The list of tasks."""
-    table = _table("task", "level", "good score", "what to do")
-    for task in tasks:
-        table.add_row(task["name"], task["title"], f"{task['good']:g}", task["objective"])
-    _out().print(table)
-
-
-def show_task(task: Data) -> None:
-    """One level in full."""
-    console = _out()
-    console.print(Text(f"{task['name']}: {task['objective']}", style="bold"))
-    for part in ("scene", "schedule", "score"):
-        console.print(f"\n{part}")
-        for sentence in task[part]:
-            console.print(f"  {sentence}")
-    console.print(f"\nblocks: {', '.join(str(kind) for kind in task['blocks'])}")
-    console.print(f"good score: {task['good']:g}\n")
-    table = _table("knob", "value", "range", "what it does")
-    for knob in task["knobs"]:
-        table.add_row(knob["name"], str(knob["value"]), knob["range"], knob["help"])
-    console.print(table)
 
 
 def show_blocks(blocks: Sequence[Data]) -> None:

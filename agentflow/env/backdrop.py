@@ -78,13 +78,13 @@ def _shadows(camera: Camera, solids: Sequence[Thing]) -> Iterator[list[tuple[flo
     """The shadow of each solid in the picture; all solids are convex."""
     sun = np.asarray(SUN)
     for thing in solids:
-        points = _silhouette(thing)
+        points = silhouette(thing)
         places = project(points - sun * (points[:, 1:2] / sun[1]), camera)
         if _near(places, camera).all():
-            yield _hull(places)
+            yield hull(places)
 
 
-def _silhouette(thing: Thing) -> Array:
+def silhouette(thing: Thing) -> Array:
     """Points of a solid between which its shadow lies."""
     if thing.shape == "sphere":
         across, upwards, _ = axes_of(np.asarray(SUN))
@@ -97,7 +97,7 @@ def _silhouette(thing: Thing) -> Array:
     return rims * thing.size @ frame_of(thing.rotation) + thing.position
 
 
-def _hull(places: Array) -> list[tuple[float, float]]:
+def hull(places: Array) -> list[tuple[float, float]]:
     """The outline around points of the plane, by Andrew's monotone chain."""
     points = sorted((float(x), float(y)) for x, y in places)
     outline: list[tuple[float, float]] = []

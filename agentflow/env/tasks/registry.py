@@ -117,9 +117,8 @@ def get_task(name: str, overrides: Mapping[str, object] | None = None) -> Task:
     return kind(level.name, level.number, knobs, knobs.window, kind.schedule_of(knobs))
 
 
-def knob_table(name: str) -> tuple[tuple[Knob, Any], ...]:
-    """Every knob of a level with the level's value, in the family's order."""
-    task = get_task(name)
+def knob_table(task: Task) -> tuple[tuple[Knob, Any], ...]:
+    """Every knob of a task with its value, in the family's order."""
     return tuple(
         (item, _value(task.parameters, item.name)) for item in knobs_of(type(task.parameters))
     )
