@@ -1,0 +1,86 @@
+"""The numbers of cells, by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.errors import UnknownNameError
+from agentflow.metrics.cells import METRICS, Cell, Member, check_metrics, curve
+from agentflow.metrics.records import RunRecord
+from agentflow.metrics.validity import Rate
+from agentflow.runs import Event
+from tests.metrics.events import candidate, expansion, node
+
+FIRST = [
+    candidate("initial", 1, 4.0, first="psv"),
+    candidate("initial", 2, None, valid=False, first="p"),
+    candidate("env_feedback", 1, 6.0),
+    expansion(1, 1, "vxv"),
+    node(1, 1, 1, 5.0),
+    node(1, 2, 1, 6.0),
+    expansion(1, 2, "xx"),
+]
+SECOND = [
+    candidate("initial", 1, 1.0, first="ps"),
+    candidate("env_feedback", 1, 1.0),
+    expansion(1, 1, "vv"),
+    node(1, 1, 1, 0.5),
+    node(1, 2, 1, 0.0),
+]
+
+
+def member(events: list[Event], width: int = 2) -> Member:
+    return Member(RunRecord.of(events), width)
+
+
+def cell(stage: str, rounds: int | None = None) -> Cell:
+    return Cell((member(FIRST), member(SECOND)), stage, rounds)
+
+
+@pytest.mark.parametrize(
+    ("metric", "stage", "value"),
+    [
+        ("valid", "initial", Rate(2, 3)),
+        ("valid", "blind_refinement", None),
+        ("mean", "initial", 2.5),
+        ("mean_all", "initial", 5 / 3),
+        ("max", "initial", 4.0),
+        ("std", "initial", 1.5),
+        ("file_valid", "initial", Rate(3, 3)),
+        ("spatial_valid", "initial", Rate(2, 3)),
+        ("machine_valid", "initial", Rate(1, 3)),
+        ("mean", "env_feedback", 3.5),
+        ("mean", "blind_refinement", None),
+        ("avg_retry", "env_feedback", 7 / 4),
+        ("validity_rate", "env_feedback", 4 / 6),
+        ("avg_expansions_per_round", "env_feedback", 2.0),
+        ("pass_of_50", "initial", Rate(2, 3)),
+        ("pass_of_50", "blind_refinement", None),
+    ],
+)
+def test_metrics_pool_their_runs(metric: str, stage: str, value: object) -> None:
+    assert METRICS[metric].of(cell(stage)) == value
+
+
+def test_trees_cut_after_rounds_count_only_where_they_are_that_deep() -> None:
+    assert METRICS["mean"].of(cell("env_feedback", rounds=1)) == 3.5
+    assert METRICS["max"].of(cell("env_feedback", rounds=2)) == 6.0
+    assert METRICS["mean"].of(cell("env_feedback", rounds=2)) == 6.0
+    assert METRICS["mean"].of(cell("env_feedback", rounds=3)) is None
+
+
+def test_no_runs_have_no_numbers() -> None:
+    empty = Cell((), "initial")
+    assert {metric.of(empty) for metric in METRICS.values()} == {None}
+
+
+def test_the_curve_over_expansions() -> None:
+    runs = [member(FIRST), member(SECOND)]
+    assert [curve(runs, count) for count in (0, 1, 2, 3)] == [2.5, 3.0, 3.5, None]
+    assert curve([], 0) is None
+
+
+def test_unknown_metrics_are_refused() -> None:
+    check_metrics(METRICS)
+    with pytest.raises(UnknownNameError, match="unknown metric 'avg_retri'; known: avg_retry"):
+        check_metrics(["avg_retri"])
