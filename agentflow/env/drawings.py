@@ -140,7 +140,7 @@ def _labels(sheet: _Sheet) -> Iterator[tuple[Point, str]]:
                 max(y for _, y in plan.start), "machine")]  # fmt: skip
     for outline in plan.outlines:
         name = base_name(outline.name)
-        if name not in named and (place := _visible(outline, plan)):
+        if outline.filled and name not in named and (place := _visible(outline, plan)):
             named.add(name)
             middles.append((*place, name))
     for across, up, name in middles[:LABELS]:

@@ -99,11 +99,11 @@ class Plate:
 
     def block(self) -> BlockType:
         """The plate as a block type."""
-        places = [self.place(face) for face in range(self.row**2)]
+        places, centres = [self.place(face) for face in range(self.row**2)], self.centres
         closed = {
             face
             for face, (x, z) in enumerate(places)
-            for u, v in self.centres
+            for u, v in centres
             if max(abs(x - u), abs(z - v)) <= HOLE / 2
         }
         return BlockType(

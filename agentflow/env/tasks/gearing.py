@@ -73,7 +73,8 @@ class GearingKnobs(CommonKnobs):
     @property
     def base(self) -> Plate:
         """The plate."""
-        return Plate(self.plate.size, self.plate.holes, self.plate.pattern)
+        plate = self.plate
+        return Plate(plate.size, plate.holes, plate.pattern if plate.holes else 0)
 
     @property
     def source(self) -> tuple[float, float]:

@@ -118,6 +118,7 @@ class Jumping(TrialFamily):
                 f"(a trench's depth) and the friction of ground and obstacles, "
                 f"{knobs.friction:g}, change by up to {by.height:.0%} and {by.friction:.0%}, and "
                 f"the machine is turned by up to {by.yaw:g} degrees to the left or right.",
+                *_turned_sentences(knobs.yaw),
             ),
             schedule=(
                 *schedule_sentences(self.schedule, self.window, BLOCKS),
@@ -270,6 +271,13 @@ _RAISED = (
     "The machine stands on a flat bank before the trench, with the centre of its bounding box over x = z = 0 and its "
     "lowest point on the bank.",
 )
+
+
+def _turned_sentences(yaw: float) -> tuple[str, ...]:
+    if not yaw:
+        return ()
+    side = "right" if yaw > 0 else "left"
+    return (f"Before that it is turned by {abs(yaw):g} degrees to the {side}.",)
 
 
 def _touchables(knobs: JumpingKnobs) -> str:
