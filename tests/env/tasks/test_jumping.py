@@ -1,0 +1,174 @@
+"""Jumping: who is over, who touched what, and how far it missed."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.barriers import WIDTH
+from agentflow.env.tasks.jumping import Jumping, JumpReferee
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Verdict
+from agentflow.machine.tree import ROOT, Machine, Step
+from agentflow.prompts.text import token_estimate
+
+from ..fakes import LONE_ROOT, FakeWorld, make_trace
+
+PAIR = Machine((ROOT, Step(1, 35, 0, 0)))
+"""The root (0.25) and a ballast (3.0)."""
+TRACE = make_trace(2)
+
+
+def level(name: str, **knobs: object) -> Jumping:
+    task = get_task(name, knobs)
+    assert isinstance(task, Jumping)
+    return task
+
+
+def judge(referee: JumpReferee, world: FakeWorld, *ends: tuple[float, float]) -> Verdict:
+    """The verdict after blocks have gone from (0, 0.5, 0) to these (y, z)."""
+    referee.start(world)
+    for block, (y, z) in enumerate(ends):
+        world.centres[block] = (0.0, y, z)
+    world.time = 2.0
+    referee.watch(world)
+    return referee.verdict(TRACE)
+
+
+def test_the_root_and_half_of_the_mass_have_to_get_over() -> None:
+    task = level("jumping")
+    over = judge(task.referee(PAIR), FakeWorld(), (0.5, 13.0), (0.5, 14.0))
+    assert (over.score, over.terms["success"], over.terms["miss"]) == (1.0, True, None)
+    assert over.terms["outcome"] == "success, ends 0.75 m beyond"
+    assert over.terms["mass_beyond"] == 1.0
+    light = judge(task.referee(PAIR), FakeWorld(), (0.5, 13.0), (0.5, 12.0))
+    assert (light.score, light.terms["outcome"]) == (0.0, "failed, only 8% of the mass got beyond")
+    short = judge(task.referee(PAIR), FakeWorld(), (0.5, 11.0), (0.5, 13.0))
+    assert short.terms["outcome"] == "failed, the root ends 1.25 m short of the far side"
+    assert short.terms["miss"] == 1.25
+
+
+def test_half_of_the_mass_is_enough() -> None:
+    halves = Machine((ROOT, Step(1, 15, 0, 0), Step(2, 15, 0, 1), Step(3, 35, 0, 2)))
+    referee = level("jumping").referee(halves)
+    verdict = judge(referee, FakeWorld(), (0.5, 13), (0.5, 13), (0.5, 13), (0.5, 3))
+    assert verdict.terms["mass_beyond"] == pytest.approx(0.85 / 3.85)
+    assert not verdict.terms["success"]
+
+
+def test_a_touch_fails_the_trial_whatever_comes_after() -> None:
+    referee, world = level("jumping").referee(PAIR), FakeWorld()
+    referee.start(world)
+    world.time, world.contacts = 1.5, {"wall 1": frozenset({1, "ground"})}
+    world.centres = {0: (0.0, 3.0, 11.0), 1: (0.0, 0.75, 12.0)}
+    referee.watch(world)
+    world.contacts = {}
+    verdict = judge_on(referee, world)
+    assert verdict.score == 0.0
+    assert verdict.terms["outcome"] == (
+        "failed, block 1 (Ballast) touched the wall 1 at 1.50 s, 0.25 m too low"
+    )
+    assert (verdict.terms["touched"], verdict.terms["touch_time"]) == ("wall 1", 1.5)
+    assert verdict.terms["miss"] == pytest.approx(0.25)
+    assert [event.kind for event in verdict.events] == ["obstacle_touched"]
+
+
+def judge_on(referee: JumpReferee, world: FakeWorld) -> Verdict:
+    """The verdict of a machine that ends far beyond."""
+    world.centres = {0: (0.0, 0.5, 30.0), 1: (0.0, 0.5, 31.0)}
+    referee.watch(world)
+    return referee.verdict(TRACE)
+
+
+def test_scene_things_among_themselves_are_no_touch() -> None:
+    world = FakeWorld(contacts={"wall 1": frozenset({"ground"})})
+    referee = level("jumping").referee(PAIR)
+    referee.start(world)
+    assert judge_on(referee, world).score == 1.0
+
+
+def test_what_is_across_before_the_start_fails() -> None:
+    world = FakeWorld(centres={1: (0.0, 0.5, 12.0)})
+    referee = level("jumping").referee(PAIR)
+    referee.start(world)
+    verdict = judge_on(referee, world)
+    assert verdict.terms["outcome"] == "failed, block 1 (Ballast) was across before t = 0"
+    assert (verdict.score, verdict.terms["miss"]) == (0.0, None)
+
+
+def test_the_last_of_two_walls_counts_and_both_are_watched() -> None:
+    task = level("jumping/4")
+    short = judge(task.referee(PAIR), FakeWorld(), (0.5, 24.0), (0.5, 24.0))
+    assert short.terms["far_side"] == 24.25
+    assert short.score == 0.0
+    for name in ("wall 1", "wall 2"):
+        referee, world = task.referee(PAIR), FakeWorld(contacts={name: frozenset({0})})
+        referee.start(world)
+        assert judge_on(referee, world).terms["touched"] == name
+
+
+def test_a_trench_forbids_its_floor_and_its_far_wall_only() -> None:
+    task = level("jumping/3")
+    for name, success in (("ground", False), ("far wall", False), ("far bank", True)):
+        referee, world = task.referee(PAIR), FakeWorld(contacts={name: frozenset({0})})
+        referee.start(world)
+        assert judge_on(referee, world).terms["success"] is success
+    referee, world = task.referee(PAIR), FakeWorld(contacts={"far wall": frozenset({0})})
+    world.centres = {0: (0.0, 2.0, 17.5)}
+    world.centres[0] = (0.0, 2.0, 17.5)
+    referee.start(FakeWorld())
+    referee.watch(world)
+    assert str(judge_on(referee, world).terms["outcome"]).endswith("0.50 m short")
+
+
+def test_the_trench_lies_between_banks_and_the_slope_before_it() -> None:
+    scene = level("jumping/3").scene()
+    things = {thing.name: thing for thing in scene.things}
+    assert set(things) == {"near bank", "far bank", "far wall", "slope"}
+    near, far = things["near bank"], things["far bank"]
+    assert near.position[2] + near.size[2] / 2 == pytest.approx(12.0)
+    assert far.position[2] - far.size[2] / 2 == pytest.approx(18.0)
+    assert near.size[1] == far.size[1] == scene.start.height == 3.0
+    wall = things["far wall"]
+    assert wall.position[2] - wall.size[2] / 2 < 18.0
+    assert wall.size[1] < 3.0
+
+
+def test_walls_reach_far_to_both_sides() -> None:
+    for name, tops in (("jumping", [0.5]), ("jumping/4", [0.8, 0.8]), ("jumping/5", [1.5])):
+        scene = level(name).scene()
+        assert [thing.size[1] for thing in scene.things] == tops
+        assert {thing.size[0] for thing in scene.things} == {WIDTH}
+        assert scene.start.height == 0.0
+
+
+def test_springs_and_steering_hinges_wait_for_the_jump() -> None:
+    task = level("jumping", **{"jump_at": 1.5, "schedule.springs": 0.25})
+    schedule = task.schedule
+    assert (schedule.motors, schedule.springs, schedule.steering_hinges) == (0.0, 1.75, 1.5)
+    told = " ".join(task.brief.schedule)
+    assert "At t = 1.75 s springs start to contract." in told
+    assert "At t = 1.5 s steering hinges swing to their Left, once." in told
+
+
+def test_a_lone_root_stays_where_it_is_in_every_trial() -> None:
+    for name in ("jumping", "jumping/3"):
+        rollout = simulate(LONE_ROOT, get_task(name))
+        assert (rollout.status, rollout.score) == ("ok", 0.0)
+        assert rollout.terms["trials"] == 10
+        assert str(rollout.terms["outcome_1"]).startswith("failed, the root ends ")
+        assert token_estimate(rollout.feedback.text) < 1200
+
+
+def test_the_trench_is_really_there() -> None:
+    """A root that is put down over the trench's middle falls to its floor."""
+    task = level("jumping/3")
+    trench = task.parameters.trench.model_copy(update={"at": 0.0, "length": 6.0})
+    knobs = task.parameters.model_copy(
+        update={"trench": trench, "slope": task.parameters.slope.model_copy(update={"angle": 0})}
+    )
+    fallen = Jumping(task.name, 3, knobs, task.window, task.schedule, trial=1)
+    rollout = simulate(LONE_ROOT, fallen)
+    assert rollout.trace is not None
+    assert rollout.trace.centre[0, 0, 1] == pytest.approx(0.48, abs=0.02)
+    assert rollout.terms["touched"] == "ground"
