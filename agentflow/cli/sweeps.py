@@ -129,12 +129,14 @@ def _left_in_words(cost: Mapping[str, Any], runs: int, procedural: bool, workers
         priced = "no tokens and no money: the procedural model answers"
     else:
         money = (
-            "money unknown (no model.prices)" if cost["money"] is None else f"{cost['money']:.2f}"
+            "cost unknown (no model.prices)"
+            if cost["money"] is None
+            else f"cost {cost['money']:.2f}"
         )
         priced = f"about {tokens} tokens, reasoning not counted; {money}"
     answers = "" if procedural else "; waiting for answers comes on top"
     return (
-        f"{runs} runs to do: about {cost['calls']} calls without retries, {priced}; at most "
+        f"{runs} run{'s' if runs != 1 else ''} to do: about {cost['calls']} calls without retries, {priced}; at most "
         f"{cost['rollouts']} rollouts, {minutes:.1f} min with {workers} workers{answers}"
     )
 

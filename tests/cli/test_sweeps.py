@@ -1,0 +1,160 @@
+"""`agentflow sweep` and `agentflow table` as a user types them."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from rich.console import Console
+
+from agentflow.cli import main
+from agentflow.cli.sweeplive import View
+from agentflow.runs import Event
+from tests.app.test_sweeps import DEAD, TINY
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sweep of which one run works and one cannot reach its endpoint; begun with exit 3."""
+    folder = tmp_path_factory.mktemp("cli")
+    axes = {"condition": {"lives": {}, "dead": DEAD}}
+    (folder / "mixed.yaml").write_text(yaml.safe_dump({**TINY, "seeds": [0], "axes": axes}))
+    assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--quiet"]) == 3
+    return folder
+
+
+def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = folder / "mixed"
+    assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--resume"]) == 3
+    out, told = capsys.readouterr()
+    lines = out.splitlines()
+    assert lines[0] == f"1 of 2 runs are done: {path}"
+    assert lines[1].startswith("failed: dead.seed-0: no answer from http://127.0.0.1:9/v1")
+    assert lines[2:] == [
+        f"try these again with: agentflow sweep {path} --resume",
+        f"compare them with: agentflow table {path}",
+    ]
+    assert told.splitlines()[0] == "dead.seed-0: begun"
+    assert told.splitlines()[-1].startswith("agentflow: dead.seed-0: failed: no answer from")
+
+
+def test_the_outcome_as_json_is_alone_on_stdout(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sweep", str(folder / "mixed"), "--resume", "--json", "--quiet"]) == 3
+    found = json.loads(capsys.readouterr().out)
+    assert found["sweep"] == str(folder / "mixed")
+    assert found["done"] == ["lives.seed-0"]
+    assert list(found["failed"]) == ["dead.seed-0"]
+
+
+def test_when_no_run_reaches_its_endpoint_the_status_says_so(tmp_path: Path) -> None:
+    axes = {"condition": {"dead": DEAD}}
+    (tmp_path / "x.yaml").write_text(yaml.safe_dump({**TINY, "seeds": [0], "axes": axes}))
+    assert main(["sweep", str(tmp_path / "x.yaml"), "--out", str(tmp_path), "--quiet"]) == 4
+
+
+def test_a_sweep_is_not_begun_twice(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder)]) == 2
+    assert capsys.readouterr().err == (
+        f"agentflow: {folder / 'mixed'} holds this sweep already: continue it with --resume, or "
+        "choose another folder with --out\n"
+    )
+
+
+def test_tables_say_what_is_missing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["table", str(folder / "mixed")]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("Tiny\n")
+    assert "movement  none (random edits)    2/2" in out
+    assert "INCOMPLETE: 1 of 2 runs are missing, 1 of them failed.\n" in out
+    assert main(["table", str(folder / "mixed"), "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["measured"][0]["task"] == "movement"
+
+
+def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["sweep", str(ROOT / "configs/inspector.yaml"), "--seeds", "1", "--dry-run"]
+    assert main([*words, "--out", str(tmp_path / "out")]) == 0
+    assert capsys.readouterr().out == (
+        "baseline.seed-0: 49 calls, 16 rollouts\n"
+        "no_inspector.seed-0: 41 calls, 16 rollouts\n"
+        "2 runs to do: about 90 calls without retries, no tokens and no money: the procedural "
+        "model answers; at most 32 rollouts, 0.1 min with 2 workers\n"
+    )
+    price = "model.prices={m: {input: 1, output: 2}}"
+    assert main([*words, "--model", "m", "--set", price, "--workers", "4"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == (
+        "2 runs to do: about 90 calls without retries, about 333280 tokens, reasoning not "
+        "counted; cost 0.35; at most 32 rollouts, 0.0 min with 4 workers; waiting for answers comes "
+        "on top"
+    )
+    assert main([*words, "--model", "m", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["left"]["money"] is None
+    assert [run["run"] for run in found["runs"]] == ["baseline.seed-0", "no_inspector.seed-0"]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sweep", str(folder / "mixed"), "--dry-run"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "lives.seed-0: done" in lines
+    assert lines[-1].startswith("1 run to do: about 12 calls")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["sweep", "none.yaml"], "cannot read none.yaml: No such file or directory"),
+        (["sweep", "configs/small.yaml"], "configs/small.yaml is no sweep: it has neither axes "),
+        (["sweep", "configs"], "cannot read configs: Is a directory"),
+        (
+            ["sweep", "configs/inspector.yaml", "--set", "inspector=off"],
+            "inspector is what the sweep varies (condition): it cannot be set for all runs; "
+            "--seeds N sets the seeds",
+        ),
+        (["table", "configs"], "configs is no sweep: it has no readable sweep.yaml"),
+    ],
+)
+def test_bad_input_is_one_line(
+    words: list[str],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(ROOT)
+    assert main(words) == 2
+    assert capsys.readouterr().err.startswith(f"agentflow: {message}")
+
+
+def test_the_live_view_has_a_line_per_run_and_fits_the_terminal() -> None:
+    console = Console(file=io.StringIO(), width=80, height=10, force_terminal=False)
+    view = View(40, console)
+    for number in range(20):
+        view.begun(f"run-{number}")
+        view.event(f"run-{number}", Event("stage_begin", "initial", {"trajectories": 1}))
+        score = {"score": number + 0.5, "valid": True}
+        view.event(f"run-{number}", Event("evaluation", "a", score))
+        if number < 18:
+            view.ended(f"run-{number}", {"score": number + 0.5})
+    view.failed("run-3", "nothing answers")
+    console.print(view.draw())
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert lines[0] == "17 done · 1 failed · 2 running · 20 waiting · 0 s"
+    assert [line.split()[:2] for line in lines[2:]] == [
+        ["run-3", "failed"],
+        ["run-17", "done"],
+        ["run-18", "runs"],
+        ["run-19", "runs"],
+    ]
+    assert all(len(line) <= 80 for line in lines)
+    assert "19.50" in lines[-1]
