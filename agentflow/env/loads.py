@@ -42,8 +42,9 @@ class Loads:
         blend = round(1.0 - exp(-step / window), 12)  # the last digits depend on the libm
         self._keep = 1.0 - blend
         self._take = blend * np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
-        self._level = np.zeros((len(joints), 6))
-        """Filtered load over strength."""
+        self._level, self._before, self._spare = np.zeros((3, len(joints), 6))
+        """Filtered load over strength, the same a step ago, and room for sums: allocating arrays
+        would cost more than the sums."""
         self.finite = True
         """Whether the last step's loads were numbers; otherwise the simulation diverged."""
         self._broken = np.zeros(len(joints), dtype=bool)
@@ -82,10 +83,13 @@ class Loads:
             reactions = reactions.copy()
             for ring in self._rings:
                 reactions[ring.joints] = ring.shared(reactions)
-        before = self._level
-        self._level = reactions * self._take
-        self._level += before * self._keep
-        peak = np.maximum.reduce(self._level * self._level, axis=None, initial=0.0)
+        level, before, spare = self._before, self._level, self._spare
+        self._level, self._before = level, before
+        np.multiply(reactions, self._take, level)
+        np.multiply(before, self._keep, spare)
+        np.add(level, spare, level)
+        np.multiply(level, level, spare)
+        peak = spare.max(initial=0.0)
         self.finite = isfinite(peak)
         if peak <= SAFE or not self.finite:
             return {}
@@ -94,7 +98,7 @@ class Loads:
             return {}
         gone = self._giving(share)
         relieved = self._relieved(gone)
-        self._level[relieved] = before[relieved]
+        level[relieved] = before[relieved]
         self.release(gone)
         return {joint: float(share[joint]) for joint in gone}
 

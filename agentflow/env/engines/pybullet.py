@@ -42,6 +42,10 @@ class PyBulletEngine:
     def __init__(self, physics: Constants | None = None) -> None:
         self._constants = physics or constants()
         self.client = pybullet.connect(pybullet.DIRECT)
+        # It makes pictures of every body that nobody looks at, half of the time that a build takes;
+        # loading what is there already only tells its number.
+        renderer = pybullet.loadPlugin("tinyRendererPlugin", physicsClientId=self.client)
+        pybullet.unloadPlugin(renderer, physicsClientId=self.client)
 
     def close(self) -> None:
         """Give the client back."""

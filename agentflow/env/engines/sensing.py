@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import chain
 from operator import itemgetter
+from struct import Struct
 
 import numpy as np
 
@@ -41,7 +42,10 @@ class Sensors:
             self._joints += [link.joint for link in links]
             turned += [link.reversed for link in links]
         in_order = self._joints == list(range(count))
-        self._where = slice(None) if in_order else np.array(self._joints, dtype=np.intp)
+        self._order = None if in_order else np.array(self._joints, dtype=np.intp)
+        self._room = np.zeros((len(self._joints), 6))
+        self._pack = Struct(f"{self._room.size}d").pack_into
+        """Twice as fast as anything that makes an array of numbers."""
         self._turned = np.flatnonzero(turned)
         self.bodies = tuple(uid for uid, _ in self._bodies)
         """Those that have joints."""
@@ -58,11 +62,12 @@ class Sensors:
                 for uid, links in self._bodies
                 for state in pybullet.getJointStates(uid, links, client)
             ]
-        values = chain.from_iterable(map(_FORCES, states))
-        flat = np.fromiter(values, float, 6 * len(self._joints)).reshape(-1, 6)
+        into = reactions if self._order is None else self._room
+        self._pack(into.data, 0, *chain.from_iterable(map(_FORCES, states)))
         if len(self._turned):
-            flat[self._turned] *= -1.0
-        reactions[self._where] = flat
+            into[self._turned] *= -1.0
+        if self._order is not None:
+            reactions[self._order] = into
 
     def motions(self) -> dict[int, tuple[float, float]]:
         """Position and velocity of every joint with one degree of freedom."""
