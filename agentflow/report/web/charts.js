@@ -49,7 +49,7 @@ export function intervals(title, unit, rows) {
     const marks = rows.flatMap((row, index) => {
       const y = 26 + 40 * index;
       return [
-        svg("text", { class: "name", x: xs.from, y: y - 10 }, `${row.name}  ${shown(row.mean)}`),
+        svg("text", { class: "name", x: xs.from, y: y - 10 }, `${row.name.replaceAll("_", " ")} · ${shown(row.mean)}`),
         ...row.values.map((value) => svg("circle", { class: "dot", cx: xs(value), cy: y + 4, r: 3 })),
         Number.isFinite(row.low) && Number.isFinite(row.high)
           ? svg("path", { class: "interval", d: `M${xs(row.low)} ${y + 4}H${xs(row.high)}` }) : null,

@@ -69,19 +69,19 @@ export function ground() {
       }`,
     fragmentShader: `
       uniform vec3 sky, land, line; varying vec3 place;
-      float grid(float every) {
-        vec2 at = place.xz / every, width = fwidth(at);
-        vec2 near = abs(fract(at - 0.5) - 0.5) / width;
-        return (1.0 - min(min(near.x, near.y), 1.0)) * (1.0 - smoothstep(0.1, 0.5, max(width.x, width.y)));
-      }
+      const vec4 every = vec4(1.0, 1.0, 5.0, 5.0);
       void main() {
-        float ink = max(0.35 * grid(1.0), grid(5.0));
-        ${FAR}
-        gl_FragColor = vec4(mix(mix(land, line, ink), sky, far), 1.0);
+        vec4 pixel = fwidth(place.xz).xyxy / every;
+        vec4 off = 0.5 - abs(fract(place.xzxz / every) - 0.5);
+        vec4 ink = clamp(1.0 - off / pixel, 0.0, 1.0) * clamp(1.25 - 2.5 * pixel, 0.0, 1.0);
+        vec3 way = place - cameraPosition;
+        float far = clamp(dot(way, way) / 40000.0 - 0.1, 0.0, 1.0);
+        float line_ = max(0.35 * max(ink.x, ink.y), max(ink.z, ink.w));
+        gl_FragColor = vec4(mix(mix(land, line, line_), sky, far), 1.0);
       }`,
   });
   const plane = new THREE.Mesh(new THREE.PlaneGeometry(1600, 1600).rotateX(-Math.PI / 2), material);
-  plane.renderOrder = -2;
+  plane.renderOrder = 1; // after the solids, which hide much of it
   return plane;
 }
 

@@ -1,6 +1,6 @@
 // The film: play, scrub, slow down; buttons, keys and the line of events. The picture is scene.js's.
 
-import { el, shown } from "./dom.js";
+import { el } from "./dom.js";
 import { Eye } from "./camera.js";
 import { Film } from "./film.js";
 import { Picture } from "./scene.js";
@@ -8,6 +8,8 @@ import { Picture } from "./scene.js";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
 const STEP = 1 / 30; // seconds per press of an arrow key
 const TURN = 0.12; // radians per press
+const SLOW = 32; // milliseconds per frame above which fewer pixels are drawn
+const COARSEST = 0.4; // share of the canvas's width in pixels
 
 export class Player {
   /** @param shapes the solids that machines share, by index */
@@ -44,7 +46,7 @@ export class Player {
     if (!this.film || this.film.samples < 2) return;
     if (this.time >= this.film.duration) this.time = 0;
     this.playing = true;
-    this.last = null;
+    this.last = this.pace = null;
     this.label();
     this.ask();
   }
@@ -52,6 +54,7 @@ export class Player {
   pause() {
     this.playing = false;
     this.label();
+    this.sharpen(1);
   }
 
   toggle() {
@@ -88,7 +91,7 @@ export class Player {
   step(now) {
     if (!this.film) return;
     if (this.playing) {
-      this.time += this.last === null ? 0 : (this.speed * (now - this.last)) / 1000;
+      if (this.last !== null) this.advance(now - this.last);
       this.last = now;
       if (this.time >= this.film.duration) {
         this.time = this.film.duration;
@@ -105,10 +108,30 @@ export class Player {
     if (this.playing) this.ask();
   }
 
+  /** Go on by some milliseconds; where frames come slowly, with fewer pixels from then on. */
+  advance(passed) {
+    this.time += (this.speed * passed) / 1000;
+    this.pace = this.pace === null ? SLOW / 2 : 0.85 * this.pace + 0.15 * passed;
+    if (this.pace > SLOW && this.share > COARSEST) {
+      this.sharpen(0.8 * this.share);
+      this.pace = SLOW / 2;
+    }
+  }
+
+  /** Draw this share of the canvas's pixels in width and height. */
+  sharpen(share) {
+    if (!this.picture || share === this.share) return;
+    const { clientWidth, clientHeight } = this.canvas;
+    if (!clientWidth || !clientHeight) return;
+    this.share = share;
+    this.picture.resize(clientWidth, clientHeight, share);
+    this.ask();
+  }
+
   /** Events of this film along the slider and as a list. */
   mark() {
     const events = this.machine.events;
-    const share = (time) => `${(100 * time) / (this.film.duration || 1)}%`;
+    const share = (time) => `${(100 * Math.max(time, 0)) / (this.film.duration || 1)}%`;
     this.ticks.replaceChildren(
       ...events.map((event) => {
         const tick = el("i", { class: event.kind, title: event.text });
@@ -119,7 +142,7 @@ export class Player {
     this.list.replaceChildren(
       ...events.map((event) =>
         el("li", {}, el("button", { class: event.kind, click: () => this.seek(event.time) },
-          el("span", {}, `${shown(event.time)} s`), ` ${event.text}`)),
+          el("span", {}, event.time < 0 ? "settling" : `${event.time.toFixed(2)} s`), ` ${event.text}`)),
       ),
     );
   }
@@ -196,10 +219,8 @@ export class Player {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", dress);
     dress();
     new ResizeObserver(() => {
-      const { clientWidth, clientHeight } = this.canvas;
-      if (!clientWidth || !clientHeight) return;
-      this.picture.resize(clientWidth, clientHeight);
-      this.ask();
+      this.share = null;
+      this.sharpen(1);
     }).observe(this.canvas);
   }
 }

@@ -74,8 +74,9 @@ export class Picture {
     this.renderer.render(this.scene, this.camera);
   }
 
-  resize(width, height) {
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+  /** Fit the canvas; a share below 1 draws fewer pixels, which the browser enlarges. */
+  resize(width, height, share = 1) {
+    this.renderer.setPixelRatio(share * Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
@@ -161,7 +162,6 @@ class Group {
     this.mesh.instanceColor = new THREE.InstancedBufferAttribute(new Float32Array(3 * count), 3);
     this.shadow = new THREE.InstancedMesh(geometry, shadows, count);
     this.shadow.instanceMatrix = this.mesh.instanceMatrix;
-    this.shadow.renderOrder = -1;
     this.mesh.frustumCulled = this.shadow.frustumCulled = false;
   }
 

@@ -12,8 +12,25 @@ export function sweepPage(data) {
   ];
 }
 
+const MOST_COLUMNS = 7; // of numbers, before a table is turned
+
 function shownTable({ title, head, labels, rows, published, publishedTitle, notes }) {
-  return section(title, table("Measured", head, rows, labels),
-    published.length ? table(publishedTitle, head, published, labels) : null,
+  return section(title, fitting("Measured", head, rows, labels),
+    published.length ? fitting(publishedTitle, head, published, labels) : null,
     ...notes.map((note) => el("p", { class: "quiet" }, note)));
+}
+
+/** A table that says once what all its rows share, turned where that makes it narrower. */
+function fitting(caption, head, rows, labels) {
+  const same = (column) => column < labels && rows.every((row) => row[column] === rows[0][column]);
+  const kept = head.map((_, column) => column).filter((column) => !same(column));
+  const shared = head.map((_, column) => column).filter(same).map((column) => rows[0]?.[column]).filter(Boolean);
+  const left = kept.filter((column) => column < labels).length;
+  const told = [caption, ...shared].join(" · ");
+  const words = kept.map((column) => head[column].replaceAll("_", " "));
+  const cells = rows.map((row) => kept.map((column) => row[column]));
+  if (kept.length - left <= MOST_COLUMNS || rows.length >= kept.length - left) return table(told, words, cells, left);
+  const names = cells.map((row) => row.slice(0, left).join(", "));
+  const turned = words.slice(left).map((word, index) => [word, ...cells.map((row) => row[left + index])]);
+  return table(told, ["", ...names], turned, 1);
 }
