@@ -12,6 +12,7 @@ from agentflow.app.keeping import keep_rollouts, run_document, run_name
 from agentflow.app.models import Models, answered_by, open_models
 from agentflow.app.rationales import with_rationales
 from agentflow.app.remarks import REMARK, Remarks, Say
+from agentflow.app.watching import watched
 from agentflow.config import DesignConfig, build
 from agentflow.errors import (
     ConfigError,
@@ -24,7 +25,7 @@ from agentflow.llm.budget import Budget
 from agentflow.llm.client import Client
 from agentflow.llm.limits import Limiter
 from agentflow.llm.tape import Tape
-from agentflow.runs import Listener, RunDirectory, read_document, read_result
+from agentflow.runs import Event, Listener, RunDirectory, read_document, read_result
 
 RESULT = ("score", "valid", "machine", "stages", "model", "stopped", "run")
 """Keys without which a result is none."""
@@ -206,7 +207,7 @@ class _Work:
 
     async def _carry_out(self, tape: Tape, budget: Budget, remarks: Remarks) -> dict[str, Any]:
         plan = self.plan
-        models = self._models(tape, budget, remarks)
+        models = watched(self._models(tape, budget, remarks), budget, self._tell)
         conducted = await conduct(plan, models, self.run, self.pool)
         keep_rollouts(self.run.path, plan.config, conducted)
         result = {
@@ -221,6 +222,10 @@ class _Work:
         }
         self.run.finish(result)
         return result
+
+    def _tell(self, event: Event) -> None:
+        for listener in self.run.listeners:
+            listener(event)
 
     def _models(self, tape: Tape, budget: Budget, remarks: Remarks) -> Models:
         if self.client is not None:

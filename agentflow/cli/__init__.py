@@ -35,7 +35,8 @@ def main(arguments: list[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in given
     try:
-        status = commands(args=[item for item in given if item != "--debug"], standalone_mode=False)
+        rest = [item for item in given if item != "--debug"]
+        status = commands(args=rest, prog_name="agentflow", standalone_mode=False)
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except (typer.Abort, KeyboardInterrupt):

@@ -92,6 +92,10 @@ def design(
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder that holds run directories.")] = Path("runs"),
     workers: Annotated[int | None, typer.Option(help="Processes for rollouts.")] = None,
+    keep_rollouts: Annotated[
+        Literal["winners", "all"] | None,
+        typer.Option(help="Whose states to keep: of each stage's best machine, or of all."),
+    ] = None,
     resume: Annotated[Path | None, typer.Option(help="Run directory to continue.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
     as_json: Json = False,
@@ -114,6 +118,7 @@ def design(
         "model.base_url": base_url,
         "rationale_from": rationale_from,
         "settings.rollouts": rollouts,
+        "keep_rollouts": keep_rollouts,
     }
     given = [name for name, value in options.items() if value is not None]
     if resume is not None and (given or config or settings):

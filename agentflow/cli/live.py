@@ -23,7 +23,14 @@ from agentflow.runs import Event, Listener
 
 Say = Callable[[str], None]
 BARS = "▁▂▃▄▅▆▇█"
-BOOKKEEPING = {"refill", "beam", "candidate", "select", "expand", "node", "back_up", "query"}
+DRAWING = "drawing"
+"""Kind of the event, shown and not recorded, that the pictures of the result are being made."""
+BOOKKEEPING = frozenset(
+    (
+        *("refill", "beam", "candidate", "select", "expand", "node", "back_up", "query", "calls"),
+        *("blueprint", "inspection", "edit", "search", "result"),
+    )
+)
 """Events of the record that repeat, for a reader, what an attempt or an evaluation has said."""
 
 
@@ -35,10 +42,9 @@ def watch(quiet: bool) -> Iterator[tuple[Listener | None, Say]]:
         yield None, _complain
     elif console.is_terminal:
         progress = Progress()
-        with Live(
-            get_renderable=progress.draw, console=console, refresh_per_second=8, transient=False
-        ):
+        with Live(get_renderable=progress.draw, console=console, refresh_per_second=8) as live:
             yield progress.note, lambda line: console.print(Text(line))
+            live.transient = True  # the result says it all; a run that fails leaves its view
     else:
         yield _print_event, _complain
 
@@ -61,6 +67,11 @@ class Progress:
     stage: str = ""
     trajectories: int = 0
     calls: int = 0
+    """Answered."""
+    under_way: int = 0
+    """Calls begun and not answered."""
+    cost: float | None = 0.0
+    """None when it is not known."""
     valid: int = 0
     tokens: int = 0
     rollouts: int = 0
@@ -79,6 +90,10 @@ class Progress:
             self.run = dict(data)
         elif event.kind == "stage_begin":
             self.stage, self.trajectories = event.label, data["trajectories"]
+        elif event.kind == "calls":
+            self.under_way, self.cost = data["under_way"], data["cost"]
+        elif event.kind == DRAWING:
+            self.stage = "drawing pictures"
         elif event.kind == "attempt":
             self.calls += 1
             self.valid += data["valid"]
@@ -101,23 +116,30 @@ class Progress:
         """The view, for a terminal of any width."""
         seconds = time.monotonic() - self.started
         head = " · ".join(str(self.run[key]) for key in ("task", "workflow", "model") if self.run)
-        rate = f"{self.valid / self.calls:.0%} valid" if self.calls else ""
+        rate = f", {self.valid / self.calls:.0%} valid" if self.calls else ""
         best = "-" if self.best is None else f"{self.best:.2f}"
+        cost = "unknown" if self.cost is None else f"{self.cost:.4g}"
         lines: list[RenderableType] = [
-            Text(head or "starting", style="bold", overflow="ellipsis", no_wrap=True),
-            Text(
+            _one_line(head or "starting", "bold"),
+            _one_line(
                 f"{self.stage or 'waiting'} · {self.trajectories} trajectories · "
-                f"{self.calls} calls {rate} · {self.tokens} tokens · "
                 f"{self.rollouts} evaluations · {seconds:.0f} s"
+            ),
+            _one_line(
+                f"{self.calls} calls, {self.under_way} under way{rate} · {self.tokens} tokens · "
+                f"cost {cost}"
             ),
             Text.assemble("best ", (best, "bold green"), "  ", (sparkline(self.curve), "green")),
         ]
         if self.rows:
             lines.append(_stage_table(self.rows))
-        lines += [
-            Text(line, style="dim", overflow="ellipsis", no_wrap=True) for line in self.failures
-        ]
+        lines += [_one_line(line, "dim") for line in self.failures]
         return Group(*lines)
+
+
+def _one_line(text: str, style: str = "") -> Text:
+    """Text that a narrow terminal cuts off."""
+    return Text(text, style=style, overflow="ellipsis", no_wrap=True)
 
 
 def sparkline(values: list[float], width: int = 40) -> str:
@@ -161,6 +183,10 @@ def _line(event: Event) -> str:
             f"stage {event.label}: {data['valid']} of {data['trajectories']} valid, "
             f"mean {number(data['mean'])}, best {number(data['max'])}"
         )
+    if event.kind == "stage_begin":
+        return f"stage {event.label} begins, {data['trajectories']} trajectories"
+    if event.kind == DRAWING:
+        return "drawing pictures"
     if event.kind == "run":
         return f"{data['task']}, {data['workflow']}, {data['model']}"
     return f"{event.kind} {event.label}"

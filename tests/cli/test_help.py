@@ -1,0 +1,84 @@
+"""Every command has a help with an example that the command line understands."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any
+
+import pytest
+import typer
+
+from agentflow import __version__
+from agentflow.cli import MODULES, main
+from agentflow.cli.commands import commands
+from tests.test_documented import parse
+
+MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
+Captured = pytest.CaptureFixture[str]
+
+
+def every_command() -> Iterator[tuple[str, Any]]:
+    for module in MODULES:
+        import_module(f"agentflow.cli.{module}")
+    waiting = [("", typer.main.get_command(commands))]
+    for name, command in waiting:
+        inner = getattr(command, "commands", {})
+        waiting += [(f"{name} {key}".strip(), item) for key, item in inner.items()]
+        if not inner:
+            yield name, command
+
+
+COMMANDS = dict(every_command())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_explains_and_gives_an_example(name: str, capsys: Captured) -> None:
+    assert main([*name.split(), "--help"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith(f"Usage: agentflow {name}")
+    command = COMMANDS[name]
+    assert command.help
+    assert f"{command.epilog} ".startswith(f"Example: agentflow {name} ")
+    for parameter in command.params:
+        assert getattr(parameter, "help", None), f"{name}: {parameter.name} has no help"
+    parse(shlex.split(command.epilog.removeprefix("Example: "))[1:])
+
+
+def test_version(capsys: Captured) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"agentflow {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["desing"], "No such command 'desing'. Did you mean 'design'. Try 'agentflow --help'."),
+        (["config", "shwo"], "No such command 'shwo'. Did you mean 'show'. Try 'agentflow config"),
+        (["design", "--tsk", "x"], "No such option: --tsk (Possible options: "),
+    ],
+)
+def test_a_misspelt_name_is_hinted_at(arguments: list[str], message: str, capsys: Captured) -> None:
+    assert main(arguments) == 2
+    assert capsys.readouterr().err.startswith(f"agentflow: {message}")
+
+
+@pytest.mark.parametrize(
+    ("words", "place", "completed"),
+    [("agentflow des", 1, "design"), ("agentflow config s", 2, "show")],
+)
+def test_the_shell_completes(words: str, place: int, completed: str) -> None:
+    environ = {
+        **os.environ,
+        "_AGENTFLOW_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(place),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", MAIN], env=environ, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout.split(), done.stderr) == (0, [completed], "")

@@ -1,0 +1,123 @@
+"""What is seen of a run while it runs, at any width, on a terminal and in a pipe."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from agentflow.cli.live import Progress, sparkline, watch
+from agentflow.runs import Event
+
+ROW = {"name": "initial", "trajectories": 8, "valid": 7, "mean": 12.5, "max": 20.0}
+
+
+def attempt(valid: bool, tokens: int, problem: str = "") -> Event:
+    data = {"valid": valid, "tokens": tokens, "problem": problem}
+    return Event("attempt", "designer/traj-1/attempt-1", data)
+
+
+EVENTS = (
+    Event("run", "start", {"task": "throwing", "workflow": "iterative", "model": "a model"}),
+    Event("stage_begin", "initial", {"trajectories": 8}),
+    Event("calls", "designer/traj-1/attempt-1", {"under_way": 3, "cost": 0.01234}),
+    attempt(False, 100, "The reply holds no [bold]machine[/bold]:\n- nothing at all"),
+    attempt(True, 250),
+    Event("blueprint", "meta_designer", {}),
+    Event("evaluation", "initial/traj-1", {"status": "ok", "score": 12.5}),
+    Event("evaluation", "initial/traj-2", {"status": "timeout", "score": None}),
+    Event("candidate", "initial/traj-1", {}),
+    Event("stage", "initial", ROW),
+)
+
+
+def seen(progress: Progress, width: int, **options: Any) -> list[str]:
+    """The lines of the view in a terminal of a width."""
+    file = io.StringIO()
+    console = Console(file=file, width=width, force_terminal=True, no_color=True, **options)
+    console.print(progress.draw())
+    return [line.rstrip() for line in file.getvalue().splitlines()]
+
+
+@pytest.fixture
+def progress() -> Progress:
+    view = Progress()
+    for event in EVENTS:
+        view.note(event)
+    view.started += 1e9  # so that the clock shows a number that does not change the width
+    return view
+
+
+def plain(lines: list[str]) -> list[str]:
+    return ["".join(part.partition("m")[2] for part in f"m{line}".split("\x1b[")) for line in lines]
+
+
+def test_the_view_says_what_is_going_on(progress: Progress) -> None:
+    lines = plain(seen(progress, 100))
+    assert lines[0] == "throwing · iterative · a model"
+    assert lines[1].startswith("initial · 8 trajectories · 2 evaluations · ")
+    assert lines[2] == "2 calls, 3 under way, 50% valid · 350 tokens · cost 0.01234"
+    assert lines[3] == "best 12.50  ██"
+    assert lines[4].split() == ["stage", "valid", "mean", "best"]
+    assert lines[5].split() == ["initial", "7/8", "12.50", "20.00"]
+    assert lines[6] == "designer/traj-1/attempt-1: The reply holds no [bold]machine[/bold]:"
+
+
+@pytest.mark.parametrize("width", [20, 44, 80, 200])
+def test_the_view_fits_any_width(progress: Progress, width: int) -> None:
+    lines = plain(seen(progress, width))
+    assert all(len(line) <= width for line in lines)
+    assert len(lines) == 7
+
+
+def test_nothing_known_is_shown_as_such() -> None:
+    lines = plain(seen(Progress(), 80))
+    assert lines[0] == "starting"
+    assert lines[1].startswith("waiting · 0 trajectories · 0 evaluations · ")
+    assert lines[3] == "best -"
+
+
+def test_an_unknown_cost_is_unknown(progress: Progress) -> None:
+    progress.note(Event("calls", "x", {"under_way": 0, "cost": None}))
+    assert "cost unknown" in plain(seen(progress, 100))[2]
+    progress.note(Event("drawing", "best", {}))
+    assert plain(seen(progress, 100))[1].startswith("drawing pictures · ")
+
+
+def test_the_curve_keeps_to_its_width() -> None:
+    assert sparkline([]) == ""
+    assert sparkline([0.0, 0.0]) == "▁▁"
+    assert sparkline([0.0, 1.0, 2.0]) == "▁▄█" or sparkline([0.0, 1.0, 2.0]) == "▁▅█"
+    assert len(sparkline([float(i) for i in range(1000)])) == 40
+
+
+def test_without_a_terminal_there_is_one_line_per_event(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with watch(quiet=False) as (listener, say):
+        assert listener is not None
+        for event in (*EVENTS, Event("drawing", "best", {})):
+            listener(event)
+        say("a remark")
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.splitlines() == [
+        "throwing, iterative, a model",
+        "stage initial begins, 8 trajectories",
+        "designer/traj-1/attempt-1: The reply holds no [bold]machine[/bold]:",
+        "designer/traj-1/attempt-1: valid",
+        "initial/traj-1: ok, score 12.50",
+        "initial/traj-2: timeout, score -",
+        "stage initial: 7 of 8 valid, mean 12.50, best 20.00",
+        "drawing pictures",
+        "agentflow: a remark",
+    ]
+
+
+def test_quiet_leaves_remarks_only(capsys: pytest.CaptureFixture[str]) -> None:
+    with watch(quiet=True) as (listener, say):
+        assert listener is None
+        say("a remark")
+    assert capsys.readouterr().err == "agentflow: a remark\n"
