@@ -12,13 +12,16 @@ from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.frames import swap, swap_turn
 from agentflow.env.engines.layout import Built, Handle
 from agentflow.env.engines.tree import Skeleton
-from agentflow.env.engines.vectors import add, cross, scale, subtract, turned
+from agentflow.env.engines.vectors import add, cross, length, scale, subtract, turned
 from agentflow.env.scene import Quat, Vec3
 
 STRONGEST = 1e6
 """N or N m: more than anything that a machine can exert."""
 HALF_AXLE = 0.5
 """Loops that turn are held at two points of their axis, this far from the pivot, m."""
+
+ALONG = 1e-6
+"""Sine of the angle below which PyBullet takes an axis to lie along x."""
 
 
 class Couplings:
@@ -29,8 +32,8 @@ class Couplings:
         self._ids: list[int] = []
         self._apart: list[tuple[Handle, Handle]] = []
         """Links that a loop joins, which do not collide, as no joint's links do."""
-        self._loops: list[tuple[int, int, Vec3, list[int]]] = []
-        """Joint, part that carries it, axis and constraints of each loop."""
+        self._loops: list[tuple[int, Joint, list[int]]] = []
+        """Each loop's joint and constraints."""
 
     def renew(self, assembly: Assembly, plan: Skeleton, built: Sequence[Built]) -> None:
         """Make what the skeleton asks for, in place of what was."""
@@ -38,9 +41,7 @@ class Couplings:
         where = {part: (body.uid, index) for body in built for part, index in body.index.items()}
         for i in plan.loops:
             joint = assembly.joints[i]
-            made = self._loop(assembly, joint, where)
-            if joint.kind != "prismatic":
-                self._loops.append((i, joint.a, swap_turn(joint.axis), made))
+            self._loops.append((i, joint, self._loop(assembly, joint, where)))
         carried = {link.joint: where[link.part] for body in plan.bodies for link in body.links}
         for mesh in assembly.actors.meshes:
             one, other = assembly.joints[mesh.a], assembly.joints[mesh.b]
@@ -65,20 +66,24 @@ class Couplings:
         self._loops = []
 
     def loads(self, rotation: Callable[[int], Quat]) -> list[tuple[int, list[float]]]:
-        """Joint and load (6,) of each loop in the last step, along the engine's axes; loops that
-        slide are not measured.
+        """Joint and load (6,) of each loop in the last step, along the engine's axes; what the
+        spring of a sliding one pushes apart.
 
         Args:
             rotation: Of a part, in the engine's frame.
         """
         found = []
-        for joint, part, axis, made in self._loops:
-            states = [pybullet.getConstraintState(i, self._client) for i in made]
-            force, torque = states[0], (0.0, 0.0, 0.0)
-            if len(states) == 2:
-                arm = scale(turned(rotation(part), axis), HALF_AXLE)
-                force, torque = add(*states), cross(arm, subtract(*states))
-            found.append((joint, [*force, *torque]))
+        for i, joint, made in self._loops:
+            states = [pybullet.getConstraintState(each, self._client) for each in made]
+            turn = rotation(joint.a)
+            if joint.kind == "prismatic":
+                load = _of_slider(states[0], swap(joint.axis), turn)
+            elif joint.kind == "revolute":
+                arm = scale(turned(turn, swap_turn(joint.axis)), HALF_AXLE)
+                load = [*add(*states), *cross(arm, subtract(*states))]
+            else:
+                load = [*states[0], 0.0, 0.0, 0.0]
+            found.append((i, load))
         return found
 
     def _collide(self, one: Handle, other: Handle, on: bool) -> None:
@@ -125,3 +130,21 @@ class Couplings:
         pybullet.changeConstraint(made, maxForce=STRONGEST, physicsClientId=self._client)
         self._ids.append(made)
         return made
+
+
+def _of_slider(state: Sequence[float], axis: Vec3, turn: Quat) -> list[float]:
+    """Load of a sliding loop.
+
+    Args:
+        state: What PyBullet tells of it: forces along two directions across the axis, then what
+            the other part exerts about z, x and y, all turned with the part that carries it.
+        axis: Unit vector, as the part stands at rest, engine frame.
+        turn: Orientation of that part.
+    """
+    side = cross(axis, (1.0, 0.0, 0.0))
+    if length(side) < ALONG:
+        side = cross(axis, (0.0, 1.0, 0.0))
+    side = scale(side, 1.0 / length(side))
+    first, second, about_z, about_x, about_y = state
+    force = add(scale(side, first), scale(cross(axis, side), second))
+    return [*turned(turn, force), *turned(turn, (-about_x, -about_y, -about_z))]

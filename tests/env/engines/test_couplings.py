@@ -11,10 +11,11 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.engines.actors import Actors, Mesh
 from agentflow.env.engines.assembly import assemble
-from agentflow.env.engines.base import Assembly
+from agentflow.env.engines.base import Assembly, Joint, JointKind, Part, Shape
 from agentflow.env.engines.fittings import meshes
 from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.scene import Scene
+from agentflow.env.scene import IDENTITY, Scene, Vec3
+from agentflow.env.trace import Array
 from agentflow.machine.geometry import place
 from agentflow.machine.tree import Machine
 from tests.env.engines.rig import FACINGS, RATE, Rig, face_towards, weightless
@@ -29,6 +30,11 @@ DRIVEN = 2.0
 @pytest.fixture(scope="module")
 def calm() -> PyBulletEngine:
     return PyBulletEngine(weightless())
+
+
+@pytest.fixture(scope="module")
+def engine() -> PyBulletEngine:
+    return PyBulletEngine()
 
 
 def row_of(facing: str, *kinds: int, gap: int = 2) -> tuple[Machine, list[int]]:
@@ -255,3 +261,53 @@ def test_everything_that_acts_repeats_bit_by_bit() -> None:
     for name, value in first.items():
         assert value.tobytes() == second[name].tobytes()
     assert np.isfinite(first["position"]).all()
+
+
+def held_by_a_slider(
+    engine: PyBulletEngine, kind: JointKind, axis: Vec3, slides: Vec3, at: Vec3
+) -> Array:
+    """Load (6,) of a slider that keeps 2 kg at `at` from moving as a joint at 3 m would let it."""
+    centres = ((0.0, 0.25, 0.0), at)
+    slab = (Shape("box", (2.0, 0.5, 2.0)),)
+    parts = (
+        Part(0, centres[0], 1e4, (1e3, 1e3, 1e3), slab),
+        Part(1, centres[1], 2.0, (0.2, 0.2, 0.2)),
+    )
+    joints = (
+        Joint(1, 0, 0, 1, kind, (0.0, 3.0, 0.0), axis),
+        Joint(1, 0, 0, 1, "prismatic", (0.0, 3.0, 0.0), slides),
+    )
+    blocks = ((0,), (1,))
+    assembly = Assembly(parts, joints, (), blocks, centres, centres, (IDENTITY, IDENTITY))
+    engine.build(assembly, Scene(), RATE)
+    for _ in range(200):
+        engine.step()
+    return engine.reactions[1]
+
+
+UP, WEIGHT = (0.0, 1.0, 0.0), 2 * 32.81
+
+
+@pytest.mark.parametrize("slides", [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, 0.8)])
+def test_a_slider_in_a_loop_tells_what_it_bears_across(
+    engine: PyBulletEngine, slides: Vec3
+) -> None:
+    load = held_by_a_slider(engine, "prismatic", UP, slides, (0.0, 3.0, 0.0))
+    assert load[2] == pytest.approx(WEIGHT, rel=1e-3)
+    assert np.abs(load[[0, 1, 3, 4, 5]]).max() < 0.01 * WEIGHT
+
+
+@pytest.mark.parametrize(
+    ("hinge", "slides", "at", "torque"),
+    [
+        ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (2.0, 3.0, 0.0), (0.0, -2 * WEIGHT, 0.0)),
+        ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 3.0, 2.0), (2 * WEIGHT, 0.0, 0.0)),
+        ((1.0, 0.0, 0.0), UP, (0.0, 3.0, 2.0), (2 * WEIGHT, 0.0, 0.0)),
+    ],
+)
+def test_a_slider_in_a_loop_tells_the_torque_that_it_bears(
+    engine: PyBulletEngine, hinge: Vec3, slides: Vec3, at: Vec3, torque: Vec3
+) -> None:
+    load = held_by_a_slider(engine, "revolute", hinge, slides, at)
+    assert load[3:] == pytest.approx(torque, abs=0.01 * WEIGHT)
+    assert np.abs(load[:3]).max() < 0.01 * WEIGHT
