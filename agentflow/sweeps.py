@@ -30,7 +30,6 @@ class Source(BaseModel):
     conditions: dict[str, str] = Field(
         {}, description="published condition: the sweep's; those left out are not taken; {}: all"
     )
-    metrics: tuple[str, ...] = Field((), description="published metrics taken; (): all")
 
 
 class Layout(BaseModel):

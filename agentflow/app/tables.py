@@ -195,11 +195,11 @@ def _published_rows(swept: Swept, columns: Sequence[_Place]) -> tuple[Row, ...]:
         for item in literature.published():
             if item.table != source.table or item.task not in swept.tasks:
                 continue
-            condition = source.conditions.get(item.condition)
-            if source.conditions and condition is None:
+            if source.conditions and item.condition not in source.conditions:
                 continue
             key = ("" if by_task else item.task, item.model)
-            place = (item.task, condition or item.condition, item.metric)
+            condition = source.conditions.get(item.condition, item.condition)
+            place = (item.task, condition, item.metric)
             found.setdefault(key, {})[place] = item.value
     rows = []
     for (task, model), values in found.items():

@@ -21,7 +21,8 @@ def reduced(path: Path) -> list[str]:
     """Settings that make a sweep small; those that leave the search out still do."""
     settings = ["trajectories=2", "placements=4"]
     if load(path)["base"].get("settings", {}).get("search", {}).get("rounds") != 0:
-        settings += ["search.rounds=1", "search.width=2"]
+        rounds = 2 if path.stem == "search_depth" else 1
+        settings += [f"search.rounds={rounds}", "search.width=2"]
     if path.stem == "additional_tasks":  # some count ten trials for one rollout
         settings += ["trajectories=1", "search.width=1"]
     return settings
