@@ -17,6 +17,8 @@ from agentflow.cli import main
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
+from tests.app.test_tables import sweep
+from tests.metrics.events import candidate
 from tests.report.hostile import BREAKS, HOLDS, hostile_run, machine
 
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
@@ -98,6 +100,31 @@ def test_block_types_share_their_solids() -> None:
     assert shown[0]["solids"] == shown[1]["solids"]
     used = {number for item in shown for numbers in item["solids"] for number in numbers}
     assert used == set(range(len(shapes.rows)))
+
+
+def test_a_sweep_is_reported_with_its_tables(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    axes = {"condition": {"chain": {"search.strategy": "random"}, "mcts": {}}}
+    runs = {
+        "chain.seed-0": [candidate("env_feedback", 1, 2.0)],
+        "mcts.seed-0": [candidate("env_feedback", 1, 4.0)],
+    }
+    path = sweep(tmp_path, runs, seeds=[0], axes=axes, base={"task": "throwing"})
+    assert main(["report", str(path)]) == 0
+    assert capsys.readouterr() == (f"{path / 'report.html'}\n", "")
+    data = data_of(path / "report.html")
+    assert (data["kind"], data["title"]) == ("sweep", "Hand")
+    assert [(row["name"], row["values"]) for row in data["spreads"]] == [
+        ("chain", [2.0]),
+        ("mcts", [4.0]),
+    ]
+    assert [table["title"] for table in data["tables"]] == [
+        "Hand",
+        "Hand: scores",
+        "Hand: usage",
+        "Hand: best score over the experienced players' mean",
+    ]  # and none against expansions: nothing was searched
 
 
 def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:

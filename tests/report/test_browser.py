@@ -16,6 +16,10 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 from agentflow.app.gallery import gallery
 from agentflow.app.reports import report
+from agentflow.metrics.scores import Scores
+from agentflow.metrics.tables import Column, Row, Table
+from agentflow.report.page import page as whole_page
+from agentflow.report.sweep import sweep_data
 from tests.report.browser import chromium, complaints
 from tests.report.hostile import LONG, NASTY, hostile_run
 
@@ -238,4 +242,21 @@ def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_
     assert browser.execute_script(
         "return [...document.images].map((image) => image.naturalWidth)"
     ) == [320, 320]
+    assert complaints(browser) == []
+
+
+def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_path: Path) -> None:
+    columns = tuple(Column("", name) for name in "abcdefghi")
+    values = tuple(float(value) for value in range(9))
+    wide = Table(NASTY, ("task", "variant"), columns, (Row(("throwing", NASTY), values),))
+    data = sweep_data(NASTY, "about", {NASTY: Scores((1.0, 2.0), 1)}, [wide])
+    file = tmp_path / "sweep.html"
+    file.write_text(whole_page("sweep", data), encoding="utf-8")
+    complaints(browser)
+    browser.get(file.as_uri())
+    until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .dot")) == 3)
+    assert find(browser, "h1").get_property("textContent") == NASTY
+    cells = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "td")]
+    assert cells[:4] == ["a", "0.00", "b", "1.00"]  # one row of nine numbers is turned
+    assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []
