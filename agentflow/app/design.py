@@ -209,6 +209,11 @@ class _Work:
         plan = self.plan
         models = watched(self._models(tape, budget, remarks), budget, self._tell)
         conducted = await conduct(plan, models, self.run, self.pool)
+        if other := self.run.replaced:
+            remarks.tell(
+                f"{len(other)} recorded events came out otherwise this time, first "
+                f"{other[0].kind} {other[0].label}: a rollout had been cut off, or a file edited"
+            )
         keep_rollouts(self.run.path, plan.config, conducted)
         result = {
             **answer(plan, conducted),

@@ -39,6 +39,8 @@ class RunDirectory:
         """
         self.path = path
         self.listeners: list[Listener] = []
+        self.replaced: list[Event] = []
+        """Events that came out otherwise than an earlier process had recorded them."""
         self._made: list[Path] = []
         """Folders that were made to hold this run, the deepest first."""
         self._held = held
@@ -122,6 +124,8 @@ class RunDirectory:
                 self._events.append(line if recorded is None else AGAIN + line[1:])
             except OSError as error:
                 raise _full(self.path / EVENTS, error) from None
+            if recorded is not None:
+                self.replaced.append(event)
         for listener in self.listeners:
             listener(event)
 

@@ -106,7 +106,7 @@ def test_the_same_seed_gives_the_same_result_and_another_does_not(
     config = build(load(SMALL))
     again = design(config, tmp_path, ignore)
     first = read_result(run)
-    volatile = {"seconds", "run"}
+    volatile = {"seconds", "worker_seconds", "run"}
     assert {k: again[k] for k in set(again) - volatile} == {
         k: first[k] for k in set(first) - volatile
     }
@@ -152,6 +152,24 @@ def test_a_killed_run_resumes_to_the_same_result(run: Path, tmp_path: Path, afte
 
 def _calls_in(out: Path) -> int:
     return sum(path.read_bytes().count(b"\n") for path in out.glob("*/calls.jsonl"))
+
+
+@pytest.mark.slow
+def test_an_edited_record_is_told_of_and_set_right(run: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    subprocess.run(["cp", "-r", str(run), str(other)], check=True)
+    (other / "result.json").unlink()
+    text = (other / "events.jsonl").read_text()
+    event = next(e for e in read_events(run) if e.kind == "evaluation")
+    score = json.dumps(event.data["score"])
+    (other / "events.jsonl").write_text(text.replace(f'"score": {score}', '"score": 1234.5', 1))
+    said: list[str] = []
+    assert resume(other, said.append)["score"] == read_result(run)["score"]
+    assert said == [
+        f"1 recorded events came out otherwise this time, first evaluation {event.label}: a "
+        "rollout had been cut off, or a file edited"
+    ]
+    assert replay(other, ignore) is None
 
 
 @pytest.mark.slow

@@ -89,6 +89,7 @@ def test_what_comes_out_otherwise_on_resume_is_the_last_word(tmp_path: Path) -> 
     again = RunDirectory.resume(run.path)
     again.event("evaluation", "a", status="ok", score=12.0)
     again.event("evaluation", "b", status="ok", score=1.0)
+    assert [event.label for event in again.replaced] == ["a"]
     again.close()
     assert list(read_events(run.path)) == [
         Event("evaluation", "b", {"status": "ok", "score": 1.0}),
