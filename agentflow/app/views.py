@@ -25,6 +25,7 @@ LAYOUT = "published"
 """The view in the layout of the published table."""
 CURVE = (0, 1, 2, 4, 8, 12, 16, 20, 30, 40)
 """Expansions at which strategies are compared, as far as searches go."""
+INTERVAL = "95 %"
 OWN_SCALE = "Scores are this simulator's, the players' are the game's: the share is no exact one."
 
 
@@ -37,8 +38,13 @@ def scores(swept: Swept) -> Table:
     groups = variants(swept)
     cells = {key: last_cell(swept, runs) for key, runs in groups.items()}
     powers = sorted({n for cell in cells.values() for n in cell.scores.best_at()})
-    names = ("valid", "95 %", "mean (valid)", "95 %", "mean (all, invalid = 0)", "95 %", "max")
-    columns = [*names, "std", *(f"Best@{n}" for n in powers)]
+    columns = [
+        *(Column("valid", name) for name in ("share", INTERVAL)),
+        *(Column("valid machines", name) for name in ("mean", INTERVAL)),
+        *(Column("all machines, invalid = 0", name) for name in ("mean", INTERVAL)),
+        *(Column("", name) for name in ("max", "std")),
+        *(Column("Best@N, N =", str(n)) for n in powers),
+    ]
     rows = []
     for key, cell in cells.items():
         found = cell.scores
@@ -59,7 +65,7 @@ def scores(swept: Swept) -> Table:
     return Table(
         f"{swept.sweep.title}: scores",
         ("task", "model", "variant"),
-        tuple(Column("", name) for name in columns),
+        tuple(columns),
         tuple(rows),
         notes=(
             *swept.notes,

@@ -187,18 +187,17 @@ GEARING = {"task": "gearing", "workflow": "placement"}
 
 def test_scores_name_both_means_with_their_intervals(tmp_path: Path) -> None:
     table = view(compared(tmp_path), "scores")
-    names = [column.name for column in table.columns]
-    assert names == [
-        "valid",
-        "95 %",
-        "mean (valid)",
-        "95 %",
-        "mean (all, invalid = 0)",
-        "95 %",
+    assert [column.full for column in table.columns] == [
+        "valid share",
+        "valid 95 %",
+        "valid machines mean",
+        "valid machines 95 %",
+        "all machines, invalid = 0 mean",
+        "all machines, invalid = 0 95 %",
         "max",
         "std",
-        "Best@1",
-        "Best@2",
+        "Best@N, N = 1",
+        "Best@N, N = 2",
     ]
     assert values(table) == {
         ("throwing", MODEL, "baseline"): (

@@ -1,0 +1,109 @@
+"""Writes docs/results.md from sweeps that were carried out: tables, and each family's best machine.
+
+`scripts/results` carries them out first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from agentflow.app.pictures import render_run
+from agentflow.app.sweepfolder import read_folder
+from agentflow.app.tables import Finished, layout, read_swept
+from agentflow.app.views import expansions, players, scores
+from agentflow.env.tasks.registry import get_level
+from agentflow.metrics.tables import markdown
+from agentflow.runs import read_result
+
+ORDER = (
+    "workflows",
+    "hierarchical_stages",
+    "iterative_stages",
+    "no_model_baseline",
+    "meta_designer",
+    "inspector",
+    "feedback_content",
+    "edit_history",
+    "search_strategy",
+    "search_depth",
+    "representation",
+    "spatial_information",
+    "additional_tasks",
+    "gearing",
+)
+FURTHER = {
+    "workflows": (scores,),
+    "search_strategy": (expansions,),
+    "additional_tasks": (players,),
+}
+"""Sweep -> views beside the published layout."""
+HEAD = """\
+# Results of the shipped sweeps
+
+Whoever answered is named in every row. `procedural (no language model)` is rules and chance that
+read the same prompts and write the same replies as a model would; its numbers show that the system
+works from end to end and what its parts do, and nothing about any language model.
+`none (random edits)` asks nobody.
+
+Published rows are other models' numbers in the game itself, from the paper's tables: their order
+may be compared with other orders, their values not with ours (see [physics](physics.md)).
+
+Everything here is made by `scripts/results`: each sweep by the command given with it, this page by
+`python benchmarks/results.py`. What a sweep is, and what the columns mean: [sweeps](sweeps.md).
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sweeps", type=Path, default=Path("sweeps"))
+    parser.add_argument("--out", type=Path, default=Path("docs/results.md"))
+    given = parser.parse_args()
+    folders = [given.sweeps / name for name in ORDER if (given.sweeps / name).is_dir()]
+    pictures = given.out.parent / "pictures" / "results"
+    pictures.mkdir(parents=True, exist_ok=True)
+    parts = [HEAD, *map(section, folders), gallery(folders, pictures, given.out.parent)]
+    given.out.write_text("\n".join(parts), encoding="utf-8")
+    print(f"{given.out}: {len(folders)} of {len(ORDER)} sweeps")
+
+
+def section(folder: Path) -> str:
+    """A sweep: what it is, how it is made, its tables."""
+    document, sweep = read_folder(folder)
+    swept = read_swept(folder)
+    tables = [layout(swept, published=True), *(v(swept) for v in FURTHER.get(folder.name, ()))]
+    made = (
+        f"`agentflow sweep configs/{folder.name}.yaml` and `agentflow table {folder} --published "
+        f"--format md`; begun {document['begun'][:10]}, constants `{document['constants']}`"
+    )
+    texts = [re.sub(r"\A\*\*.*\*\*\n\n", "", markdown(tables[0])), *map(markdown, tables[1:])]
+    return "\n".join([f"## {sweep.title}", "", sweep.about, "", f"{made}.", "", *texts])
+
+
+def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
+    """The best machine of each family, drawn."""
+    best: dict[str, tuple[float, Finished]] = {}
+    for folder in folders:
+        for run in read_swept(folder).runs:
+            family = get_level(run.member.config.task).file.family
+            score = read_result(run.path)["score"]
+            if score is not None and score > best.get(family, (0.0, run))[0]:
+                best[family] = (score, run)
+    lines = ["## The best machine of each family", ""]
+    for family, (score, run) in sorted(best.items()):
+        file = pictures / f"{family}.png"
+        render_run(run.path, file)
+        place = file.relative_to(base)
+        lines += [
+            f"![The best machine of {family}]({place})",
+            "",
+            f"{run.member.config.task}: {score:.2f}, by {run.model}, in `{run.path}`",
+            "",
+        ]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
