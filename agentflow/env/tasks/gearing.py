@@ -337,9 +337,9 @@ def _meshing_sentences() -> tuple[str, ...]:
         f"Two cogs mesh where they lie in one plane and their pitch circles touch within "
         f"{constants()['cog_tolerance']:g} m; the radius is {medium:g} m (Medium and Powered Cog) "
         f"or {large:g} m (Large Cog). Boxes must not overlap ({2 * medium:g} x {2 * medium:g} and "
-        f"{2 * large:g} x {2 * large:g} m), so cogs mesh exactly side by side along x or z, with "
-        f"their middles {2 * medium:g} m (both small), {medium + large:g} m (one large) or "
-        f"{2 * large:g} m (both large) apart.",
+        f"{2 * large:g} x {2 * large:g} m), so cogs mesh side by side along x or z, with their "
+        f"middles {2 * medium:g} m (both small), {medium + large:g} m (one large) or "
+        f"{2 * large:g} m (both large) apart; {GRID:g} m aside of that they still mesh.",
         "Cogs that mesh turn in opposite senses, so the sense changes with every meshing on the "
         "way; where a closed loop of meshing cogs asks one of them to turn both ways, all of that "
         "train are locked.",

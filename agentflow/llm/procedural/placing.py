@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 import re
 from collections.abc import Sequence
+from math import hypot
 from typing import NamedTuple
 
 from agentflow.llm.procedural.reading import Facts
@@ -35,9 +36,9 @@ class Cog(NamedTuple):
         return apart > self.radius + other.radius - 1e-6
 
     def meshes(self, other: Cog) -> bool:
-        """Whether they lie side by side."""
-        apart = abs(self.x - other.x) + abs(self.z - other.z)
-        return abs(apart - self.radius - other.radius) < 1e-6
+        """Whether their pitch circles touch within 0.1 m."""
+        apart = hypot(self.x - other.x, self.z - other.z)
+        return abs(apart - self.radius - other.radius) < 0.1
 
 
 def place_cogs(facts: Facts, given: Machine, chance: random.Random) -> str:

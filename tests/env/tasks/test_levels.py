@@ -26,6 +26,8 @@ UNTOLD = ("seed", "road.wall_thickness")
 """Ends of names of knobs that are not told: which of many alike scenes it is, and how thick walls
 are whose places and friction are told."""
 SPRINGS, WINCHES, STEERING_HINGES = 9, 45, 28
+RESTLESS = ("lifting/3",)
+"""Where a ball rolls off a lone root and away; wind blows one away as well."""
 ALMOST_NOTHING = 0.01
 """In the unit of the score: what contacts move while something rests."""
 BOUND = 1e3
@@ -139,7 +141,8 @@ def stands_and_earns_nothing(name: str) -> None:
         assert rollout.status == "invalid"
         return
     assert rollout.status == "ok"
-    assert [event for event in rollout.events if event.kind == "unsettled"] == []
+    if name not in RESTLESS and not any(get_task(name).scene().wind):
+        assert [event for event in rollout.events if event.kind == "unsettled"] == []
     assert rollout.trace is not None
     for key, values in vars(rollout.trace).items():
         if isinstance(values, np.ndarray) and values.dtype == np.float64 and key != "utilisation":

@@ -1,0 +1,56 @@
+"""Gear trains: which cogs mesh, how fast they turn, which hold each other fast."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.machine.gears import Meshing, Train, meshing, trains
+from agentflow.machine.geometry import place
+from agentflow.machine.plates import Plate
+from agentflow.machine.tree import Machine, Step
+
+PLATE = Plate(15)
+POWERED, MEDIUM, LARGE = 39, 38, 51
+
+
+def cogs(*places: tuple[int, float, float]) -> Machine:
+    steps = [Step(0, PLATE.type, -1, -1)]
+    for kind, x, z in places:
+        steps.append(Step(len(steps), kind, 0, PLATE.face(x, z)))
+    return Machine(tuple(steps))
+
+
+def pairs(machine: Machine) -> tuple[Meshing, ...]:
+    return meshing(place(machine).blocks, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "apart", "ratio"), [(MEDIUM, 2.0, 1.0), (LARGE, 3.5, 2.5), (POWERED, 2.0, 1.0)]
+)
+def test_cogs_mesh_where_their_pitch_circles_touch(kind: int, apart: float, ratio: float) -> None:
+    assert pairs(cogs((POWERED, 0, 0), (kind, 0, apart))) == (Meshing(1, 2, ratio),)
+    assert pairs(cogs((POWERED, 0, 0), (kind, 0, apart + 0.5))) == ()
+    assert pairs(cogs((POWERED, 0, 0), (kind, 0.5, apart))) == (Meshing(1, 2, ratio),)
+    assert pairs(cogs((POWERED, 0, 0), (kind, 1.0, apart))) == ()
+
+
+def test_cogs_above_each_other_do_not_mesh() -> None:
+    stacked = cogs((POWERED, 0, 0))
+    assert pairs(Machine((*stacked, Step(2, MEDIUM, 1, 0)))) == ()
+
+
+def test_a_train_turns_by_turns() -> None:
+    machine = cogs((POWERED, 0, -4), (MEDIUM, 0, 4), (MEDIUM, 0, -2), (LARGE, 0, 1.5))
+    assert trains((1, 2, 3, 4), pairs(machine)) == (
+        Train({1: 1.0, 3: -1.0, 4: 0.4}, locked=False),
+        Train({2: 1.0}, locked=False),
+    )
+
+
+def test_a_loop_that_wants_both_ways_is_locked() -> None:
+    ring = (Meshing(1, 2, 1.0), Meshing(2, 3, 1.0), Meshing(1, 3, 1.0))
+    assert trains((1, 2, 3), ring) == (Train({1: 0.0, 2: 0.0, 3: 0.0}, locked=True),)
+    square = (Meshing(1, 2, 1.0), Meshing(2, 3, 1.0), Meshing(3, 4, 1.0), Meshing(1, 4, 1.0))
+    assert trains((1, 2, 3, 4), square) == (
+        Train({1: 1.0, 2: -1.0, 3: 1.0, 4: -1.0}, locked=False),
+    )
