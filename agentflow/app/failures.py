@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.recorded import recorded_machine
+from agentflow.app.recorded import recorded_machine, sound
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, place
 from agentflow.metrics.failures import KINDS, Failures, failures
@@ -32,7 +32,8 @@ def count_failures(path: Path) -> dict[str, Any]:
         raise RunError(f"{path} holds no run")
     total = Failures()
     for run in runs:
-        total += failures(read_events(run), _misfaced_in(run))
+        with sound(run):
+            total += failures(read_events(run), _misfaced_in(run))
     return {
         "runs": len(runs),
         "replies": total.replies,

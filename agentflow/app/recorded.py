@@ -1,7 +1,9 @@
-"""Owns how the machines that a run has kept are read back."""
+"""Owns how what a run has kept is read back: its machines, and events that may be damaged."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from agentflow.errors import RunError
@@ -23,3 +25,16 @@ def recorded_machine(path: Path, digest: str) -> Machine:
     if machine is None or machine.digest != digest:
         raise RunError(f"{file} is damaged: it holds another machine than its name says")
     return machine
+
+
+@contextmanager
+def sound(path: Path) -> Iterator[None]:
+    """Say of a run that it is damaged, where its events are lines of JSON but not what they were.
+
+    Raises:
+        RunError: An event lacks a key, or has something else there.
+    """
+    try:
+        yield
+    except (KeyError, TypeError) as error:
+        raise RunError(f"{path} is damaged: an event is not as it was written ({error})") from error

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.failures import count_failures
+from agentflow.app.recorded import sound
 from agentflow.app.remarks import REMARK
 from agentflow.config import build
-from agentflow.errors import RunError
+from agentflow.errors import RunError, UsageError
 from agentflow.llm.messages import Usage
 from agentflow.llm.prices import FREE
 from agentflow.llm.procedural import ProceduralClient
@@ -32,7 +33,7 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
     for path in find_runs(folder):
         try:
             yield _summary(path)
-        except RunError as error:
+        except UsageError as error:
             yield {**_NOTHING, "run": str(path), "state": "damaged", "problem": str(error)}
 
 
@@ -48,6 +49,10 @@ _NOTHING: dict[str, Any] = {
     "cost": None,
     "problem": "",
 }
+
+
+_ROW = ("name", "trajectories", "valid_first", "valid", "mean", "max", "calls", "rollouts")
+"""What a row of the stage table holds at least."""
 
 
 def _summary(path: Path) -> dict[str, Any]:
@@ -67,12 +72,13 @@ def _so_far(path: Path) -> dict[str, Any]:
         "seed": config.seed,
     }
     best: float | None = None
-    for event in read_events(path):
-        if event.kind == "run":
-            found["model"] = event.data["model"]
-        score = event.data.get("score") if event.kind == "evaluation" else None
-        if score is not None:
-            best = score if best is None else max(best, score)
+    with sound(path):
+        for event in read_events(path):
+            if event.kind == "run":
+                found["model"] = event.data["model"]
+            score = event.data.get("score") if event.kind == "evaluation" else None
+            if score is not None:
+                best = score if best is None else max(best, score)
     return {**found, "score": best, "calls": sum(1 for _ in read_calls(path))}
 
 
@@ -90,11 +96,12 @@ def run_details(path: Path) -> dict[str, Any]:
     summary = _summary(path)
     result = read_result(path) if summary["state"] == "done" else {}
     stages, remarks = [], []
-    for event in read_events(path):
-        if event.kind == "stage":
-            stages.append(dict(event.data))
-        elif event.kind == REMARK:
-            remarks.append(event.data["text"])
+    with sound(path):
+        for event in read_events(path):
+            if event.kind == "stage":
+                stages.append({key: event.data[key] for key in (*_ROW, *event.data)})
+            elif event.kind == REMARK:
+                remarks.append(event.data["text"])
     spent = bill(read_calls(path), _cost(document))
     machine = result.get("machine")
     return {

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.conduct import Plan
-from agentflow.app.recorded import recorded_machine
+from agentflow.app.recorded import recorded_machine, sound
 from agentflow.config import build
 from agentflow.env.constants import constants
 from agentflow.env.pool import RolloutPool
@@ -34,9 +34,10 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
     document = read_document(path)
     plan = Plan.of(build(document.get("config")))
     tried: dict[str, Event] = {}
-    for event in read_events(path):
-        if event.kind == "evaluation":
-            tried.setdefault(event.data["machine"], event)
+    with sound(path):
+        for event in read_events(path):
+            if event.kind == "evaluation":
+                tried.setdefault(event.data["machine"], event)
 
     async def compare() -> list[dict[str, Any]]:
         async with RolloutPool(workers or plan.config.workers) as pool:
@@ -56,7 +57,8 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
             "identical": rollout.digest == event.data["rollout"] and scores[0] == scores[1],
         }
 
-    machines = asyncio.run(compare())
+    with sound(path):
+        machines = asyncio.run(compare())
     return {
         "run": str(path),
         "task": plan.task.name,

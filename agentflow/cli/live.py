@@ -18,7 +18,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from agentflow.cli.text import number
+from agentflow.cli.text import harmless, number
 from agentflow.runs import Event, Listener
 
 Say = Callable[[str], None]
@@ -43,7 +43,7 @@ def watch(quiet: bool) -> Iterator[tuple[Listener | None, Say]]:
     elif console.is_terminal:
         progress = Progress()
         with Live(get_renderable=progress.draw, console=console, refresh_per_second=8) as live:
-            yield progress.note, lambda line: console.print(Text(line))
+            yield progress.note, lambda line: console.print(Text(harmless(line)))
             live.transient = True  # the result says it all; a run that fails leaves its view
     else:
         yield _print_event, _complain
@@ -56,7 +56,7 @@ def _complain(line: str) -> None:
 def _tell(line: str) -> None:
     """Print to stderr; a run goes on when nobody is there to read."""
     with suppress(OSError, ValueError):
-        print(line, file=sys.stderr, flush=True)
+        print(harmless(line), file=sys.stderr, flush=True)
 
 
 @dataclass
@@ -139,7 +139,7 @@ class Progress:
 
 def _one_line(text: str, style: str = "") -> Text:
     """Text that a narrow terminal cuts off."""
-    return Text(text, style=style, overflow="ellipsis", no_wrap=True)
+    return Text(harmless(text), style=style, overflow="ellipsis", no_wrap=True)
 
 
 def sparkline(values: list[float], width: int = 40) -> str:

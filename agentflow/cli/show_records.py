@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agentflow.cli.show import Data, _out, _table
-from agentflow.cli.text import number
+from agentflow.cli.text import harmless, number
 
 LONG = 1000
 """Characters; a line with a path may be longer than the terminal is wide, so that it is whole."""
@@ -37,7 +37,8 @@ def show_run(run: Data) -> None:
     place = f", {run['blocks']} blocks, found in stage {run['best_stage']}" if run["blocks"] else ""
     console.print(f"best score {number(run['score'])}{place}")
     if run["stopped"] or run["reason"]:
-        console.print(" ".join((run["reason"] or f"stopped by the {run['stopped']}").split()))
+        why = " ".join((run["reason"] or f"stopped by the {run['stopped']}").split())
+        console.print(harmless(why))
     table = _table("stage", "valid at first", "valid", "mean", "best", "calls", "rollouts")
     for row in run["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
@@ -51,7 +52,7 @@ def show_run(run: Data) -> None:
     console.print(table)
     _print_failures(run["failures"], every=False)
     for remark in run["remarks"]:
-        console.print(f"remark: {remark}")
+        console.print(harmless(f"remark: {remark}"))
 
 
 def show_rescored(found: Data) -> None:

@@ -6,3 +6,8 @@ from __future__ import annotations
 def number(value: float | None) -> str:
     """A score with two decimals; a dash where there is none."""
     return "-" if value is None else f"{value:.2f}"
+
+
+def harmless(text: str) -> str:
+    """Text by others, without what a terminal would obey."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

@@ -61,9 +61,22 @@ def read_calls(path: Path) -> Iterator[dict[str, Any]]:
     """
     for number, line in whole_lines(path / CALLS):
         item = _data(line)
-        if item is None or not {"model", "request", "reply"} <= item.keys():
+        if item is None or not _is_call(item):
             raise RunError(f"{path / CALLS} is damaged in line {number}")
         yield item
+
+
+def _is_call(item: Mapping[str, Any]) -> bool:
+    request, reply = item.get("request"), item.get("reply")
+    return (
+        isinstance(item.get("model"), str)
+        and isinstance(request, dict)
+        and {"role", "label"} <= request.keys()
+        and isinstance(reply, dict)
+        and {"text", "latency_s", "retries"} <= reply.keys()
+        and isinstance(reply.get("usage"), dict)
+        and {"prompt", "completion", "reasoning", "cached"} <= reply["usage"].keys()
+    )
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -86,10 +99,18 @@ def read_result(path: Path) -> dict[str, Any]:
 
 
 def state_of(path: Path) -> State:
-    """Whether a run is complete, under way, or waiting to be resumed."""
+    """Whether a run is complete, under way, or waiting to be resumed.
+
+    Raises:
+        RunError: It is no run, or cannot be read.
+    """
     if (path / RESULT).exists():
         return "done"
-    with (path / NAME).open("rb") as file:
+    try:
+        file = (path / NAME).open("rb")
+    except OSError:
+        raise RunError(f"{path} is no run: it has no readable {NAME}") from None
+    with file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except OSError:
@@ -100,14 +121,21 @@ def state_of(path: Path) -> State:
 def find_runs(folder: Path) -> Iterator[Path]:
     """The run directories in a folder and in its subfolders, by name; a run itself is one.
 
-    What is inside a run is not looked through.
+    What is inside a run is not looked through, nor are links to folders.
+
+    Raises:
+        RunError: A folder cannot be read.
     """
-    if (folder / NAME).is_file():
-        yield folder
-    elif folder.is_dir() and not folder.is_symlink():
-        for entry in sorted(folder.iterdir()):
-            if entry.is_dir():
-                yield from find_runs(entry)
+    try:
+        if (folder / NAME).is_file():
+            yield folder
+            return
+        entries = sorted(folder.iterdir()) if folder.is_dir() else []
+        inside = [entry for entry in entries if entry.is_dir() and not entry.is_symlink()]
+    except OSError as error:
+        raise RunError(f"cannot read {folder}: {error.strerror}") from None
+    for entry in inside:
+        yield from find_runs(entry)
 
 
 def whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:

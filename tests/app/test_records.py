@@ -113,3 +113,16 @@ def test_rescoring_finds_another_score(tmp_path: Path) -> None:
         "difference": pytest.approx(-1.5),
         "identical": False,
     }
+
+
+@pytest.mark.parametrize("kind", ["stage", "evaluation", "attempt", "run"])
+def test_an_event_that_is_not_as_it_was_written_is_said(folder: Path, kind: str) -> None:
+    run = folder / "deep" / "stopped"
+    lines = (run / "events.jsonl").read_text().splitlines()
+    events = [json.loads(line) for line in lines]
+    for event in events:
+        if event["kind"] == kind:
+            event["data"] = {}
+    (run / "events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
+    with pytest.raises(RunError, match=r"is damaged: an event is not as it was written \('\w+'\)"):
+        run_details(run)

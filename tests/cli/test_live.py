@@ -116,6 +116,20 @@ def test_without_a_terminal_there_is_one_line_per_event(
     ]
 
 
+def test_what_a_model_wrote_does_not_reach_the_terminal_raw(
+    progress: Progress, capsys: pytest.CaptureFixture[str]
+) -> None:
+    evil = attempt(False, 1, "\x1b]0;title\x07\x1b[2J\u202e\rgone")
+    progress.note(evil)
+    assert plain(seen(progress, 100))[-1] == (
+        r"designer/traj-1/attempt-1: \x1b]0;title\x07\x1b[2J\u202e\rgone"
+    )
+    with watch(quiet=False) as (listener, _say):
+        assert listener is not None
+        listener(evil)
+    assert capsys.readouterr().err.endswith("\\u202e\\rgone\n")
+
+
 def test_quiet_leaves_remarks_only(capsys: pytest.CaptureFixture[str]) -> None:
     with watch(quiet=True) as (listener, say):
         assert listener is None

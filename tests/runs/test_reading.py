@@ -101,12 +101,15 @@ def test_a_half_written_last_line_is_passed_over(tmp_path: Path) -> None:
 
 def test_calls_are_data(tmp_path: Path) -> None:
     path = made(tmp_path)
-    call = {"key": "k", "model": "m", "request": {"role": "designer"}, "reply": {"text": "t"}}
+    usage = {"prompt": 1, "completion": 2, "reasoning": 0, "cached": 0}
+    reply = {"text": "t", "latency_s": 0.5, "retries": 0, "usage": usage}
+    call = {"key": "k", "model": "m", "request": {"role": "r", "label": "r/1"}, "reply": reply}
     (path / "calls.jsonl").write_text(json.dumps(call) + '\n{"key"')
     assert list(read_calls(path)) == [call]
-    (path / "calls.jsonl").write_text('{"key": "k"}\n')
-    with pytest.raises(RunError, match=r"calls\.jsonl is damaged in line 1"):
-        list(read_calls(path))
+    for damage in ({"model": 1}, {"request": {}}, {"reply": []}, {"reply": {**reply, "usage": {}}}):
+        (path / "calls.jsonl").write_text(json.dumps({**call, **damage}) + "\n")
+        with pytest.raises(RunError, match=r"calls\.jsonl is damaged in line 1"):
+            list(read_calls(path))
 
 
 def test_a_run_without_lines_has_none(tmp_path: Path) -> None:
@@ -142,6 +145,7 @@ def test_runs_are_found_in_folders_of_folders_but_not_in_runs(tmp_path: Path) ->
     second = made(tmp_path / "a")
     made(first, "inside")
     (tmp_path / "file").write_text("")
+    (tmp_path / "b" / "loop").symlink_to(tmp_path)
     assert list(find_runs(tmp_path)) == [second, first]
     assert list(find_runs(first)) == [first]
     assert list(find_runs(tmp_path / "none")) == []
