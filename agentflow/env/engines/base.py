@@ -59,7 +59,8 @@ class Part:
     angular_drag: float = 0.0
     """1/s, about its own centre."""
     extents: Vec3 = (0.0, 0.0, 0.0)
-    """Box that the wind sees, at rest; two-ended blocks offer none."""
+    """Box that the wind sees, at rest; two-ended blocks offer none, nor do propellers, whose blade
+    law is all that the air does to them."""
     color: Color = (0.7, 0.7, 0.7, 1.0)
 
 

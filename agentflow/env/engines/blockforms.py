@@ -99,7 +99,7 @@ def whole_part(placed: Placed, kind: BlockType, constants: Constants, shift: Vec
         mass=kind.mass,
         inertia=_inertia(placed, kind, extents),
         shapes=_shapes(placed, kind, extents, constants["shrink"]),
-        extents=extents,
+        extents=extents if kind.blade is None else (0.0, 0.0, 0.0),
     )
 
 

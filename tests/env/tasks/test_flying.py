@@ -167,3 +167,15 @@ def test_gusts_change_the_flight_and_always_in_the_same_way() -> None:
     assert gusty[0].trace is not None
     same = steady.trace.centre[0] == gusty[0].trace.centre[0]
     assert same.all()
+
+
+def test_propellers_turn_in_wind_as_in_still_air() -> None:
+    heavy = Machine((ROOT, *(Step(i + 1, 35, 0, i) for i in range(4)), *COPTER.steps[5:]))
+    spins = []
+    for cross in (0, 5):
+        task = level("flying", **{"window": 1, "wind.cross": cross})
+        trace = simulate(heavy, task).trace
+        assert trace is not None
+        spins.append(abs(trace.angular_velocity[-1, 10, 1] - trace.angular_velocity[-1, 0, 1]))
+    assert spins[0] == pytest.approx(16.0, abs=0.5)
+    assert spins[1] == pytest.approx(spins[0], rel=0.02)
