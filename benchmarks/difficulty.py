@@ -1,0 +1,155 @@
+"""How hard levels are: reference machines on every level, and what 60 rollouts come to.
+
+    python benchmarks/difficulty.py [family ...] [--cells FILE] [--out FILE] [--seed S]
+
+Per family a table over its five levels: the score of each of its reference machines
+(tests/machines/<family>.yaml) on every level, the best of 60 machines of the procedural designer,
+and of 60 rollouts of random-dsl; for gearing the passes of 60 placements, by either.
+Every cell is kept in FILE as soon as it is known, under what it depends on, and is not worked out
+again; so an interrupted run goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from shelf import families, load, read
+
+from agentflow.app.design import design
+from agentflow.config import build
+from agentflow.env.constants import constants
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.registry import get_level, get_task, task_names
+from agentflow.machine.brief import LONE_ROOT
+from agentflow.prompts.render import PromptSet
+
+ROLLOUTS = 60
+HERE = Path(__file__).parent
+CELLS, PAGE = HERE / "data" / "difficulty.jsonl", HERE.parent / "docs" / "difficulty.md"
+
+
+class Cells:
+    """Results by what they depend on, one JSON line each."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+        whole = (line for line in lines if line.endswith("}"))
+        self._known = {item["key"]: item["value"] for item in map(json.loads, whole)}
+
+    def get(self, key: str, work: Callable[[], Any]) -> Any:
+        """The value under a key; worked out and kept when it is new."""
+        key = f"{key} {constants().digest}"
+        if key not in self._known:
+            print(key, file=sys.stderr, flush=True)
+            value = self._known[key] = work()
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"key": key, "value": value}) + "\n")
+        return self._known[key]
+
+
+def played(name: str, level: str) -> float | None:
+    """Score of a reference machine on a level; None where the level does not allow it."""
+    rollout = simulate(load(name), get_task(level))
+    return None if rollout.status == "invalid" else rollout.score
+
+
+def designed(level: str, workflow: str, seed: int) -> dict[str, Any]:
+    """Best score, and passes where attempts are counted, of 60 rollouts."""
+    count = {
+        "single": {"trajectories": ROLLOUTS, "search": {"rounds": 0}},
+        "random-dsl": {"rollouts": ROLLOUTS},
+    }.get(workflow, {"placements": ROLLOUTS})
+    document = {"task": level, "workflow": workflow, "seed": seed, "settings": count}
+    with tempfile.TemporaryDirectory() as folder:
+        result = design(build(document), Path(folder), lambda _line: None)
+    passes = result.get("attempts", {}).get("passes")
+    return {"best": result["score"], "passes": passes}
+
+
+def rows(family: str, cells: Cells, seed: int) -> list[list[str]]:
+    """The lines of a family's table, the first a heading."""
+    levels = [name for name in task_names() if get_task(name).family == family]
+    placed = get_task(levels[0]).brief.given != LONE_ROOT
+    table = [["machine", *levels], ["good score", *(_number(good(level)) for level in levels)]]
+    for name in dict.fromkeys(item.machine for item in read(family).references):
+        digest = load(name).digest
+        scores = [
+            cells.get(f"{of(level)} {digest}", partial(played, name, level)) for level in levels
+        ]
+        table.append([Path(name).stem.replace("_", " "), *map(_number, scores)])
+    prompts = PromptSet().digest
+    kinds = ("placement", "random-placement") if placed else ("single", "random-dsl")
+    for kind in kinds:
+        found = [
+            cells.get(f"{of(level)} {kind} {seed} {prompts}", partial(designed, level, kind, seed))
+            for level in levels
+        ]
+        told = "procedural designer" if kind in ("single", "placement") else kind
+        table.append(
+            [f"{told}, {'passes' if placed else 'best'} of {ROLLOUTS}", *map(_told, found)]
+        )
+    return table
+
+
+def of(level: str) -> str:
+    """A level by name and content."""
+    shown = repr(get_task(level).parameters).encode()
+    return f"{level} {hashlib.sha256(shown).hexdigest()[:8]}"
+
+
+def good(level: str) -> float:
+    """What a good score is."""
+    return get_level(level).file.good
+
+
+def _told(found: dict[str, Any]) -> str:
+    return _number(found["best"]) if found["passes"] is None else str(found["passes"])
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
+
+
+def markdown(table: list[list[str]]) -> str:
+    """A table in Markdown."""
+    head, *body = (f"| {' | '.join(row)} |" for row in table)
+    rule = "|---" + "|--:" * (len(table[0]) - 1) + "|"
+    return "\n".join((head, rule, *body))
+
+
+def main() -> None:
+    """Work out what is missing and write the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("families", nargs="*", help="all by default")
+    parser.add_argument("--cells", type=Path, default=CELLS)
+    parser.add_argument("--out", type=Path, default=PAGE)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    cells = Cells(options.cells)
+    parts = [
+        "# How hard the levels are",
+        "Scores of reference machines on every level of their family, and the best of "
+        f"{ROLLOUTS} rollouts without a language model; a dash: the level does not allow the "
+        "machine. Made by `python benchmarks/difficulty.py`.",
+    ]
+    for family in options.families or families():
+        parts += [f"## {family}", markdown(rows(family, cells, options.seed))]
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    options.out.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    print(options.out)
+
+
+if __name__ == "__main__":
+    main()
