@@ -113,21 +113,17 @@ class Jumping(TrialFamily):
                 *(_RAISED if knobs.trench.length else GROUND),
                 *barrier_sentences(knobs.walls, knobs.trench, knobs.slope),
                 *knobs.wind.sentences(),
-                f"The same machine makes {self.count} trials. They differ by chance: the "
-                f"obstacles stand up to {by.distance:g} m nearer or farther along z, their heights "
-                f"(a trench's depth) and the friction of ground and obstacles, "
-                f"{knobs.friction:g}, change by up to {by.height:.0%} and {by.friction:.0%}, and "
-                f"the machine is turned by up to {by.yaw:g} degrees to the left or right.",
+                f"{self.count} trials differ by chance: obstacles stand up to {by.distance:g} m "
+                f"nearer or farther along z, their {'depth' if knobs.trench.length else 'height'} "
+                f"changes by up to {by.height:.0%}, the friction of ground and obstacles, "
+                f"{knobs.friction:g}, by up to {by.friction:.0%}, and the machine is turned by up "
+                f"to {by.yaw:g} degrees to the left or right.",
                 *_turned_sentences(knobs.yaw),
             ),
-            schedule=(
-                *schedule_sentences(self.schedule, self.window, BLOCKS),
-                f"The time to jump is fixed: springs and steering hinges wait for t = "
-                f"{knobs.jump_at:g} s, and the machine has to be in the right place by then.",
-            ),
+            schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
-                f"Score: the number of successful trials out of {self.count}; each is judged "
-                f"within {self.window:g} s.",
+                f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
+                "each.",
                 f"A trial succeeds when no block of the machine, also none that broke off, ever "
                 f"touches {_touchables(knobs)} from t = 0 on, and at the end the centre of the "
                 f"Starting Block and at least half of the machine's mass lie beyond z = "
