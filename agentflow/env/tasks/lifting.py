@@ -119,7 +119,7 @@ class Lifting(TrialFamily):
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
                 f"A trial succeeds when the object's centre is at least {RISE:g} m above its "
-                f"settled height (its height at t = 0) for at least {HOLD:g} s together, and at "
+                f"settled height (at t = 0) for at least {HOLD:g} s together, and at "
                 "the end as well.",
             ),
             blocks=BLOCKS,
