@@ -166,7 +166,9 @@ def _remove(path: Path | None, made: Sequence[Path]) -> None:
 
 
 def _hash(*content: object) -> bytes:
-    return hashlib.blake2b(json.dumps(content).encode(), digest_size=16).digest()
+    """Equal for what is equal as JSON data, whatever the order of its keys."""
+    text = json.dumps(json.loads(json.dumps(content)), sort_keys=True)
+    return hashlib.blake2b(text.encode(), digest_size=16).digest()
 
 
 def _fresh(out: Path, name: str) -> Path:

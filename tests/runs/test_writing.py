@@ -98,6 +98,17 @@ def test_what_comes_out_otherwise_on_resume_is_the_last_word(tmp_path: Path) -> 
     assert len((run.path / "events.jsonl").read_text().splitlines()) == 3
 
 
+def test_equal_data_is_not_written_again_whatever_its_order(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    run.event("stage", "a", counts={2: "two", 10: "ten"}, valid=(1, 2))
+    run.close()
+    again = RunDirectory.resume(run.path)
+    again.event("stage", "a", valid=[1, 2], counts={"10": "ten", "2": "two"})
+    assert again.replaced == []
+    again.close()
+    assert len((run.path / "events.jsonl").read_text().splitlines()) == 1
+
+
 def test_discarding_spares_what_others_put_beside_it(tmp_path: Path) -> None:
     first = RunDirectory.create(tmp_path / "runs", "demo", {})
     second = RunDirectory.create(tmp_path / "runs", "demo", {})
