@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
+from agentflow.app.models import ROLES
 from agentflow.app.records import run_details, run_list
 from agentflow.app.rescore import rescore
 from agentflow.errors import RunError
-from agentflow.runs import RunDirectory, read_document, read_result
+from agentflow.runs import RunDirectory, read_calls, read_document, read_result
 
 RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
 
@@ -38,7 +40,7 @@ def test_the_list_tells_the_state_of_each(folder: Path) -> None:
         "model": "procedural (no language model)",
         "seed": 0,
         "score": result["score"],
-        "calls": 19,
+        "calls": result["calls"],
         "cost": 0.0,
         "problem": "",
     }
@@ -69,15 +71,12 @@ def test_no_folder_is_said(tmp_path: Path) -> None:
 
 def test_one_run_with_what_it_holds() -> None:
     found, result = run_details(RECORDED), read_result(RECORDED)
+    calls = Counter(call["request"]["role"] for call in read_calls(RECORDED))
     assert found["stages"] == result["stages"]
     assert (found["blocks"], found["best_stage"]) == (len(result["machine"]), "env_feedback")
     assert {role: spent["calls"] for role, spent in found["spent"].items()} == {
-        "total": 19,
-        "meta_designer": 1,
-        "designer": 8,
-        "inspector": 2,
-        "refiner": 6,
-        "querier": 2,
+        "total": result["calls"],
+        **{role: calls[role] for role in ROLES if calls[role]},
     }
     assert found["spent"]["total"]["money"] == 0.0
     assert found["failures"]["machines"] == result["rollouts"]

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from agentflow.cli import main
+from agentflow.runs import read_result
 
 RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
 Captured = pytest.CaptureFixture[str]
@@ -51,17 +52,24 @@ def test_show_tells_stages_costs_and_failures(capsys: Captured) -> None:
     lines = shown(capsys, "show", str(RECORDED)).splitlines()
     assert lines[0] == f"{RECORDED}: done"
     assert lines[1] == "throwing, hierarchical, procedural (no language model), seed 0"
-    assert lines[2] == "best score 21.66, 23 blocks, found in stage env_feedback"
-    assert "env_feedback      2/2             2/2    10.83  21.66  6      4" in map(
-        str.rstrip, lines
+    result = read_result(RECORDED)
+    best, last = f"{result['score']:.2f}", result["stages"][-1]
+    assert lines[2] == (
+        f"best score {best}, {len(result['machine'])} blocks, found in stage {result['best_stage']}"
     )
-    assert "0 of 19 replies refused; 8 machines simulated" in lines
+    (row,) = (line.split() for line in lines if line.startswith("env_feedback"))
+    assert row[1:4] == ["2/2", "2/2", f"{last['mean']:.2f}"]
+    assert row[4:] == [f"{last['max']:.2f}", str(last["calls"]), str(last["rollouts"])]
+    told = f"0 of {result['calls']} replies refused; {result['rollouts']} machines simulated"
+    assert told in lines
     assert json.loads(shown(capsys, "show", str(RECORDED), "--json"))["state"] == "done"
 
 
 def test_failures_are_a_table(capsys: Captured) -> None:
     lines = shown(capsys, "failures", str(RECORDED)).splitlines()
-    assert "planning      no motion          2      8 machines" in lines
+    machines = str(read_result(RECORDED)["rollouts"])
+    (row,) = (line.split() for line in lines if line.startswith("planning      no motion"))
+    assert (row[:3], row[-2:]) == (["planning", "no", "motion"], [machines, "machines"])
     assert len(lines) == 2 + 11
 
 
