@@ -57,6 +57,7 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     console.print(f"run: {result['run']}")
     for name, path in pictures.items():
         console.print(f"{name}: {path}")
+    console.print(f"every step of it in 3D: agentflow report {result['run']}")
     if ending := ending_of(result):
         console.print(ending)
 

@@ -25,6 +25,7 @@ OPTIONS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    "--hide-scrollbars",
 )
 LOGS = {"browser": "ALL", "performance": "ALL"}
 

@@ -65,7 +65,7 @@ async function tell(place, node, data, calls) {
 }
 
 function legend() {
-  return el("p", { class: "quiet" }, "Each dot is a machine, made from the one to its left; the darker, the better. ",
+  return el("p", { class: "quiet" }, "Each dot is a machine, made from the one to its left; the stronger its colour, the higher its score. ",
     "A red ring: it broke. Hollow: invalid. A cross: a refused edit. Arrow keys walk.");
 }
 
