@@ -5,10 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from agentflow.env.constants import constants
+from agentflow.env.engines.assembly import assemble
 from agentflow.env.engines.base import Part
 from agentflow.env.engines.forces import Drag, Members, Wind, Wrench
 from agentflow.env.engines.kinematics import matrices
+from agentflow.env.engines.layout import hubs
+from agentflow.env.engines.pybullet import PyBulletEngine
+from agentflow.env.engines.tree import skeleton
 from agentflow.env.trace import Array
+from agentflow.machine.geometry import place
+from agentflow.machine.tree import Machine
+from tests.env.engines.rig import RATE, Rig
+from tests.env.machines import BALLASTED, CAR
 
 DRAGS = [(0.2, 0.1), (0.0, 0.05), (0.5, 0.3), (0.2, 0.2), (0.2, 0.0)]
 ROW = np.array([0, 0, 1, 0, 2])
@@ -70,3 +79,34 @@ def test_every_part_feels_the_wind(rng: np.random.Generator) -> None:
         area = np.dot([y * z, x * z, x * y], np.abs(turned.T @ air)) / speed
         assert push.force == pytest.approx(0.6 * area * speed * air)
         assert push.at == pytest.approx(rows[ROW[i], :3] + arm)
+
+
+@pytest.mark.parametrize(("tree", "level"), [(CAR, 1.0), (BALLASTED, 0.0)], ids=["wheels", "arm"])
+def test_what_falls_loses_what_the_drag_of_its_parts_takes(tree: Machine, level: float) -> None:
+    """Of every part, also of wheels, whose drag acts where their axles are."""
+    engine = PyBulletEngine()
+    rig = Rig(engine, tree, anchored=False)
+    engine.switch("motors", level)
+    rig.run(0.5)
+    parts = rig.assembly.parts
+    before, velocity = engine.momentum()["linear"], engine.state().velocity
+    engine.step()
+    weight = 32.81 * sum(part.mass for part in parts)
+    drag = [part.mass * part.linear_drag * velocity[part.block] for part in parts]
+    change = (engine.momentum()["linear"] - before) * RATE
+    assert change == pytest.approx([0.0, -weight, 0.0] - np.sum(drag, axis=0), rel=1e-3, abs=0.05)
+    assert abs(np.sum(drag, axis=0)[1]) > 10.0
+    engine.close()
+
+
+def test_the_drag_of_wheels_acts_on_what_holds_their_axles() -> None:
+    assembly = assemble(CAR, place(CAR), constants())
+    plan = skeleton(len(assembly.parts), assembly.joints)
+    own = Members(np.array(plan.cluster), np.zeros((len(assembly.parts), 3)))
+    wheels = [i for i, part in enumerate(assembly.parts) if plan.cluster[i] == i and i]
+    held = hubs(assembly, plan, own)
+    assert len(wheels) == 4
+    assert held.row[wheels].tolist() == [0] * 4
+    assert [held.offset[i].tolist() for i in range(len(assembly.parts)) if i not in wheels] == [
+        [0.0] * 3
+    ] * (len(assembly.parts) - 4)

@@ -155,3 +155,13 @@ def test_a_brace_makes_a_hinge_stiff() -> None:
     braced.run(1.0)
     assert braced.angle(3, (0.0, 0.0, 1.0)) == pytest.approx(0.0, abs=1e-6)
     calm.close()
+
+
+@pytest.mark.parametrize("higher", np.arange(0.0, 0.2, 0.01))
+def test_a_touch_is_seen_however_short(engine: PyBulletEngine, higher: float) -> None:
+    """At 25 m/s a ball may be above the ground before a step and on its way up after it."""
+    ball = Thing("ball", "sphere", (1.0, 1.0, 1.0), (20.0, 10.0 + higher, 0.0), mass=1.0)
+    start(engine, machine(ROOT), Scene((ball,)))
+    while engine.state().thing_velocity[0, 1] <= 0.0:
+        engine.step()
+    assert engine.touching("ball") == {"ground"}
