@@ -171,6 +171,17 @@ def _springs(g: Growth, dims: Dims) -> None:
         g.add(g.choose((SPRING,)), g.chance.choice(tops), g.chance.choice(feet))
 
 
+def _ties(g: Growth, dims: Dims) -> None:
+    """From the top of what stands to the top of what a joint moves, there to the nearest block."""
+    group, ends = clusters(g.geometry), [g.geometry[0]]
+    for moved in (False, True):
+        near = ends[-1].center
+        blocks = [b for b in g.geometry.blocks if bool(group[b.id]) == moved and b.faces]
+        ends += sorted(blocks, key=lambda b: (-b.box_max[1], dist(b.center, near)))[:1]
+    for _ in range(dims["springs"] if len(ends) == 3 else 0):
+        g.add(g.choose((SPRING,)), *((b.id, g.chance.choice(b.faces).face_id) for b in ends[1:]))
+
+
 def _wheels(g: Growth, dims: Dims) -> None:
     """In pairs, those farthest from the root first."""
     faces = [(b.id, f) for b in g.geometry.blocks for f in free(g.geometry, b.id, "x")]
@@ -189,5 +200,5 @@ def _anything(g: Growth, dims: Dims) -> None:
         g.add(g.choose(kinds), g.chance.choice(spots or [(0, 0)]))
 
 
-RULES = {rule.__name__[1:]: rule for rule in (_arm, _springs, _wheels, _anything)}
+RULES = {rule.__name__[1:]: rule for rule in (_arm, _springs, _ties, _wheels, _anything)}
 """What no row of blocks is, by the name in mechanisms.yaml."""
