@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import multiprocessing
 import os
 import time
 from collections.abc import Callable
+from multiprocessing.synchronize import Barrier
 from pathlib import Path
 from statistics import median
 
@@ -140,9 +142,37 @@ async def _workers(repeats: int) -> None:
             found[count] = (taken, used)
             memory = max(_memory(pid, "VmHWM") for pid in pool.pids)
     gain, share = found[1][0] / found[2][0], 2 * found[1][1] / found[2][1]
+    most = _alone(1, repeats) / _alone(2, repeats) * 2
+    print(f"two bare loops in processes of their own {most:.2f} x one: what this machine can give")
     print(f"two workers                           {gain:.2f} x one by wall time")
+    print(f"  against the bare loops              {gain / most:.2f}")
     print(f"  as if they had a core each          {share:.2f} x one by processor time per rollout")
     print(f"memory of a worker, at most           {memory:.1f} MB")
+
+
+def _alone(processes: int, repeats: int) -> float:
+    """Wall seconds that so many processes take, each for the bare loops of as many rollouts."""
+    context = multiprocessing.get_context("spawn")
+    begin = context.Barrier(processes + 1)
+    running = [
+        context.Process(target=_bare_loops, args=(begin, 4 * repeats)) for _ in range(processes)
+    ]
+    for process in running:
+        process.start()
+    begin.wait()
+    began = time.perf_counter()
+    for process in running:
+        process.join()
+    return time.perf_counter() - began
+
+
+def _bare_loops(begin: Barrier, count: int) -> None:
+    engine = Bare()
+    _loop(engine, SETTLE)
+    begin.wait()
+    for _ in range(count):
+        _loop(engine, SETTLE + round(TASK.window * RATE))
+    engine.close()
 
 
 async def _flat(rollouts: int) -> None:
