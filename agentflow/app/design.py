@@ -24,6 +24,8 @@ from agentflow.laboratory import PhysicsLaboratory, Simulator
 from agentflow.llm.budget import Budget
 from agentflow.llm.client import Client
 from agentflow.llm.limits import Limiter
+from agentflow.llm.prices import FREE
+from agentflow.llm.procedural import ProceduralClient
 from agentflow.llm.tape import Tape
 from agentflow.runs import Event, Listener, RunDirectory, read_document, read_result
 
@@ -248,8 +250,9 @@ def _to_end(work: _Work) -> dict[str, Any]:
 
 def _count(tape: Tape, budget: Budget, plan: Plan) -> None:
     """Charge what an earlier process has spent."""
+    prices = {**plan.config.model.prices, ProceduralClient.name: FREE}
     for entry in tape.entries():
-        budget.count(entry.request, entry.reply, plan.config.model.prices.get(entry.model))
+        budget.count(entry.request, entry.reply, prices.get(entry.model))
 
 
 def _simulated(laboratory: PhysicsLaboratory) -> dict[str, float]:

@@ -142,7 +142,7 @@ class View:
         table = Table(box=None, pad_edge=False)
         for name in ("run", "state", "stage"):
             table.add_column(name, overflow="ellipsis", no_wrap=True)
-        for name in ("calls", "evaluations", "best", "time"):
+        for name in ("calls", "tried", "best", "time"):
             table.add_column(name, justify="right", no_wrap=True)
         for name in self._chosen():
             table.add_row(*(Text(cell) for cell in self.lines[name].cells(name)))

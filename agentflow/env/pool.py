@@ -223,7 +223,10 @@ def serve(descriptor: int) -> None:
                 reply = error
             except Exception:  # noqa: BLE001 - handed over to the parent, which raises it
                 reply = traceback.format_exc()
-            connection.send(reply)
+            try:
+                connection.send(reply)
+            except BrokenPipeError:  # whoever asked was killed meanwhile
+                return
 
 
 def _without_score(status: Status, why: str) -> Rollout:

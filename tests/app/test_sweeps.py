@@ -170,6 +170,7 @@ def test_unfinished_and_half_begun_runs_are_taken_up(
     assert {run for kind, run in notes.said if kind == "begun"} == set(RUNS[:3])
     found = json.loads((copy / "runs" / RUNS[0] / "result.json").read_text())
     clock = {"seconds", "run"}
+    assert found["cost"] == 0
     assert {k: v for k, v in found.items() if k not in clock} == {
         k: v for k, v in expected.items() if k not in clock
     }
