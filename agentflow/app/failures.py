@@ -14,6 +14,8 @@ from agentflow.runs import find_runs, read_document, read_events
 
 DRIVING = frozenset({"movement", "delivery"})
 """Families whose machines are to drive along z, so that powered wheels turn about x."""
+STAYING = frozenset({"gearing"})
+"""Families whose machines turn in place."""
 CONTAINER = 30
 
 
@@ -33,7 +35,9 @@ def count_failures(path: Path) -> dict[str, Any]:
     total = Failures()
     for run in runs:
         with sound(run):
-            total += failures(read_events(run), _misfaced_in(run))
+            family = _family_of(run)
+            judge = _misfaced_in(run, family)
+            total += failures(read_events(run), judge, in_place=family in STAYING)
     return {
         "runs": len(runs),
         "replies": total.replies,
@@ -65,10 +69,11 @@ def misfaced(machine: Machine, family: str) -> bool:
     return False
 
 
-def _misfaced_in(run: Path) -> Callable[[str], bool]:
-    task = str(read_document(run).get("config", {}).get("task", ""))
-    family = task.partition("/")[0]
+def _family_of(run: Path) -> str:
+    return str(read_document(run).get("config", {}).get("task", "")).partition("/")[0]
 
+
+def _misfaced_in(run: Path, family: str) -> Callable[[str], bool]:
     def judge(digest: str) -> bool:
         return misfaced(recorded_machine(run, digest), family)
 

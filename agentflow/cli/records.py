@@ -111,7 +111,8 @@ def failures(
                          contradicts itself
       block not allowed  a block type is unknown or not in the task's list
       no motion          (machines) no block gets farther than 0.1 m from where it was when
-                         power came on
+                         power came on; not counted in gearing, where cogs turn in
+                         place
     Construction: it was put together wrongly
       wrong facing       (machines) a powered wheel whose axle is not along x where the task
                          is to drive, or a container that holds something and does not open

@@ -75,7 +75,8 @@ MOTIONLESS = Kind(
     "no motion",
     "planning",
     "machine",
-    f"no block gets farther than {STILL} m from where it was when power came on",
+    f"no block gets farther than {STILL} m from where it was when power came on; not counted in "
+    "gearing, where cogs turn in place",
 )
 FACING = Kind(
     "wrong facing",
@@ -158,12 +159,15 @@ class Failures:
         )
 
 
-def failures(events: Iterable[Event], misfaced: Callable[[str], bool]) -> Failures:
+def failures(
+    events: Iterable[Event], misfaced: Callable[[str], bool], *, in_place: bool = False
+) -> Failures:
     """Count what went wrong in a run.
 
     Args:
         events: of the run, one at a time.
         misfaced: whether the machine of a content hash has a block that faces the wrong way.
+        in_place: whether machines of the run's task are to stay where they are.
     """
     found = Failures()
     seen: set[str] = set()
@@ -178,7 +182,7 @@ def failures(events: Iterable[Event], misfaced: Callable[[str], bool]) -> Failur
         elif event.kind == "evaluation" and data["machine"] not in seen:
             seen.add(data["machine"])
             found.machines += 1
-            moved = data.get("moved")
+            moved = None if in_place else data.get("moved")
             found.kinds[BREAKAGE.name] += bool(data["broken"])
             found.kinds[MOTIONLESS.name] += moved is not None and moved <= STILL
             found.kinds[FACING.name] += misfaced(data["machine"])

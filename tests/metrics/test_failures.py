@@ -69,6 +69,11 @@ def test_machines_count_once_and_may_be_of_several_kinds() -> None:
     }
 
 
+def test_what_is_to_stay_in_place_is_not_motionless() -> None:
+    found = failures([evaluation("a", moved=0.0)], lambda _digest: False, in_place=True)
+    assert (found.machines, found.kinds["no motion"]) == (1, 0)
+
+
 def test_accepted_replies_and_other_events_are_no_failures() -> None:
     fine = Event("attempt", "a", {"valid": True, "parsed": True, "code": "", "role": "designer"})
     assert failures([fine, Event("stage", "initial", {})], lambda _: True) == Failures(replies=1)
