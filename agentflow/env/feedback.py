@@ -76,8 +76,8 @@ def series(label: str, times: Array, values: Array) -> Series:
     return Series(label, tuple(float(times[i]) for i in picks), rows)
 
 
-def _axis(vector: Array) -> str:
-    index = int(np.argmax(np.abs(vector)))
+def _axis(vector: Sequence[float]) -> str:
+    index = max(range(3), key=lambda i: abs(vector[i]))
     return AXES[2 * index + (vector[index] < 0)]
 
 
@@ -89,8 +89,8 @@ def orientation(trace: Trace) -> list[tuple[str, float, float]]:
     turn = trace.rotation[:, 0]
     fronts, tops = rotate(turn, (0.0, 0.0, 1.0)), rotate(turn, (0.0, 1.0, 0.0))
     words = [
-        _axis(front) + ("" if _axis(top) == "y+" else f" with its top to {_axis(top)}")
-        for front, top in zip(fronts, tops, strict=True)
+        _axis(front) + ("" if (up := _axis(top)) == "y+" else f" with its top to {up}")
+        for front, top in zip(fronts.tolist(), tops.tolist(), strict=True)
     ]
     runs = []
     for word, group in groupby(range(len(words)), key=words.__getitem__):
@@ -152,21 +152,22 @@ def _runs(flags: np.ndarray[Any, np.dtype[np.bool_]], times: Array) -> list[tupl
 
 def most_loaded(trace: Trace) -> list[dict[str, Any]]:
     """Per sample the connection with the greatest share of its strength: time, blocks, load."""
-    found = []
-    for index in sample_indices(len(trace.times)):
-        row = trace.utilisation[index]
-        if row.size and not np.isnan(row).all():
-            edge = int(np.nanargmax(row))
-            block, partner = trace.connections[edge]
-            found.append(
-                {
-                    "time": float(trace.times[index]),
-                    "block": block,
-                    "partner": partner,
-                    "load": float(row[edge]),
-                }
-            )
-    return found
+    if not trace.connections:
+        return []
+    picks = sample_indices(len(trace.times))
+    shares = np.nan_to_num(trace.utilisation[picks], nan=-1.0)  # of what is broken
+    return [
+        {
+            "time": float(trace.times[index]),
+            "block": trace.connections[edge][0],
+            "partner": trace.connections[edge][1],
+            "load": row[edge],
+        }
+        for index, row, edge in zip(
+            picks, shares.tolist(), shares.argmax(axis=1).tolist(), strict=True
+        )
+        if row[edge] >= 0.0
+    ]
 
 
 def _loads_text(loads: Sequence[Mapping[str, Any]]) -> str:

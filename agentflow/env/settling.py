@@ -63,7 +63,7 @@ class Settling:
         self._slow = self._slow + 1 if slow else 0
         if self._steps % self._interval:
             return False
-        self._places.append(self._engine.state().centre[self._free])
+        self._places.append(self._engine.centres()[self._free])
         del self._places[: -MORE - 1]
         if self._slow < self._interval or len(self._places) <= INTERVALS:
             return False

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.engines.base import State
 from agentflow.env.engines.pybullet import PyBulletEngine
 from agentflow.env.settling import Settling
+from agentflow.env.trace import Array
 from agentflow.machine.tree import ROOT, Machine
 
 RATE = 120.0
@@ -27,12 +27,8 @@ class OnRails(PyBulletEngine):
         super().__init__()
         self._path = path
 
-    def state(self) -> State:
-        centre = np.array([[0.0, self._path(self.now), 0.0]])
-        empty = np.zeros((0, 3))
-        return State(
-            centre, centre, empty, empty, empty, np.zeros(0), empty, np.zeros((0, 4)), empty
-        )
+    def centres(self) -> Array:
+        return np.array([[0.0, self._path(self.now), 0.0]])
 
 
 def settled(path: Path, slow: bool = True) -> float | None:

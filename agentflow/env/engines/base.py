@@ -232,6 +232,9 @@ class Engine(Protocol):
     def state(self) -> State:
         """Everything that a record holds."""
 
+    def centres(self) -> Array:
+        """(N, 3) block centres, as in `state` but without the rest."""
+
     def keep(self) -> None:
         """Keep the present state for `kept`."""
 

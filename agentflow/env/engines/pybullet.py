@@ -154,6 +154,10 @@ class PyBulletEngine:
         """Everything that a record holds."""
         return self._readings.state(self._rows.table)
 
+    def centres(self) -> Array:
+        """(N, 3) block centres, as in `state`."""
+        return self._readings.centres(self._rows.table)
+
     def keep(self) -> None:
         """Keep the present state for `kept`."""
         self._kept.append((self._readings, self._rows.all))

@@ -103,6 +103,15 @@ class Readings:
             thing_velocity=swap_all(things[:, :, VELOCITY]),
         )
 
+    def centres(self, rows: Array) -> Array:
+        """(N, 3) block centres, m: the same as in `state`, for those who need nothing else."""
+        blocks = rows[self._row]
+        centres = blocks[:, POSITION] + turn(matrices(blocks[:, ROTATION]), self._centre_arms)
+        if self._spanning:
+            ends = carried(rows[self._end_row], self._end_arms)
+            centres[self._spanning] = (ends[0::2] + ends[1::2])[:, POSITION] * 0.5
+        return swap_all(centres)
+
     def centre(self, row: Row, block: int) -> Vec3:
         """Centre of a block, from the row that carries it."""
         x, y, z, a, b, c, w, *_ = row

@@ -219,3 +219,12 @@ def test_a_brace_takes_over_when_the_tree_breaks(engine: PyBulletEngine) -> None
 def test_a_brace_across_a_hinge_locks_it(engine: PyBulletEngine) -> None:
     assembly = start(engine, machine((0, -1, -1), (5, 0, 0), (63, 1, 0), (7, 0, 4, 2, 9)))
     assert [assembly.joints[i].block for i in engine.locked] == [1]
+
+
+def test_centres_are_those_of_the_state(engine: PyBulletEngine) -> None:
+    tree = machine((0, -1, -1), (2, 0, 2), (2, 0, 3), (63, 0, 4), (9, 3, 0, 1, 0), (7, 3, 2, 0, 0))
+    start(engine, tree)
+    engine.switch("motors", 1.0)
+    advance(engine, 0.5)
+    assert (engine.centres() == engine.state().centre).all()
+    assert engine.centres()[:4] == pytest.approx(np.array([engine.centre(i) for i in range(4)]))
