@@ -62,7 +62,10 @@ def level_files(name: str) -> list[Traversable]:
         UnknownNameError, ConfigError: As `family` does.
     """
     entry = _entry(name)
-    package = entry.module.rpartition(".")[0] if name in OURS else _load(entry).__module__
+    module = entry.module if name in OURS else _load(entry).__module__
+    package = module.rpartition(".")[0]
+    if not package:
+        raise ConfigError(f"{_named(entry)} is in no package that could hold its levels")
     folder = files(package) / LEVELS
     found = list(folder.iterdir()) if folder.is_dir() else []
     wanted = (item for item in found if _number(item.name, name) is not None)

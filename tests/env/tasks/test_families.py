@@ -1,0 +1,99 @@
+"""Families from other distributions: found by entry point, loaded when used, named if broken."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from agentflow.env.tasks.families import OURS, family, family_names
+from agentflow.errors import UnknownNameError
+
+FAMILY = """
+from dataclasses import dataclass
+from typing import ClassVar
+from agentflow.env.tasks.movement import Movement
+
+@dataclass(frozen=True)
+class Sweeping(Movement):
+    family: ClassVar[str] = "sweeping"
+"""
+LEVEL = "family: sweeping\ntitle: a floor\ngood: 10\nparameters:\n  road: {wall_height: 2}\n"
+
+
+def distribution(folder: Path, points: str, module: str = FAMILY) -> Path:
+    """A distribution as pip leaves it, with a module and two levels."""
+    package = folder / "broom"
+    (package / "levels").mkdir(parents=True)
+    package.joinpath("__init__.py").touch()
+    package.joinpath("sweeping.py").write_text(module, encoding="utf-8")
+    folder.joinpath("alone.py").write_text(module, encoding="utf-8")
+    for name in ("sweeping-1.yaml", "sweeping-2.yaml", "other-1.yaml", "readme.txt"):
+        (package / "levels" / name).write_text(LEVEL, encoding="utf-8")
+    info = folder / "broom-1.0.dist-info"
+    info.mkdir()
+    info.joinpath("METADATA").write_text("Metadata-Version: 2.1\nName: broom\nVersion: 1.0\n")
+    info.joinpath("entry_points.txt").write_text(f"[agentflow.families]\n{points}\n")
+    return folder
+
+
+def told(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """What the command line makes of it, in a process of its own."""
+    run = (
+        f"import sys; sys.path.insert(0, {str(folder)!r}); from agentflow.cli import main; "
+        f"sys.exit(main({list(arguments)!r}))"
+    )
+    command = [sys.executable, "-c", run]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_a_family_from_elsewhere_is_one_of_all(tmp_path: Path) -> None:
+    folder = distribution(tmp_path, "sweeping = broom.sweeping:Sweeping")
+    shown = told(folder, "tasks", "sweeping/2")
+    assert shown.returncode == 0, shown.stderr
+    assert "walls at x = -12 m and x = 12 m, 2 m high" in shown.stdout
+
+
+@pytest.mark.parametrize(
+    ("points", "module", "problem"),
+    [
+        (
+            "sweeping = broom.nowhere:Sweeping",
+            FAMILY,
+            "cannot be loaded: ModuleNotFoundError: No module named 'broom.nowhere'",
+        ),
+        ("sweeping = broom.sweeping:Sweeping", "1 / 0", "cannot be loaded: ZeroDivisionError"),
+        ("sweeping = broom.sweeping:Sweeping", "Sweeping = 7", "is no subclass of"),
+        ("sweeping = alone:Sweeping", FAMILY, "is in no package that could hold its levels"),
+        ("mopping = broom.sweeping:Sweeping", FAMILY, "calls itself 'sweeping'"),
+        ("throwing = broom.sweeping:Sweeping", FAMILY, "has a name that another family has"),
+    ],
+)
+def test_a_broken_one_is_named(tmp_path: Path, points: str, module: str, problem: str) -> None:
+    folder = distribution(tmp_path, points, module)
+    shown = told(folder, "tasks", "sweeping")
+    name, _, value = points.partition(" = ")
+    assert shown.returncode == 2
+    start = f"agentflow: the task family {name!r} ({value}) of the distribution 'broom' {problem}"
+    assert shown.stderr.startswith(start)
+    assert "Traceback" not in shown.stderr
+    ours = told(folder, "tasks", "movement")
+    assert ours.returncode == (0 if name != "throwing" else 2), ours.stderr
+
+
+def test_ours_are_eight() -> None:
+    assert tuple(OURS) == (
+        "delivery",
+        "flying",
+        "gearing",
+        "jumping",
+        "lifting",
+        "movement",
+        "picking",
+        "throwing",
+    )
+    assert family_names()[:8] == tuple(OURS)
+    with pytest.raises(UnknownNameError, match=r"^unknown family 'juming'; known: jumping, "):
+        family("juming")

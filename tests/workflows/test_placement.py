@@ -1,0 +1,163 @@
+"""Placement: independent attempts, counted; which tasks take it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from typing import Any
+
+import pytest
+
+from agentflow.agents.base import Desk
+from agentflow.env.tasks.registry import get_task
+from agentflow.errors import UsageError
+from agentflow.llm.messages import Reply, Request
+from agentflow.llm.procedural import ProceduralClient
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.machine.gears import meshing, trains
+from agentflow.machine.geometry import place
+from agentflow.machine.tree import Machine, Step
+from agentflow.prompts.render import PromptSet
+from agentflow.search.node import Evaluation
+from agentflow.workflows.base import Candidate, First, Stage, Trial, WorkflowResult
+from agentflow.workflows.placement import placement, random_placement
+from agentflow.workflows.registry import demand_fit
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.statistics import passes, wilson
+
+TASK = get_task("gearing")
+BRIEF = TASK.brief
+MIDDLE = TASK.parameters.base.face(0.0, 0.0)  # type: ignore[attr-defined]
+SOLVED = Machine((*BRIEF.given, Step(3, 38, 0, MIDDLE)))
+CLASHING = Machine((*SOLVED, Step(4, 38, 0, MIDDLE + 1)))
+
+
+class Teeth:
+    """A laboratory that knows ideal teeth and no forces."""
+
+    def __init__(self) -> None:
+        self.tried: list[str] = []
+
+    async def evaluate(self, machine: Machine, label: str) -> Evaluation:
+        self.tried.append(label)
+        found = trains([step.id for step in machine][1:], meshing(place(machine).blocks, 0.1))
+        score = float(found[0].speeds.get(2, 0.0) > 0)
+        return Evaluation(True, score, Trial(score, "ok", f"Score: {score:.2f}"))
+
+    async def query(self, machine: Machine, queries: Sequence[object]) -> str:  # noqa: ARG002
+        raise AssertionError("nobody asks")
+
+    async def views(self, machine: Machine) -> tuple[str, ...]:  # noqa: ARG002
+        raise AssertionError("nobody looks")
+
+
+class Notes:
+    """A record in memory."""
+
+    def __init__(self) -> None:
+        self.events: list[tuple[str, str]] = []
+
+    def event(self, kind: str, label: str, **data: Any) -> None:  # noqa: ARG002
+        self.events.append((kind, label))
+
+    def save_machine(self, digest: str, text: str) -> None:
+        """Not looked at."""
+
+
+def run(client: Any, count: int, record: Notes | None = None) -> WorkflowResult:
+    def desk(role: str) -> Desk:
+        assert role == "designer"
+        return Desk(client, PromptSet())
+
+    settings = WorkflowSettings(placements=count)
+    return asyncio.run(placement(BRIEF, desk, Teeth(), settings, record or Notes(), seed=1))
+
+
+def reply(machine: Machine) -> str:
+    return f"A row.\n```json\n{machine.to_text()}\n```"
+
+
+def test_every_attempt_is_one_call_and_is_judged_by_itself() -> None:
+    answers = {
+        "placer/traj-1/attempt-1": reply(SOLVED),
+        "placer/traj-2/attempt-1": reply(CLASHING),
+        "placer/traj-3/attempt-1": "I cannot.",
+        "placer/traj-4/attempt-1": reply(BRIEF.given),
+    }
+
+    def answer(request: Request) -> Reply:
+        assert "face n is at x = -4 + 0.5 * (n mod 17)" in request.messages[1].text
+        return Reply(text=answers[request.label], model="scripted")
+
+    record = Notes()
+    result = run(ScriptedClient(answer), 4, record)
+    (stage,) = result.stages
+    assert [c.score for c in stage.candidates] == [1.0, None, None, 0.0]
+    assert passes(stage) == {
+        "attempts": 4,
+        "parsed": 3,
+        "spatial": 2,
+        "passes": 1,
+        "share": 0.25,
+        "interval": pytest.approx([0.0456, 0.6994], abs=1e-4),
+    }
+    assert stage.candidates[1].reason.startswith(
+        "The machine is not valid:\n- block 4 (Medium Cog)"
+    )
+    assert result.best is not None
+    assert result.best.machine == SOLVED
+    assert [label for kind, label in record.events if kind == "attempt"] == list(answers)
+
+
+def test_the_procedural_model_finds_the_short_way_every_time() -> None:
+    result = run(ProceduralClient(seed=3), 8)
+    assert passes(result.stages[0])["passes"] == 8
+    assert run(ProceduralClient(seed=3), 8) == result
+
+
+def test_random_placements_are_valid_and_differ() -> None:
+    def nobody(role: str) -> Desk:
+        raise AssertionError(role)
+
+    settings = WorkflowSettings(placements=12)
+    work = random_placement(BRIEF, nobody, Teeth(), settings, Notes(), seed=1)
+    (stage,) = asyncio.run(work).stages
+    machines = {c.machine for c in stage.candidates}
+    assert len(machines) == 12
+    assert all(m is not None and m.steps[:3] == BRIEF.given.steps for m in machines)
+    assert all(1 <= len(m) - 3 <= 10 for m in machines if m)
+    assert (stage.calls, stage.tokens) == (0, 0)
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(0, 50), (7, 50), (50, 50), (1, 1)])
+def test_the_interval_is_wilsons(successes: int, trials: int) -> None:
+    from scipy.stats import binomtest
+
+    found = binomtest(successes, trials).proportion_ci(method="wilson")
+    assert wilson(successes, trials) == pytest.approx((found.low, found.high), abs=1e-12)
+
+
+def test_attempts_that_the_computer_could_not_score_do_not_count() -> None:
+    crashed = Evaluation(True, None, Trial(None, "crashed", ""))
+    lost = Candidate(1, SOLVED, crashed, First(True, True, True))
+    assert passes(Stage("initial", (lost,), 1, 0, 1)) == {
+        "attempts": 0,
+        "parsed": 0,
+        "spatial": 0,
+        "passes": 0,
+        "share": None,
+        "interval": None,
+    }
+
+
+def test_only_what_fits_is_accepted() -> None:
+    demand_fit("placement", BRIEF)
+    demand_fit("iterative", get_task("throwing").brief)
+    with pytest.raises(UsageError) as caught:
+        demand_fit("hierarchical", BRIEF)
+    assert str(caught.value) == (
+        "gearing has no hierarchical workflow: nothing is refined there, cogs are placed again and "
+        "again; use --workflow placement or random-placement"
+    )
+    with pytest.raises(UsageError, match=r"^throwing gives nothing to complete; use --workflow "):
+        demand_fit("random-placement", get_task("throwing").brief)
