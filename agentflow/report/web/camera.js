@@ -7,6 +7,7 @@ const SIDE = new THREE.Vector3(-0.86, 0.36, -0.42); // from the right, a little 
 const EVERY = 0.1; // seconds between the points of the path
 const SMOOTHING = 8; // points on either side that are averaged
 const NEAR = 12; // metres around the root that stay in the picture
+const FAR = 30; // metres, of what leaves a trace
 const MARGIN = 1.3; // metres around the middles of blocks
 const FILL = 0.92; // share of the picture that they may take
 const NEAREST = 7; // metres
@@ -27,8 +28,8 @@ export class Eye {
   }
 
   /** Look at another film from the usual side. */
-  begin(film, bodies, hero) {
-    this.path = path(film, bodies, hero);
+  begin(film, hero, traced) {
+    this.path = path(film, hero, traced);
     this.reset();
   }
 
@@ -83,9 +84,10 @@ export class Eye {
   }
 }
 
-/** Over time, the box around the machine and its hero as seen from the usual side: its middle, and
+/** Over time, the box around the machine, what is near it, and its hero, as seen from the usual side: its middle, and
  *  half its width, height and depth. */
-function path(film, bodies, hero) {
+function path(film, hero, traced) {
+  const bodies = Array.from({ length: film.bodies }, (_, body) => body);
   const view = new THREE.Matrix4().lookAt(SIDE, new THREE.Vector3(), new THREE.Vector3(0, 1, 0));
   const back = view.clone().transpose();
   const points = [];
@@ -93,7 +95,7 @@ function path(film, bodies, hero) {
     film.sample(time);
     const place = (body) => new THREE.Vector3().fromArray(film.position, 3 * body);
     const root = place(0);
-    const near = bodies.map(place).filter((point) => point.distanceTo(root) < NEAR);
+    const near = bodies.filter((body) => place(body).distanceTo(root) < (traced.includes(body) ? FAR : NEAR)).map(place);
     const box = new THREE.Box3().setFromPoints([...near, place(hero)].map((point) => point.applyMatrix4(back)));
     const middle = box.getCenter(new THREE.Vector3()).applyMatrix4(view);
     const size = box.expandByScalar(MARGIN).getSize(new THREE.Vector3());

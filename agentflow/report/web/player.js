@@ -35,7 +35,7 @@ export class Player {
     this.film = film;
     this.machine = machine;
     this.picture.show(machine, this.shapes, film);
-    this.eye.begin(film, machine.solids.map((_, body) => body), machine.hero);
+    this.eye.begin(film, machine.hero, machine.traces);
     this.slider.max = film.duration;
     this.element.classList.toggle("still", film.samples < 2);
     this.mark();
@@ -99,7 +99,7 @@ export class Player {
       }
     }
     this.eye.at(this.time);
-    this.picture.pose(this.film, this.time, this.byLoad);
+    this.picture.pose(this.film, this.time, this.byLoad, this.eye.controls.target);
     this.picture.draw();
     this.slider.value = this.time;
     this.clock.textContent = `${this.time.toFixed(2)} s`;

@@ -10,6 +10,7 @@ const GEOMETRIES = {
   cylinder: new THREE.CylinderGeometry(0.5, 0.5, 1, 28),
   cone: new THREE.ConeGeometry(0.5, 1, 28),
 };
+const TALL = 2; // metres from which things hide what is behind them
 const ROD = 0.18; // diameter of what two-ended blocks are drawn as, m
 const BROKEN = [0.85, 0.1, 0.1];
 const HIDDEN = new THREE.Matrix4().makeScale(0, 0, 0);
@@ -52,14 +53,15 @@ export class Picture {
     this.stage.add(...this.traces, labels(film, machine.hero));
   }
 
-  /** Put everything where the film has it; `time` also says what is broken and what is gone. */
-  pose(film, time, byLoad) {
+  /** Put everything where the film has it; `time` also says what is broken and what is gone. Walls
+   *  before the target are left out. */
+  pose(film, time, byLoad, target) {
     film.sample(time);
     const loads = byLoad ? worst(this.machine.connections, film.load) : null;
     const next = new Map(this.groups.map((group) => [group.kind, 0]));
     for (const item of this.parts) {
       if (item.body !== null) this.place(film, item.body).multiply(item.local);
-      else this.matrix.copy(item.local);
+      else this.matrix.copy(hides(item, this.camera.position, target) ? HIDDEN : item.local);
       this.put(next, item.kind, this.tint(item, time, loads));
     }
     for (const rod of this.rods) {
@@ -134,6 +136,20 @@ function quick() {
 const ONE = new THREE.Vector3(1, 1, 1);
 const THING_BODY = 14;
 
+/** Whether something tall stands between the eye and the target, or would if it were taller. */
+function hides({ wall }, eye, target) {
+  if (!wall) return false;
+  const from = eye.clone().applyMatrix4(wall);
+  const way = target.clone().applyMatrix4(wall).sub(from);
+  let [enters, leaves] = [0, 1];
+  for (const axis of ["x", "z"]) {
+    const sides = [(-0.5 - from[axis]) / way[axis], (0.5 - from[axis]) / way[axis]];
+    enters = Math.max(enters, Math.min(...sides));
+    leaves = Math.min(leaves, Math.max(...sides));
+  }
+  return enters < leaves;
+}
+
 /** A solid from its row: kind, size, position, rotation, colour (and a thing's body). */
 function part([kind, sx, sy, sz, x, y, z, i, j, k, w, ...rest], block, body) {
   const local = new THREE.Matrix4().compose(
@@ -141,7 +157,9 @@ function part([kind, sx, sy, sz, x, y, z, i, j, k, w, ...rest], block, body) {
     new THREE.Quaternion(i, -j, -k, w),
     new THREE.Vector3(sx, sy, sz),
   );
-  return { kind, local, block, body: body ?? null, color: rest.slice(0, 3) };
+  const upright = Math.abs(local.elements[5]) > 0.999 * sy; // its own y is the world's
+  const wall = block === null && body == null && sy > TALL && upright ? local.clone().invert() : null;
+  return { kind, local, block, body: body ?? null, wall, color: rest.slice(0, 3) };
 }
 
 /** One instanced mesh, and its shadow, per kind of solid. */
