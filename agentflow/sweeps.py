@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from agentflow.config import DesignConfig, build, put
 from agentflow.errors import ConfigError, UnknownNameError
@@ -53,6 +53,12 @@ class Layout(BaseModel):
     )
     published: tuple[Source, ...] = ()
 
+    @model_validator(mode="after")
+    def _cut_somewhere(self) -> Layout:
+        if (self.conditions == "rounds") != bool(self.rounds):
+            raise ValueError("conditions: rounds and a list of rounds go together")
+        return self
+
 
 class SweepConfig(BaseModel):
     """A sweep as written in YAML."""
@@ -68,14 +74,10 @@ class SweepConfig(BaseModel):
 
     @field_validator("axes", mode="before")
     @classmethod
-    def _labelled(cls, axes: object) -> object:
-        """An axis that is a list varies the configuration key that it is named after."""
+    def _with_labels(cls, axes: object) -> object:
         if not isinstance(axes, Mapping):
             return axes
-        return {
-            name: {str(value): {name: value} for value in axis} if isinstance(axis, list) else axis
-            for name, axis in axes.items()
-        }
+        return {name: _labelled(name, axis) for name, axis in axes.items()}
 
     @field_validator("axes")
     @classmethod
@@ -148,7 +150,10 @@ def members(sweep: SweepConfig) -> tuple[Member, ...]:
             name = _name([*labels.values(), f"seed-{seed}"])
             if name in found:
                 raise ConfigError(f"two runs of the sweep would be called {name}")
-            found[name] = Member(name, labels, build({**document, "seed": seed}))
+            try:
+                found[name] = Member(name, labels, build({**document, "seed": seed}))
+            except ConfigError as error:
+                raise ConfigError(f"run {name}: {error}") from None
     return tuple(found.values())
 
 
@@ -161,6 +166,15 @@ def varied(sweep: SweepConfig) -> dict[str, str]:
         for key in settings
     }
     return {**keys, "seed": "seeds"}
+
+
+def _labelled(name: str, axis: object) -> object:
+    """An axis as a mapping; a list varies the configuration key that the axis is named after."""
+    if isinstance(axis, list):
+        return {str(value): {name: value} for value in axis}
+    if isinstance(axis, Mapping):
+        return {str(label): settings for label, settings in axis.items()}
+    return axis
 
 
 def _name(parts: list[str]) -> str:

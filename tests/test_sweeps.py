@@ -94,6 +94,11 @@ def test_without_axes_there_is_a_run_per_seed() -> None:
     assert [member.name for member in members(sweep(seeds=[7]))] == ["seed-7"]
 
 
+def test_labels_may_be_any_plain_value() -> None:
+    found = members(sweep(axes={"c": {1: {}, 2.5: {}, "../x": {}, "..": {}}}))
+    assert [member.name for member in found] == ["1.seed-0", "2-5.seed-0", "x.seed-0", "-.seed-0"]
+
+
 def test_keys_and_the_axes_that_set_them() -> None:
     axes = {"task": ["throwing"], "condition": {"a": {"search.rounds": 1}}}
     assert varied(sweep(axes=axes)) == {
@@ -112,6 +117,10 @@ def test_keys_and_the_axes_that_set_them() -> None:
         ({"axes": {"task": []}}, "x.yaml: axes: axis task has no values"),
         ({"axes": {"task": "throwing"}}, "x.yaml: axes.task: input should be a valid dictionary"),
         ({"axes": [1]}, "x.yaml: axes: input should be a valid dictionary"),
+        (
+            {"table": {"metrics": ["mean"], "conditions": "rounds"}},
+            "x.yaml: table: conditions: rounds and a list of rounds go together",
+        ),
         ({"seeds": []}, "x.yaml: seeds: tuple should have at least 1 item"),
         ({"seeds": ["a"]}, "x.yaml: seeds.0: input should be a valid integer"),
     ],
@@ -137,5 +146,7 @@ def test_two_runs_of_one_name_are_refused() -> None:
 
 
 def test_a_wrong_value_of_an_axis_names_its_key() -> None:
-    with pytest.raises(ConfigError, match=r"settings.search.rounds: input should be greater than"):
+    with pytest.raises(
+        ConfigError, match=r"run a.seed-0: settings.search.rounds: input should be greater than"
+    ):
         members(sweep(axes={"c": {"a": {"search.rounds": -1}}}))
