@@ -11,16 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from agentflow.app.functions import ModelFunction
-    from agentflow.app.interface import (
-        Design,
-        check,
-        design,
-        design_async,
-        resume,
-        resume_async,
-        simulate,
-        simulate_async,
-    )
+    from agentflow.app.interface import Design, design, design_async, resume, resume_async
+    from agentflow.app.trial import check, simulate, simulate_async
     from agentflow.env.pool import RolloutPool
     from agentflow.env.trace import Rollout
     from agentflow.errors import AgentflowError
@@ -32,16 +24,8 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "agentflow.app.functions": ("ModelFunction",),
-    "agentflow.app.interface": (
-        "Design",
-        "check",
-        "design",
-        "design_async",
-        "resume",
-        "resume_async",
-        "simulate",
-        "simulate_async",
-    ),
+    "agentflow.app.interface": ("Design", "design", "design_async", "resume", "resume_async"),
+    "agentflow.app.trial": ("check", "simulate", "simulate_async"),
     "agentflow.env.pool": ("RolloutPool",),
     "agentflow.env.trace": ("Rollout",),
     "agentflow.errors": ("AgentflowError",),

@@ -46,6 +46,12 @@ def test_importing_the_package_loads_nothing_else() -> None:
     assert done.stdout.split() == ["agentflow"]
 
 
+def test_checking_a_machine_loads_no_physics() -> None:
+    code = "import sys, agentflow; agentflow.check('[]'); print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
 def test_the_defaults_are_those_of_the_command_line() -> None:
     for function in (agentflow.design, agentflow.design_async):
         parameters = inspect.signature(function).parameters

@@ -1,4 +1,7 @@
-"""Owns the Python interface (spec 6.6): what the command line does, as typed functions."""
+"""Owns design runs for Python programs (spec 6.6): what `agentflow design` does, as functions.
+
+Machines alone are trial.py's, rewards rewards.py's.
+"""
 
 from __future__ import annotations
 
@@ -12,24 +15,13 @@ from typing import Any
 
 from agentflow.app import design as runs
 from agentflow.app.functions import FunctionClient, ModelFunction
-from agentflow.app.machines import machine_text
 from agentflow.app.models import with_environment
 from agentflow.app.remarks import Say
 from agentflow.config import PROCEDURAL, DesignConfig, build, load, put
 from agentflow.env.pool import RolloutPool
-from agentflow.env.refusals import invalid
-from agentflow.env.rollout import simulate as roll_out
-from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
 from agentflow.errors import UsageError
-from agentflow.machine import Machine, Report, library, read_machine
-from agentflow.machine import check as judge
-from agentflow.machine.formats import read_for
+from agentflow.machine import Machine, library, read_machine
 from agentflow.runs import Listener
-
-MachineLike = Machine | str | list[dict[str, Any]] | Path
-"""A machine: itself, any text that holds one (also .bsg), JSON data, or the path of a file."""
 
 
 @dataclass(frozen=True)
@@ -52,75 +44,6 @@ class Design:
     """`budget` when that ended the run early."""
     data: Mapping[str, Any] = field(repr=False)
     """Everything in result.json: calls, tokens, cost, seconds, reason, ..."""
-
-
-def check(
-    machine: MachineLike, task: str | None = None, *, knobs: Mapping[str, object] | None = None
-) -> Report:
-    """Judge a machine: file, space, and what a task demands. Needs no physics.
-
-    Args:
-        machine: What to judge.
-        task: The level whose demands count; none by default.
-        knobs: Knobs of the level that differ, for instance `{"wall.height": 0}`.
-
-    Raises:
-        UsageError: There is no such task, knob or file.
-    """
-    if knobs and task is None:
-        raise UsageError("knobs change a task; name it with task=")
-    return _judged(machine, None if task is None else get_task(task, knobs))
-
-
-def simulate(
-    machine: MachineLike,
-    task: str,
-    *,
-    knobs: Mapping[str, object] | None = None,
-    seed: int = 0,
-    rate: float | None = None,
-    power: bool = True,
-) -> Rollout:
-    """Build a machine, let physics run, and score it.
-
-    Args:
-        machine: What to try; an invalid one gives a rollout of status `invalid` and score 0.
-        task: The level to play, for instance "throwing" or "movement/3".
-        knobs: Knobs of the level that differ.
-        seed: Of everything left to chance.
-        rate: Steps per second; the constants' by default.
-        power: False is the control experiment: nothing is ever switched on.
-
-    Raises:
-        UsageError: There is no such task, knob or file, or the rate is out of range.
-    """
-    level = get_task(task, knobs)
-    report = _judged(machine, level)
-    if report.machine is None:
-        return invalid(report.problems)
-    return roll_out(report.machine, level, seed=seed, rate=rate, power=power)
-
-
-async def simulate_async(
-    machine: MachineLike,
-    task: str,
-    pool: RolloutPool,
-    *,
-    knobs: Mapping[str, object] | None = None,
-    seed: int = 0,
-    rate: float | None = None,
-    power: bool = True,
-) -> Rollout:
-    """`simulate` in a worker process of a pool, several at a time.
-
-    Raises:
-        UsageError: As `simulate`.
-    """
-    level = get_task(task, knobs)
-    report = _judged(machine, level)
-    if report.machine is None:
-        return invalid(report.problems)
-    return await pool.run(report.machine, level, seed=seed, rate=rate, power=power)
 
 
 def design(
@@ -238,14 +161,6 @@ async def resume_async(
     """
     path, client = Path(run), _client_for(Path(run), answer)
     return _design(await runs.resume_async(path, say or _remark, listener, client, pool))
-
-
-def _judged(machine: MachineLike, task: Task | None) -> Report:
-    brief = None if task is None else task.brief
-    if isinstance(machine, Machine):
-        return judge(machine, brief)
-    source = machine_text(str(machine)) if isinstance(machine, Path) else machine
-    return judge(read_for(brief, source), brief)
 
 
 def _options(
