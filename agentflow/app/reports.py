@@ -24,7 +24,7 @@ from agentflow.llm.messages import Usage
 from agentflow.llm.prices import FREE
 from agentflow.machine import Machine, library, read_machine
 from agentflow.metrics.usage import Cost
-from agentflow.report.page import page
+from agentflow.report.page import check_bundle, page
 from agentflow.report.run import RunStory
 from agentflow.runs import read_document
 
@@ -65,6 +65,7 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
         RunError: The run is damaged.
         UsageError: The file cannot be written, or the page's bundle is missing.
     """
+    check_bundle()
     document = read_document(path)
     config = build(document.get("config"))
     result = finished(path) if (path / "result.json").exists() else None

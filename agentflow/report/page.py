@@ -17,6 +17,7 @@ from agentflow.errors import UsageError
 
 BUNDLE = Path(__file__).parent / "bundle"
 """Made from web/ when the package is built; not in the repository."""
+SCRIPT, STYLE = "player.js", "player.css"
 POLICY = (
     "default-src 'none'; script-src {script}; style-src {style}; img-src data:; "
     "base-uri 'none'; form-action 'none'; trusted-types 'none'; require-trusted-types-for 'script'"
@@ -50,11 +51,21 @@ def page(title: str, data: Mapping[str, Any]) -> str:
     Raises:
         UsageError: The bundle is missing; says how to make it.
     """
-    script, style = bundled("player.js"), bundled("player.css")
+    script, style = bundled(SCRIPT), bundled(STYLE)
     policy = POLICY.format(script=_source(script), style=_source(style))
     return PAGE.format(
         policy=policy, title=html.escape(title), style=style, data=embedded(data), script=script
     )
+
+
+def check_bundle() -> None:
+    """See that pages can be made, before work is done for one.
+
+    Raises:
+        UsageError: The bundle is missing; says how to make it.
+    """
+    for name in (SCRIPT, STYLE):
+        bundled(name)
 
 
 def bundled(name: str) -> str:
