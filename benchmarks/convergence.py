@@ -1,4 +1,5 @@
-"""Scores of the machines in tests/machines at several step rates (spec 2.1).
+"""Scores at several step rates: of the machines in tests/machines, and of the families' references
+at movement and throwing (spec 2.1).
 
     python benchmarks/convergence.py [--rates 60 120 240 480]
 
@@ -13,16 +14,16 @@ import os
 import time
 from pathlib import Path
 
+from shelf import FOLDER, load, read
+
 from agentflow.env.constants import constants
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Rollout
 from agentflow.machine.blocks import BOULDER
-from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine
 
-MACHINES = Path(__file__).parent.parent / "tests" / "machines"
 NEAR = 0.03
 
 
@@ -37,9 +38,7 @@ def main() -> None:
     off: dict[float, list[float]] = {rate: [] for rate in rates}
     head = "".join(f"{f'{rate:g} Hz':>10s}" for rate in rates)
     print(f"{'machine':24s} {'measure':>8s}{head}   breaks   differences from {rates[-1]:g} Hz")
-    for path in sorted(MACHINES.glob("*.json")):
-        machine = read_machine(path.read_text(encoding="utf-8")).machine
-        assert machine is not None
+    for name, machine in _machines().items():
         found = []
         for rate in rates:
             began = time.process_time()
@@ -53,12 +52,20 @@ def main() -> None:
             for rate, difference in zip(rates, differences, strict=True):
                 off[rate].append(difference)
         print(
-            f"{path.stem:24s} {measure:>8s}"
+            f"{name:24s} {measure:>8s}"
             + "".join(f"{value:10.3f}" for value in values)
             + f"   {'/'.join(map(str, breaks)):8s}"
             + " ".join(f"{100 * difference:6.2f} %" for difference in differences[:-1])
         )
     _summary(rates, off, spent)
+
+
+def _machines() -> dict[str, Machine]:
+    """By file: what lies in the folder itself, and what solves the plain level of a family."""
+    files = {path.name for path in FOLDER.glob("*.json")}
+    for family in ("movement", "throwing"):
+        files |= {each.machine for each in read(family).references if each.level == family}
+    return {Path(file).stem: load(file) for file in sorted(files)}
 
 
 def _task(machine: Machine) -> Task:
