@@ -27,6 +27,7 @@ CALL = {
     "model": MODEL,
     "request": {"role": "refiner", "label": "refiner/blind/traj-1/attempt-1"},
     "reply": {
+        "text": "",
         "usage": {"prompt": 3, "completion": 1, "reasoning": 0, "cached": 0},
         "latency_s": 0.5,
         "retries": 0,
