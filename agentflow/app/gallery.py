@@ -12,13 +12,13 @@ from typing import Any
 
 from agentflow.app.design import finished
 from agentflow.app.films import Shapes
-from agentflow.app.reports import FINE, Say, Shown, best_of, exhibits, kept_rollout, write
+from agentflow.app.reports import FINE, Say, Shown, best_of, exhibits, kept_rollout, ready, write
 from agentflow.config import build
 from agentflow.env.render import render_png
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, read_machine
-from agentflow.report.page import check_bundle, page
+from agentflow.report.page import page
 from agentflow.runs import find_runs, read_document, state_of
 
 THUMBNAIL = (320, 240)
@@ -49,7 +49,7 @@ def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Say) -> Pa
         RunError: There is no finished run, or one is damaged.
         UsageError: The file cannot be written, or the page's bundle is missing.
     """
-    check_bundle()
+    ready(out)
     runs = [_hung(path) for folder in folders for path in _finished_runs(folder)]
     shapes = Shapes()
     chosen = {str(place): run.shown for place, run in enumerate(runs) if run.shown is not None}

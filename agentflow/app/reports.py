@@ -65,7 +65,7 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
         RunError: The run is damaged.
         UsageError: The file cannot be written, or the page's bundle is missing.
     """
-    check_bundle()
+    ready(out)
     document = read_document(path)
     config = build(document.get("config"))
     result = finished(path) if (path / "result.json").exists() else None
@@ -80,6 +80,18 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
     }
     write(out, page(f"{config.task} · agentflow", data))
     return out
+
+
+def ready(out: Path) -> None:
+    """See that a page can be made and written, before work is done for it.
+
+    Raises:
+        UsageError: The bundle is missing, or the file cannot be written.
+    """
+    check_bundle()
+    if out.is_dir() or not out.parent.is_dir():
+        why = "it is a folder" if out.is_dir() else f"there is no folder {out.parent}"
+        raise UsageError(f"cannot write {out}: {why}")
 
 
 def best_of(result: Mapping[str, Any] | None) -> str | None:

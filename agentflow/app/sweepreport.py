@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agentflow.app.reports import write
+from agentflow.app.reports import ready, write
 from agentflow.app.tables import Swept, read_swept
 from agentflow.app.views import LAYOUT, VIEWS, last_cell, variants
 from agentflow.metrics.scores import Scores
-from agentflow.report.page import check_bundle, page
+from agentflow.report.page import page
 from agentflow.report.sweep import sweep_data
 
 
@@ -23,7 +23,7 @@ def sweep_report(path: Path, out: Path) -> Path:
         RunError: Nothing of the sweep is done, or it is damaged.
         UsageError: The file cannot be written; the page's bundle or scipy is missing.
     """
-    check_bundle()
+    ready(out)
     swept = read_swept(path)
     views = dict(VIEWS)
     tables = [views.pop(LAYOUT)(swept), *(view(swept) for view in views.values())]

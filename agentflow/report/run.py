@@ -201,10 +201,10 @@ def conversations(
                 "problem": verdict.get("problem", ""),
                 "messages": [
                     (message["role"], texts.setdefault(message["text"], len(texts)))
-                    for message in request["messages"]
+                    for message in request.get("messages", ())
                 ],
                 "reply": reply["text"],
-                "reasoning": reply["reasoning"],
+                "reasoning": reply.get("reasoning", ""),
                 "usage": reply["usage"],
                 "latency": reply["latency_s"],
                 "retries": reply["retries"],

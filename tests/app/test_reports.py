@@ -148,11 +148,14 @@ def test_a_gallery_needs_a_finished_run(tmp_path: Path) -> None:
     )
 
 
-def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    out = tmp_path / "none" / "r.html"
-    with pytest.raises(UsageError) as caught:
-        report(RECORDED, out, films=0, workers=1, say=quiet)
-    assert str(caught.value) == f"cannot write {out}: No such file or directory"
+def test_a_file_that_cannot_be_written_is_named_before_any_work(tmp_path: Path) -> None:
+    for out, why in (
+        (tmp_path / "none" / "r.html", f"there is no folder {tmp_path / 'none'}"),
+        (tmp_path, "it is a folder"),
+    ):
+        with pytest.raises(UsageError) as caught:
+            report(tmp_path / "no run", out, films=0, workers=1, say=quiet)
+        assert str(caught.value) == f"cannot write {out}: {why}"
 
 
 def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

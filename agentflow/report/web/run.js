@@ -10,7 +10,7 @@ import { Tree } from "./tree.js";
 export function runPage(data) {
   const player = new Player(data.shapes);
   const calls = once(() => recorded(data.calls));
-  const chosen = el("section", { class: "chosen", "aria-label": "Chosen machine", "aria-live": "polite" });
+  const chosen = el("section", { class: "chosen", "aria-label": "Chosen machine" });
   const choose = (node) => {
     player.show(data.machines[node.machine], heading(node), data.machines[node.machine]?.remark ?? "");
     tell(chosen, node, data, calls);
