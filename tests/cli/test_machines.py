@@ -53,6 +53,16 @@ def test_check_takes_any_form(file: str, capsys: pytest.CaptureFixture[str]) -> 
     assert report["blocks"][3]["orientation"] == "x-"
 
 
+def test_check_warns_of_joints_that_cannot_move(capsys: pytest.CaptureFixture[str]) -> None:
+    braced = build((5, 0, 0), (63, 1, 0), (7, 0, 4, 2, 9))
+    Path("braced.json").write_text(json.dumps(braced.to_json()))
+    told = out(capsys, "check", "braced.json")
+    text = "the moving joint of block 1 (Hinge) cannot move: block 3 (Brace) bridges it"
+    assert f"warning: {text}" in " ".join(told.split())
+    assert "warning" not in out(capsys, "check", "car.json")
+    assert list(json.loads(out(capsys, "check", "braced.json", "--json"))) == KEYS
+
+
 def test_check_with_a_given_form(capsys: pytest.CaptureFixture[str]) -> None:
     for form, valid in (("coordinates", True), ("tree", False)):
         report = json.loads(out(capsys, "check", "car.coords.json", "--format", form, "--json"))
