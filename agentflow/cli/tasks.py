@@ -43,7 +43,7 @@ def _draw(
     name: str | None, knobs: list[str], picture: Path | None, out: Path | None, html: Path | None
 ) -> None:
     from agentflow.app import taskpages
-    from agentflow.env.tasks.registry import task_names
+    from agentflow.app.tasks import task_list
 
     if name is not None and picture:
         print(taskpages.draw_task(name, knobs, picture))
@@ -53,7 +53,8 @@ def _draw(
         for path in taskpages.draw_all(out):
             print(path)
     if html:
-        print(taskpages.write_page(task_names() if name is None else (name,), html))
+        names = [item["name"] for item in task_list()] if name is None else [name]
+        print(taskpages.write_page(names, html))
 
 
 def _show(name: str | None, knobs: list[str], as_json: bool) -> None:
