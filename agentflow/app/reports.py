@@ -65,8 +65,8 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
         RunError: The run is damaged.
         UsageError: The file cannot be written, or the page's bundle is missing.
     """
-    ready(out)
     document = read_document(path)
+    ready(out)
     config = build(document.get("config"))
     result = finished(path) if (path / "result.json").exists() else None
     story = RunStory.read(path, result, best_of(result))

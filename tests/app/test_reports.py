@@ -154,7 +154,7 @@ def test_a_file_that_cannot_be_written_is_named_before_any_work(tmp_path: Path) 
         (tmp_path, "it is a folder"),
     ):
         with pytest.raises(UsageError) as caught:
-            report(tmp_path / "no run", out, films=0, workers=1, say=quiet)
+            report(RECORDED, out, films=0, workers=1, say=quiet)
         assert str(caught.value) == f"cannot write {out}: {why}"
 
 
@@ -165,6 +165,10 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert main(["report", str(tmp_path)]) == 2
     assert capsys.readouterr().err == (
         f"agentflow: {tmp_path} is no run: it has no readable run.yaml\n"
+    )
+    assert main(["report", "nowhere"]) == 2
+    assert capsys.readouterr().err == (
+        "agentflow: nowhere is no run: it has no readable run.yaml\n"
     )
     assert main(["gallery", str(RECORDED), "--out", str(out)]) == 0
     assert capsys.readouterr() == (f"{out}\n", "")

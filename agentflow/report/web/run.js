@@ -4,7 +4,7 @@ import { climb, bars } from "./charts.js";
 import { el, section, shown, table } from "./dom.js";
 import { unpacked } from "./film.js";
 import { Player } from "./player.js";
-import { call, plain } from "./text.js";
+import { call, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
 
 export function runPage(data) {
@@ -56,7 +56,7 @@ async function tell(place, node, data, calls) {
   place.replaceChildren(
     el("h2", {}, heading(node)),
     el("p", {}, [node.status, machine && `${machine.solids.length} blocks`, node.machine].filter(Boolean).join(" · ")),
-    node.problem ? el("p", { class: "problem" }, node.problem) : "",
+    node.problem ? problem(node.problem) : "",
     node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), plain(node.edit)) : "",
     machine?.feedback ? el("details", {}, el("summary", {}, "What the simulation told"), plain(machine.feedback)) : "",
     talk);

@@ -2,6 +2,7 @@
 
 import { el, shown } from "./dom.js";
 
+const SHORT = 2000; // characters that may stand in running text
 const LONG = 20000; // characters that are shown at once
 const NAMES = { system: "System prompt", user: "Prompt", assistant: "Earlier reply" };
 
@@ -16,6 +17,11 @@ export function plain(text) {
 }
 
 const HIDDEN = /[\u0000-\u0008\u000b\u000c\u000e-\u001f\u007f\u200b\u200e\u200f\u202a-\u202e\u2066-\u2069\ufeff]/g;
+
+/** Why something was refused. */
+export function problem(text) {
+  return text.length > SHORT ? plain(text) : el("p", { class: "problem" }, text);
+}
 
 /** One call that opens: verdict, what was asked and what came back. */
 export function call(entry, open = false) {
@@ -39,7 +45,7 @@ function facts(entry) {
 
 function contents(entry) {
   return [
-    entry.problem ? el("p", { class: "problem" }, entry.problem) : null,
+    entry.problem ? problem(entry.problem) : null,
     ...entry.messages.map(({ role, text }) => part(NAMES[role], text, role === "user")),
     entry.reasoning ? part("Reasoning", entry.reasoning, false) : null,
     part("Reply", entry.reply, true),
