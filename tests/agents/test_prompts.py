@@ -39,6 +39,10 @@ FULL = RefinerInput(
 )
 
 
+_SETS = {name: PromptSet(name) for name in prompt_sets()}
+"""Opened once: compiling templates takes longer than all that is done with them here."""
+
+
 def _inputs(brief: Brief) -> Iterator[tuple[Role[object, object], object]]:
     yield MetaDesigner(), MetaDesignerInput(brief)
     yield MetaDesigner(), MetaDesignerInput(brief, detailed=True)
@@ -64,7 +68,7 @@ def _in_coordinates(brief: Brief) -> Iterator[tuple[Role[object, object], object
 
 
 def _render(role: Role[object, object], given: object, name: str = "default") -> tuple[str, str]:
-    return PromptSet(name).render(role.name, role.variables(given))
+    return _SETS[name].render(role.name, role.variables(given))
 
 
 def _headings(text: str, mark: str = "##") -> list[str]:
