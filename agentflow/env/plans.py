@@ -17,6 +17,7 @@ from agentflow.env.rotations import frame_of
 from agentflow.env.scene import Start, Thing
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Array
+from agentflow.machine.blocks import library
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine
 
@@ -97,10 +98,8 @@ def _given(machine: Machine) -> list[Thing]:
     if machine == LONE_ROOT:
         return []
     figures = Figures(machine)
-    names = {f"block {step.id}": f"block {step.id}" for step in machine}
-    names |= {"block 0": "plate", "block 1": "source"}
-    solids = [solid for solid in figures.things(figures.rest) if solid.shape != "sphere"]
-    return [replace(solid, name=names.get(solid.name, "target")) for solid in solids]
+    names = {f"block {step.id}": library()[step.type].name for step in machine}
+    return [replace(solid, name=names[solid.name]) for solid in figures.things(figures.rest)]
 
 
 def _volume(start: Start, size: tuple[float, float, float]) -> Array:

@@ -1,0 +1,78 @@
+"""Gearing: what is given, told, scored and fed back, on real physics."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.gearing import GearingKnobs
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Rollout
+from agentflow.errors import ConfigError
+from agentflow.machine.tree import Machine, Step
+
+MEDIUM = 38
+
+
+def placed(level: str, *middles: tuple[float, float], power: bool = True) -> Rollout:
+    task = get_task(level)
+    assert isinstance(task.parameters, GearingKnobs)
+    faces = (task.parameters.base.face(x, z) for x, z in middles)
+    given = task.brief.given.steps
+    added = (Step(len(given) + i, MEDIUM, 0, face) for i, face in enumerate(faces))
+    return simulate(Machine((*given, *added)), task, power=power)
+
+
+def test_a_row_of_cogs_turns_the_target() -> None:
+    rollout = placed("gearing", (0, 0))
+    assert (rollout.status, rollout.score) == ("ok", 1.0)
+    assert rollout.terms["result"] == "turning as asked for 5.0 s"
+    assert rollout.terms["speed_1"] == pytest.approx(2.0, abs=0.01)
+    text = rollout.feedback.text
+    assert (
+        "Meshing: 1-3, 2-3\nLocked against each other: none\nTurning with the source: 2, 3" in text
+    )
+    speeds = rollout.feedback.data["speeds"]
+    assert speeds == {
+        cog: pytest.approx(v, abs=0.02) for cog, v in {"1": 2, "2": 2, "3": -2}.items()
+    }
+
+
+def test_power_off_and_a_gap_turn_nothing() -> None:
+    assert placed("gearing", (0, 0), power=False).score == 0.0
+    assert placed("gearing", (1.5, 0)).score == 0.0
+
+
+def test_the_wrong_sense_is_worth_nothing() -> None:
+    row = ((0, -2), (0, 0), (0, 2))
+    assert placed("gearing/2", *row).score == 1.0
+    wrong = placed("gearing/3", *row)
+    assert wrong.score == 0.0
+    assert wrong.terms["held"] == 0.0
+
+
+def test_two_targets_must_turn_together() -> None:
+    told = " ".join(get_task("gearing/5").brief.score)
+    assert "block 2 (target) turns" in told
+    assert "block 3 (target) turns" in told
+    assert "for 1 s on end at the same time within 5 s" in told
+
+
+@pytest.mark.parametrize(
+    ("knobs", "problem"),
+    [
+        (
+            {"distance": 20},
+            "no given cog can stand there: x = 0, z = -10 m is not on a plate 9 m wide",
+        ),
+        ({"plate.holes": 20}, "plate.holes must be 0 to "),
+        (
+            {"target.turn": "sideways"},
+            "target.turn of gearing must be with or against, not 'sideways'",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused(knobs: dict[str, object], problem: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        get_task("gearing", knobs)
+    assert str(caught.value).startswith(problem)
