@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import comb, fsum
+from math import fsum
 
 
 def best_at(scores: Sequence[float], n: int) -> float:
     """The mean, over all subsets of `n` of the scores, of their maximum (spec 6.2).
 
     Not resampled: in ascending order the i-th of m scores (from 1) is the maximum of C(i-1, n-1)
-    of the C(m, n) subsets. With scores of 0 and 1 this is the unbiased pass@k of M. Chen et al.,
-    "Evaluating large language models trained on code" (2021).
+    of the C(m, n) subsets. From the greatest downwards these shares are n/m and, from one to the
+    next, (i-n)/(i-1) times as much. With scores of 0 and 1 this is the unbiased pass@k of M. Chen
+    et al., "Evaluating large language models trained on code" (2021).
 
     Args:
         scores: One per sample; invalid samples count as 0.
@@ -20,11 +21,14 @@ def best_at(scores: Sequence[float], n: int) -> float:
     Raises:
         ValueError: `n` is out of range.
     """
-    if not 1 <= n <= len(scores):
-        raise ValueError(f"n must be 1 to {len(scores)}, the number of scores, not {n}")
-    subsets = comb(len(scores), n)
-    ordered = enumerate(sorted(scores))
-    return fsum(score * (comb(index, n - 1) / subsets) for index, score in ordered)
+    count = len(scores)
+    if not 1 <= n <= count:
+        raise ValueError(f"n must be 1 to {count}, the number of scores, not {n}")
+    share, parts = n / count, []
+    for rank, score in zip(range(count, n - 1, -1), sorted(scores, reverse=True), strict=False):
+        parts.append(score * share)
+        share *= (rank - n) / (rank - 1) if rank > 1 else 0.0
+    return fsum(parts)
 
 
 def best_at_powers(scores: Sequence[float]) -> dict[int, float]:

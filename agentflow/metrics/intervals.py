@@ -14,6 +14,8 @@ from agentflow.errors import UsageError
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
 """Resamples of a bootstrap (spec 6.2)."""
+BATCH = 1_000_000
+"""Numbers drawn at once, to bound memory."""
 
 
 class Interval(NamedTuple):
@@ -78,6 +80,7 @@ def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
         confidence_level=CONFIDENCE,
         method="percentile",
         rng=np.random.default_rng(seed),
+        batch=max(1, BATCH // len(values)),
         vectorized=True,
     ).confidence_interval
     return Interval(float(found.low), float(found.high))
