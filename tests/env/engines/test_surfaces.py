@@ -165,3 +165,14 @@ def test_a_touch_is_seen_however_short(engine: PyBulletEngine, higher: float) ->
     while engine.state().thing_velocity[0, 1] <= 0.0:
         engine.step()
     assert engine.touching("ball") == {"ground"}
+
+
+def test_things_that_never_move_are_not_tested_against_each_other(engine: PyBulletEngine) -> None:
+    """Rough ground is hundreds of them, side by side."""
+    size = (1.0, 1.0, 1.0)
+    stones = (Thing("a", "box", size, (5.0, 0.2, 0.0)), Thing("b", "box", size, (5.5, 0.2, 0.0)))
+    ball = Thing("ball", "sphere", size, (5.0, 1.1, 0.0), mass=1.0)
+    start(engine, machine(ROOT), Scene((*stones, ball)))
+    run(engine, 0.25)
+    assert "a" not in engine.touching("b")
+    assert "a" in engine.touching("ball")
