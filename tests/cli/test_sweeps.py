@@ -94,8 +94,8 @@ def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
     assert main([*words, "--model", "m", "--set", price, "--workers", "4"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == (
         "2 runs to do: about 90 calls without retries, about 333280 tokens, reasoning not "
-        "counted; cost 0.35; at most 32 rollouts, 0.0 min with 4 workers; waiting for answers comes "
-        "on top"
+        "counted; cost 0.35; at most 32 rollouts, 0.0 min with 4 workers; waiting for answers "
+        "comes on top"
     )
     assert main([*words, "--model", "m", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -158,3 +158,36 @@ def test_the_live_view_has_a_line_per_run_and_fits_the_terminal() -> None:
     ]
     assert all(len(line) <= 80 for line in lines)
     assert "19.50" in lines[-1]
+
+
+@pytest.mark.slow
+def test_an_endpoint_answers_for_a_whole_sweep(
+    stub_url: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """A foreign server; what it is sent and what it costs is the runs' own record."""
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-of-a-test")
+    base = {"task": "movement", "workflow": "single", "max_retry": 1, "workers": 1}
+    small = {"settings": {"trajectories": 2, "search": {"rounds": 0}}}
+    document = {**TINY, "seeds": [0], "base": {**base, **small}}
+    (tmp_path / "x.yaml").write_text(yaml.safe_dump(document))
+    words = ["sweep", str(tmp_path / "x.yaml"), "--out", str(tmp_path), "--quiet", "--json"]
+    model = ["--model", "some/model", "--base-url", stub_url, "--jobs", "4"]
+    limits = ["--set", "model.endpoint.limits.concurrent=1"]
+    assert main([*words, *model, *limits]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "sweep": str(tmp_path / "x-some-model"),
+        "done": ["one.seed-0", "other.seed-0"],
+        "failed": {},
+    }
+    assert (
+        main(["table", str(tmp_path / "x-some-model"), "--show", "usage", "--format", "csv"]) == 0
+    )
+    rows = [line.split(",") for line in capsys.readouterr().out.splitlines()]
+    assert [row[4:6] for row in rows if row[4] == "all"] == [["all", "2"]] * 2
+    assert rows[1][:3] == ["measured", "movement", "some/model"]
+    for path in (tmp_path / "x-some-model").rglob("*"):
+        if path.is_file():
+            assert b"sk-secret" not in path.read_bytes()
