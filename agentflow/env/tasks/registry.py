@@ -65,9 +65,14 @@ def _levels(name: str) -> dict[str, Level]:
 
 def _read(text: str, source: str) -> LevelFile:
     try:
-        return LevelFile.model_validate(yaml.safe_load(text))
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{source} is not YAML: {str(error).splitlines()[0]}") from None
+        document = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        why = str(error).partition("\n")[0]
+        raise ConfigError(f"{source} is not YAML: {why}") from None
+    if not isinstance(document, dict):
+        raise ConfigError(f"{source} must be a mapping with family, title, good and parameters")
+    try:
+        return LevelFile.model_validate(document)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"]) or "the file"
@@ -91,6 +96,8 @@ def get_level(name: str) -> Level:
             text = Path(name).read_text(encoding="utf-8")
         except OSError as error:
             raise ConfigError(f"cannot read the level {name}: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise ConfigError(f"the level {name} is no text in UTF-8") from None
         return Level(name, 0, _read(text, name))
     kind = name.partition("/")[0]
     level = _levels(kind).get(name.removesuffix("/1")) if kind in family_names() else None

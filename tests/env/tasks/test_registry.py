@@ -11,7 +11,7 @@ import pytest
 from agentflow.env.tasks.families import family, family_names
 from agentflow.env.tasks.knobs import knobs_of
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
-from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.errors import ConfigError, UnknownNameError, UsageError
 
 NAMES = task_names()
 
@@ -150,3 +150,24 @@ def test_a_damaged_level_is_refused(tmp_path: Path, text: str, message: str) -> 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"cannot read the level .*: No such file"):
         get_task(str(tmp_path / "none.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"\xb0\xff", "the level {} is no text in UTF-8"),
+        (b"just text", "{} must be a mapping with family, title, good and parameters"),
+        (b"[" * 5000, "{} is not YAML: maximum recursion depth exceeded"),
+        (b"family: gearng\ntitle: t\ngood: 1\n", "unknown family 'gearng'; known: gearing, "),
+    ],
+)
+def test_what_is_no_level_is_refused_in_one_line(
+    tmp_path: Path, content: bytes, problem: str
+) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_bytes(content)
+    with pytest.raises(UsageError) as caught:
+        get_task(str(path))
+    message = str(caught.value)
+    assert message.startswith(problem.format(path))
+    assert "\n" not in message
