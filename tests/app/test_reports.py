@@ -12,17 +12,18 @@ import pytest
 
 from agentflow.app.films import Shapes, exhibit
 from agentflow.app.gallery import gallery
-from agentflow.app.reports import report
+from agentflow.app.reports import best_of, report
 from agentflow.cli import main
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
+from agentflow.runs import read_document, read_result
+from agentflow.runs.document import document_text
 from tests.app.test_tables import sweep
 from tests.metrics.events import candidate
 from tests.report.hostile import BREAKS, HOLDS, hostile_run, machine
 
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
-BEST = "3810a45090a12de7"
 
 
 def quiet(_done: int, _of: int) -> None:
@@ -58,15 +59,22 @@ def test_machines_without_a_film_are_shown_as_built(tmp_path: Path) -> None:
 
 
 def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(RECORDED, run)
+    document = {**read_document(run), "constants": "older"}
+    (run / "run.yaml").write_text(document_text(document))
     told: list[tuple[int, int]] = []
-    out = report(
-        RECORDED, tmp_path / "r.html", films=2, workers=1, say=lambda *done: told.append(done)
-    )
-    best = data_of(out)["machines"][BEST]
-    assert best["film"]["samples"] > 20
-    assert best["hero"] == 16
-    assert best["traces"] == [0, 16]
-    assert len(best["rods"]) == 3
+    out = report(run, tmp_path / "r.html", films=2, workers=1, say=lambda *done: told.append(done))
+    kept = [file.stem for file in (run / "rollouts").glob("*.npz")]
+    machines = data_of(out)["machines"]
+    for digest in kept:
+        assert machines[digest]["film"]["interval"] == pytest.approx(0.2)
+        assert (
+            machines[digest]["remark"] == "As recorded: the physical constants have changed since."
+        )
+    best = machines[best_of(read_result(run))]
+    assert best["traces"] == [0, best["hero"]]
+    assert len(best["solids"]) == len(read_result(run)["machine"])
     assert told[-1] == (2, 2)
 
 
@@ -133,9 +141,8 @@ def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
     hostile_run(tmp_path / "runs")  # unfinished: left out
     out = gallery([tmp_path / "runs"], tmp_path / "g.html", workers=1, say=quiet)
     data = data_of(out)
-    assert [(card["task"], round(card["score"], 2)) for card in data["cards"]] == [
-        ("throwing", 21.66)
-    ] * 2
+    score = read_result(RECORDED)["score"]
+    assert [(card["task"], card["score"]) for card in data["cards"]] == [("throwing", score)] * 2
     assert data["cards"][0]["about"] == "hierarchical, procedural (no language model), seed 0"
     assert data["cards"][0]["picture"].startswith("data:image/png;base64,")
 

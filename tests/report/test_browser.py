@@ -20,11 +20,19 @@ from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page
 from agentflow.report.sweep import sweep_data
+from agentflow.runs import read_result
 from tests.report.browser import chromium, complaints
 from tests.report.hostile import LONG, NASTY, hostile_run
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]
 PATIENCE = 60.0
+VISIBLE = (
+    NASTY.replace("\x00", "[U+0000]")
+    .replace("\u202e", "[U+202E]")
+    .replace("\u202c", "[U+202C]")
+    .replace("\ufeff", "[U+FEFF]")
+)
+"""What the page makes of it: text, with the names of what would not be seen."""
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
 
 
@@ -184,9 +192,7 @@ def test_hostile_text_is_shown_and_executes_nothing(opened: webdriver.Chrome) ->
     texts = opened.execute_script(
         "return [...document.querySelectorAll('.role pre')].map((pre) => pre.textContent)"
     )
-    named = NASTY.replace("\x00", "␦0␦").replace("\u202e", "␦202e␦")
-    named = named.replace("\u202c", "␦202c␦").replace("\ufeff", "␦feff␦")
-    assert set(texts) == {named, LONG[:20000]}
+    assert set(texts) == {VISIBLE, LONG[:20000]}
     more = find(opened, ".role pre + button")
     assert more.get_property("textContent") == "Show all 1,000,007 characters"
     opened.execute_script("arguments[0].click()", more)
@@ -194,6 +200,8 @@ def test_hostile_text_is_shown_and_executes_nothing(opened: webdriver.Chrome) ->
         "return [...document.querySelectorAll('.role pre')].map((pre) => pre.textContent.length)"
     )
     assert max(lengths) == len(LONG)
+    about = find(opened, ".lede").get_property("textContent")
+    assert about == f"{VISIBLE}: 3 calls, 2 machines simulated"
     assert opened.execute_script("return window.owned ?? null") is None
     assert opened.find_elements(By.CSS_SELECTOR, "main img, main a, main script, main b b") == []
     assert opened.execute_script("return document.querySelectorAll('script').length") == 2
@@ -234,7 +242,7 @@ def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_
     out = gallery([RECORDED, RECORDED], tmp_path / "gallery.html", workers=1, say=quiet)
     complaints(browser)
     browser.get(out.as_uri())
-    until(browser, lambda: title(browser) == "throwing · 21.66")
+    until(browser, lambda: title(browser) == f"throwing · {read_result(RECORDED)['score']:.2f}")
     cards = browser.find_elements(By.CSS_SELECTOR, ".card")
     assert [card.get_attribute("aria-pressed") for card in cards] == ["true", "false"]
     cards[1].click()
@@ -255,7 +263,7 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     complaints(browser)
     browser.get(file.as_uri())
     until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .dot")) == 3)
-    assert find(browser, "h1").get_property("textContent") == NASTY
+    assert find(browser, "h1").get_property("textContent") == VISIBLE
     cells = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "td")]
     assert cells[:4] == ["a", "0.00", "b", "1.00"]  # one row of nine numbers is turned
     assert browser.execute_script("return window.owned ?? null") is None

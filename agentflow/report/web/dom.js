@@ -13,6 +13,13 @@ export function svg(name, attributes = {}, ...children) {
   return filled(document.createElementNS(SVG, name), attributes, children);
 }
 
+const HIDDEN = /[\u0000-\u0008\u000b\u000c\u000e-\u001f\u007f\u200b\u200e\u200f\u202a-\u202e\u2066-\u2069\ufeff]/g;
+
+/** A text whose characters that would vanish, or turn the line around, are named. */
+export function visible(text) {
+  return text.replace(HIDDEN, (sign) => `[U+${sign.codePointAt(0).toString(16).toUpperCase().padStart(4, "0")}]`);
+}
+
 /** A number for people: at most three decimals' worth of digits, and an en dash for none. */
 export function shown(value, digits = 2) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
@@ -51,6 +58,7 @@ function filled(element, attributes, children) {
     if (typeof value === "function") element.addEventListener(key, value);
     else if (value !== undefined && value !== null && value !== false) element.setAttribute(key, value);
   }
-  element.append(...children.filter((child) => child !== null && child !== undefined));
+  const kept = children.filter((child) => child !== null && child !== undefined);
+  element.append(...kept.map((child) => (typeof child === "string" ? visible(child) : child)));
   return element;
 }

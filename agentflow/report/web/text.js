@@ -1,22 +1,18 @@
 // What was said: prompts and replies, as text whatever they hold. Long ones open in two steps.
 
-import { el, shown } from "./dom.js";
+import { el, shown, visible } from "./dom.js";
 
 const SHORT = 2000; // characters that may stand in running text
 const LONG = 20000; // characters that are shown at once
 const NAMES = { system: "System prompt", user: "Prompt", assistant: "Earlier reply" };
 
-/** A text as it is; control characters that would vanish or turn the line around are named. */
+/** A text as it is, with its lines. */
 export function plain(text) {
-  const block = el("pre", { dir: "ltr", tabindex: "0" });
-  const fill = (piece) => (block.textContent = piece.replace(HIDDEN, (sign) => `␦${sign.codePointAt(0).toString(16)}␦`));
-  fill(text.slice(0, LONG));
+  const block = el("pre", { dir: "ltr", tabindex: "0" }, text.slice(0, LONG));
   if (text.length <= LONG) return block;
-  const more = el("button", { click: () => { fill(text); more.remove(); } }, `Show all ${shown(text.length)} characters`);
+  const more = el("button", { click: () => { block.textContent = visible(text); more.remove(); } }, `Show all ${shown(text.length)} characters`);
   return el("div", {}, block, more);
 }
-
-const HIDDEN = /[\u0000-\u0008\u000b\u000c\u000e-\u001f\u007f\u200b\u200e\u200f\u202a-\u202e\u2066-\u2069\ufeff]/g;
 
 /** Why something was refused. */
 export function problem(text) {
