@@ -22,7 +22,7 @@ def test_every_level_tells_everything(name: str) -> None:
     brief = task.brief
     assert brief.name == task.name == name
     sentences = (brief.objective, *brief.scene, *brief.schedule, *brief.score)
-    assert all(sentence and sentence[0].isupper() for sentence in sentences)
+    assert all(sentence and not sentence[0].islower() for sentence in sentences)
     assert all(sentence.endswith(".") for sentence in sentences)
     assert brief.blocks == tuple(sorted(set(brief.blocks)))
     assert set(brief.required) <= set(brief.blocks)
