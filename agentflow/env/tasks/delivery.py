@@ -48,7 +48,7 @@ class Cargo(Parameters):
 
     mass: float = knob(2, 0.5, 50, "kg", "mass")
     diameter: float = knob(3, 1, 5, "m", "diameter")
-    at: float = knob(15, 12, 100, "m", "z where it lies")
+    at: float = knob(15, 12, 100, "m", "how far along the road from z = 0 it lies")
 
 
 class DeliveryRoad(Road):
@@ -94,7 +94,7 @@ class Delivery(Family):
     def brief(self) -> Brief:
         """What designers are told and what validity checks."""
         knobs, way = self.parameters, way_of(self.parameters.curve)
-        cargo = knobs.cargo
+        cargo, (x, z) = knobs.cargo, self._cargo_place
         return Brief(
             name=self.name,
             objective=f"Build a machine that moves the cargo as far as possible {way}.",
@@ -102,8 +102,8 @@ class Delivery(Family):
                 *GROUND,
                 *road_sentences(knobs.road, knobs.curve),
                 f"The cargo is a ball of diameter {cargo.diameter:g} m and mass {cargo.mass:g} kg; "
-                f"it lies on the road, free to roll, with its centre at x = 0, y = "
-                f"{cargo.diameter / 2:g}, z = {cargo.at:g} m.",
+                f"it lies on the road, free to roll, with its centre at x = {_rounded(x)}, y = "
+                f"{cargo.diameter / 2:g}, z = {_rounded(z)} m.",
                 *beam_sentences(knobs.beam),
                 *ramp_sentences(knobs.ramp),
                 *self._cone_sentences(),
@@ -140,9 +140,14 @@ class Delivery(Family):
             *beam_things(knobs.beam, width),
             *ramp_things(knobs.ramp, width),
             *self._cone(),
-            _ball(knobs.cargo),
+            _ball(knobs.cargo, *self._cargo_place),
         )
         return Scene(things, knobs.wind.velocity)
+
+    @property
+    def _cargo_place(self) -> tuple[float, float]:
+        knobs = self.parameters
+        return track(knobs.road, knobs.curve).place(knobs.cargo.at)
 
     def _cone(self) -> tuple[Thing, ...]:
         cone = self.parameters.cone
@@ -164,7 +169,7 @@ class Delivery(Family):
         cone = self.parameters.cone
         if not cone.height:
             return ()
-        x, z = (f"{round(value, 1) + 0.0:g}" for value in self._cone_place)
+        x, z = (_rounded(value) for value in self._cone_place)
         return (
             f"A cone of diameter {cone.diameter:g} m and height {cone.height:g} m, tip upward, "
             f"stands in the middle of the road at x = {x} m, z = {z} m.",
@@ -172,7 +177,8 @@ class Delivery(Family):
 
     def referee(self, machine: Machine) -> DeliveryReferee:  # noqa: ARG002
         """A fresh observer of the cargo."""
-        return DeliveryReferee(track(self.parameters.road, self.parameters.curve))
+        knobs = self.parameters
+        return DeliveryReferee(track(knobs.road, knobs.curve), knobs.cargo.at)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
@@ -199,8 +205,8 @@ class Delivery(Family):
 class DeliveryReferee:
     """Follows the cargo's centre and contacts step by step."""
 
-    def __init__(self, line: Track) -> None:
-        self._line = line
+    def __init__(self, line: Track, at: float) -> None:
+        self._line, self._at = line, at
         self._touched: float | None = None
         """When the machine first touched the cargo."""
         self._here = self._first = self._best = self._best_time = 0.0
@@ -213,7 +219,7 @@ class DeliveryReferee:
     def start(self, world: World) -> None:
         """Remember where the cargo rests."""
         x, _, z = world.centre(CARGO)
-        self._here, self._origin = self._line.along(x, z, z), (x, z)
+        self._here, self._origin = self._line.along(x, z, self._at), (x, z)
         self.watch(world)
 
     def watch(self, world: World) -> None:
@@ -268,9 +274,13 @@ class DeliveryReferee:
         return tuple(events)
 
 
-def _ball(cargo: Cargo) -> Thing:
+def _rounded(value: float) -> str:
+    return f"{round(value, 1) + 0.0:g}"
+
+
+def _ball(cargo: Cargo, x: float, z: float) -> Thing:
     size = (cargo.diameter, cargo.diameter, cargo.diameter)
-    place = (0.0, cargo.diameter / 2, cargo.at)
+    place = (x, cargo.diameter / 2, z)
     return Thing(CARGO, "sphere", size, place, mass=cargo.mass, color=PAINT)
 
 

@@ -101,6 +101,14 @@ class Track:
 
     stretches: tuple[Stretch, ...]
 
+    def place(self, along: float) -> tuple[float, float]:
+        """x and z of the place so far along the line from its beginning, m."""
+        for stretch in self.stretches[:-1]:
+            if along <= stretch.length:
+                return stretch.place(along)[:2]
+            along -= stretch.length
+        return self.stretches[-1].place(along)[:2]
+
     def along(self, x: float, z: float, near: float) -> float:
         """How far along the line from its beginning the nearest place to (x, z) is, m.
 

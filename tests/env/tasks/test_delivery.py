@@ -144,3 +144,10 @@ def test_only_the_cargo_moves_in_the_scene() -> None:
     for level in ("delivery", "delivery/2", "delivery/3", "delivery/4", "delivery/5"):
         (cargo,) = (thing for thing in get_task(level).scene().things if thing.mass)
         assert (cargo.name, cargo.shape, cargo.size) == ("cargo", "sphere", (3, 3, 3))
+
+
+def test_the_cargo_lies_on_the_road_wherever_that_leads() -> None:
+    task = get_task("delivery/5", {"cargo.at": 15 + 19 * np.pi / 2})
+    (cargo,) = (thing for thing in task.scene().things if thing.mass)
+    assert cargo.position == pytest.approx((19.0, 1.5, 34.0))
+    assert "x = 19, y = 1.5, z = 34 m" in " ".join(task.brief.scene)
