@@ -16,7 +16,8 @@ from typing import Any
 
 from agentflow.app.design import design
 from agentflow.config import build, override
-from agentflow.env.tasks.registry import task_names
+from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.machine.brief import LONE_ROOT
 
 
 def score_of(document: dict[str, Any], out: Path) -> tuple[float, int]:
@@ -28,7 +29,7 @@ def score_of(document: dict[str, Any], out: Path) -> tuple[float, int]:
 def main() -> None:
     """Run and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    families = [name for name in task_names() if "/" not in name]
+    families = [n for n in task_names() if "/" not in n and get_task(n).brief.given == LONE_ROOT]
     parser.add_argument("--tasks", nargs="+", default=families)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--set", dest="settings", action="append", default=[])
