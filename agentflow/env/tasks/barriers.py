@@ -27,7 +27,7 @@ class Walls(Parameters):
 
     count: int = knob(1, 1, 5, "", "how many walls there are")
     first: float = knob(12, 9.5, 50, "m", "z of the first wall's middle")
-    spacing: float = knob(12, 3, 50, "m", "from one wall to the next")
+    spacing: float = knob(12, 1.5, 50, "m", "from one wall to the next")
     height: float = knob(0.5, 0.1, 5, "m", "height of the walls")
     thickness: float = knob(0.5, 0.1, 2, "m", "thickness of the walls")
 
