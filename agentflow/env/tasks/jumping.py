@@ -264,8 +264,8 @@ class JumpReferee:
 
 _RAISED = (
     "The ground, which is the trench's floor, is flat, at y = 0; z+ is the target direction.",
-    "The machine stands on a flat bank before the trench, with the centre of its bounding box over x = z = 0 and its "
-    "lowest point on the bank.",
+    "The machine stands on a flat bank before the trench, with the centre of its bounding box over "
+    "x = z = 0 and its lowest point on the bank.",
 )
 
 
