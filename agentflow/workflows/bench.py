@@ -167,6 +167,10 @@ class Bench:
         self._stages.append(stage)
         return stage
 
+    def ended(self, name: StageName) -> bool:
+        """Whether a stage is closed."""
+        return any(stage.name == name for stage in self._stages)
+
     def over(self, stage: Stage) -> bool:
         """Whether the run ends with this stage: nothing to go on with, or nothing to pay with."""
         return self.spent is not None or not stage.survivors

@@ -12,7 +12,7 @@ from agentflow.machine.tree import Machine
 from agentflow.search.concurrency import together
 from agentflow.workflows.base import Candidate, First
 from agentflow.workflows.bench import Bench
-from agentflow.workflows.stages import failure_of, first_of, tried
+from agentflow.workflows.stages import failure_of, first_of
 
 FLAWLESS = First(parsed=True, spatial=True, valid=True)
 
@@ -32,7 +32,7 @@ class Slot:
 
 
 async def build(bench: Bench, blueprint: Blueprint) -> list[Candidate]:
-    """Build all structures in order and simulate what is whole (spec 5.2, hierarchical).
+    """Build all structures in order (spec 5.2, hierarchical); nothing is simulated yet.
 
     A structure for which no trajectory obtains a valid design, or a spent budget, ends the
     construction with the machines built so far; those that lack what the task requires are invalid
@@ -61,7 +61,7 @@ async def build(bench: Bench, blueprint: Blueprint) -> list[Candidate]:
         )
         if bench.spent:
             break
-    return await tried(bench, "initial", [_candidate(i, s) for i, s in enumerate(beam, start=1)])
+    return [_candidate(i, s) for i, s in enumerate(beam, start=1)]
 
 
 def _refilled(bench: Bench, beam: Sequence[Slot], label: str, chance: random.Random) -> list[Slot]:

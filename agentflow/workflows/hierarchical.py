@@ -36,7 +36,7 @@ async def hierarchical(
             if blueprint
             else [Candidate(t, reason=reason) for t in range(1, settings.trajectories + 1)]
         )
-    return await refined(bench, bench.end("initial", candidates), blueprint)
+    return await refined(bench, candidates, blueprint)
 
 
 async def _plan(bench: Bench) -> tuple[Blueprint | None, str]:

@@ -21,4 +21,4 @@ async def iterative(
     """Designer, inspector, blind refinement, feedback loop. Arguments as for a `Workflow`."""
     bench = Bench("iterative", brief, desks, laboratory, settings, record, seed)
     bench.begin("initial")
-    return await refined(bench, bench.end("initial", await whole_machines(bench)), None)
+    return await refined(bench, await whole_machines(bench), None)

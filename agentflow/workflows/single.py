@@ -8,7 +8,7 @@ from agentflow.workflows.base import Desks, Laboratory, Record, WorkflowResult
 from agentflow.workflows.bench import Bench
 from agentflow.workflows.feedback import STAGE, feedback_loop
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages import whole_machines
+from agentflow.workflows.stages import INITIAL, tried, whole_machines
 
 
 async def single(
@@ -29,7 +29,7 @@ async def single(
     alone = settings.model_copy(update={"querier": False, "search": chain})
     bench = Bench("single", brief, desks, laboratory, alone, record, seed)
     bench.begin("initial")
-    initial = bench.end("initial", await whole_machines(bench))
+    initial = bench.end(INITIAL, await tried(bench, INITIAL, await whole_machines(bench)))
     if not bench.over(initial) and chain.rounds:
         bench.begin(STAGE)
         revised = (

@@ -20,6 +20,7 @@ from agentflow.search.concurrency import together
 from agentflow.workflows.base import Candidate, First, StageName
 from agentflow.workflows.bench import Bench
 
+INITIAL: StageName = "initial"
 BLIND: StageName = "blind_refinement"
 UNANSWERED = "the budget ran out before an answer"
 
@@ -40,7 +41,7 @@ def failure_of(outcome: Outcome[Any] | None) -> str:
 
 
 async def whole_machines(bench: Bench) -> list[Candidate]:
-    """One designer per trajectory, each for a whole machine; simulated."""
+    """One designer per trajectory, each for a whole machine; not simulated yet."""
 
     async def design(trajectory: int) -> Candidate:
         given = DesignerInput(
@@ -57,7 +58,7 @@ async def whole_machines(bench: Bench) -> list[Candidate]:
         return Candidate(trajectory, outcome.output.machine, first=first)
 
     every = range(1, bench.settings.trajectories + 1)
-    return await tried(bench, "initial", await together(design(number) for number in every))
+    return await together(design(number) for number in every)
 
 
 async def tried(bench: Bench, stage: StageName, candidates: Sequence[Candidate]) -> list[Candidate]:

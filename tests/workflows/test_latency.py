@@ -104,3 +104,20 @@ def test_a_run_takes_little_longer_than_its_critical_path(refused: float, strate
         assert loop.now >= path
     finally:
         loop.close()
+
+
+def test_a_trajectory_goes_on_while_the_first_machine_of_another_waits() -> None:
+    """Two workers and eight first machines: the first inspector is asked after one simulation."""
+    loop = JumpingLoop()
+    try:
+        slow = Slow(Author(seed=4, refused=0.0))
+        run = Run(slow.answer, {"search": {"rounds": 0}}, client=slow)
+        run.shelf = Bench()
+        loop.run_until_complete(run())
+        asked = sorted(start for label, start in slow.starts if label.startswith("inspector/"))
+        built = max(start for label, start in slow.starts if label.startswith("designer/"))
+        assert asked[0] == pytest.approx(built + LATENCY + ROLLOUT)
+        assert asked[-1] > asked[0]
+        assert list(run.notes.of("stage")) == ["initial", "blind_refinement"]
+    finally:
+        loop.close()
