@@ -26,10 +26,38 @@ async def test_every_blueprint_and_most_designs_are_valid(task: str) -> None:
     assert len({machine.digest for machine in machines}) >= 8
 
 
-async def test_throwers_are_of_different_mechanisms() -> None:
-    brief = brief_of("throwing")
+MECHANISMS = {
+    "throwing": {"motor arm", "counterweight arm", "spring arm"},
+    "movement": {"car"},
+    "delivery": {"pushing car", "fork car"},
+    "jumping": {"folding jumper"},
+    "lifting": {"spring lever"},
+    "flying": {"two rotors", "rotor and paddles"},
+    "flying/4": {"two rotors", "rotor and paddles", "thrust frame"},
+    "picking": {"car"},
+}
+
+
+@pytest.mark.parametrize("task", MECHANISMS)
+async def test_the_objective_decides_on_the_mechanism(task: str) -> None:
+    brief = brief_of(task)
     plans = [(await blueprint_of(brief, seed)).definition.partition(":")[0] for seed in range(24)]
-    assert set(plans) == {"motor arm", "counterweight arm", "spring arm"}
+    assert set(plans) == MECHANISMS[task]
+
+
+@pytest.mark.parametrize(("task", "kinds"), [("jumping", {5, 9}), ("lifting", {5, 9})])
+async def test_springs_tie_what_stands_to_what_a_hinge_moves(task: str, kinds: set[int]) -> None:
+    brief = brief_of(task)
+    machine = await designs(brief, await blueprint_of(brief, 4), 4, "t")
+    assert machine is not None
+    assert kinds < {step.type for step in machine}
+    hinge = next(step.id for step in machine if step.type == 5)
+    spring = next(step for step in machine if step.type == 9)
+    moved = {hinge}
+    for step in machine:
+        if step.type != 9 and step.parent in moved:
+            moved.add(step.id)
+    assert len(moved.intersection(spring.parents)) == 1
 
 
 WHOLE = [name for name in task_names() if brief_of(name).given == LONE_ROOT]
