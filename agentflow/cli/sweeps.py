@@ -136,8 +136,8 @@ def _left_in_words(cost: Mapping[str, Any], runs: int, procedural: bool, workers
         priced = f"about {tokens} tokens, reasoning not counted; {money}"
     answers = "" if procedural else "; waiting for answers comes on top"
     return (
-        f"{runs} run{'s' if runs != 1 else ''} to do: about {cost['calls']} calls without retries, {priced}; at most "
-        f"{cost['rollouts']} rollouts, {minutes:.1f} min with {workers} workers{answers}"
+        f"{runs} run{'s' if runs != 1 else ''} to do: about {cost['calls']} calls without retries, "
+        f"{priced}; at most {cost['rollouts']} rollouts, {minutes:.1f} min with {workers} workers{answers}"
     )
 
 
