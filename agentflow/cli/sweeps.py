@@ -137,7 +137,8 @@ def _left_in_words(cost: Mapping[str, Any], runs: int, procedural: bool, workers
     answers = "" if procedural else "; waiting for answers comes on top"
     return (
         f"{runs} run{'s' if runs != 1 else ''} to do: about {cost['calls']} calls without retries, "
-        f"{priced}; at most {cost['rollouts']} rollouts, {minutes:.1f} min with {workers} workers{answers}"
+        f"{priced}; at most {cost['rollouts']} rollouts, "
+        f"{minutes:.1f} min with {workers} workers{answers}"
     )
 
 
