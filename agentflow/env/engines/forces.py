@@ -157,7 +157,13 @@ def _resist(row: Row, law: Sequence[float]) -> tuple[Vec3, Vec3]:
 
 
 class Wind:
-    """Wind on every part and thing: 0.6 * area facing it * speed squared (spec 2.1)."""
+    """Wind on every part and thing: 0.6 * area facing it * wind * (wind - velocity).
+
+    What rests feels 0.6 * area * wind squared, as spec 2.1 has it. What moves feels it in
+    proportion to its own speed through the air, so that a light breeze does little, and none
+    nothing: resistance of still air is drag's. (The square of the speed through the air would let
+    the faintest breeze brake everything that moves, and stop a 47 m throw at 1 m/s.)
+    """
 
     def __init__(self, members: Members, extents: Array, wind: Array, drag: float) -> None:
         """Set up the boxes.
@@ -177,10 +183,10 @@ class Wind:
         rotation = matrices(rows[:, ROTATION])[row]
         arms = turn(rotation, self._members.offset)
         velocity = rows[row, VELOCITY] + cross(rows[row, SPIN], arms)
-        along = turn_back(rotation, self._wind * strength - velocity)
-        facing = self._areas * np.abs(along)
+        air = self._wind * strength
+        facing = self._areas * np.abs(turn_back(rotation, air[None]))
         push = self._drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
-        force = turn(rotation, push[:, None] * along)
+        force = push[:, None] * (air - velocity)
         places = rows[row, POSITION] + arms
         return [
             Push(i, (x, y, z), (p, q, r))

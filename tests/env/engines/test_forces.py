@@ -74,10 +74,9 @@ def test_every_part_feels_the_wind(rng: np.random.Generator) -> None:
         turned = matrices(rows[:, 3:7])[ROW[i]]
         arm = turned @ offset[i]
         air = wind - rows[ROW[i], 7:10] - np.cross(rows[ROW[i], 10:13], arm)
-        speed = np.linalg.norm(air)
         x, y, z = extents[i]
-        area = np.dot([y * z, x * z, x * y], np.abs(turned.T @ air)) / speed
-        assert push.force == pytest.approx(0.6 * area * speed * air)
+        area = np.dot([y * z, x * z, x * y], np.abs(turned.T @ wind)) / np.linalg.norm(wind)
+        assert push.force == pytest.approx(0.6 * area * np.linalg.norm(wind) * air)
         assert push.at == pytest.approx(rows[ROW[i], :3] + arm)
 
 

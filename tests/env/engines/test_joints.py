@@ -47,7 +47,7 @@ def test_a_hinge_swings_about_its_right_to_90_degrees(
 ) -> None:
     """The wind blows up (or down) and back, so that nothing but the stop holds it at 90."""
     rig = mount(
-        engine, machine(ROOT, (5, 0, face), (1, 1, 0)), (way * 15.0, "up"), (-10.0, "front")
+        engine, machine(ROOT, (5, 0, face), (1, 1, 0)), (way * 9.0, "up"), (-6.0, "front")
     )
     right = rig.blocks[1].right
     rig.run(0.1)
