@@ -1,30 +1,26 @@
 """Owns the flying family: climb as high as possible, or fly through hoops in order.
 
-Platform, hoops, gusts, both scores and the default feedback; simulation is rollout.py's.
+Where hoops stand, gusts, both scores and the default feedback; hoops and what passes them are
+rings.py's, the platform platforms.py's, simulation rollout.py's.
 """
 
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
 from dataclasses import dataclass
-from math import cos, dist, pi, radians, sin
+from math import dist, pi
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from agentflow.env.feedback import compose, number, series
-from agentflow.env.scene import Gust, Scene, Start, Thing, Vec3
+from agentflow.env.scene import Gust, Scene
 from agentflow.env.tasks.base import Parameters, World
-from agentflow.env.tasks.family import (
-    GROUND,
-    WOOD,
-    CommonKnobs,
-    Family,
-    schedule_sentences,
-)
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.knobs import knob
+from agentflow.env.tasks.platforms import Platform
+from agentflow.env.tasks.rings import CLOSE, EACH, Passage, Ring
 from agentflow.env.trace import Broken, Event, Feedback, Trace, Verdict
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -32,22 +28,10 @@ from agentflow.machine.tree import Machine
 BLOCKS = (0, 1, 2, 7, 9, 15, 16, 22, 26, 35, 41, 55, 63)
 FLYING_BLOCK = 14
 """Only where marks are to be passed: one alone would climb for ever."""
-POINTS = 10.0
-"""Of a hoop that is passed, and of the closest way to the next one (spec 3)."""
-SIDES, RIM = 16, 0.3
-"""Straight pieces of a hoop, and their thickness, m."""
-PLATE = 0.5
-"""Thickness of the platform, m."""
+COST = 1.0
+"""Points that each metre from the next hoop's centre costs (spec 3)."""
 WAVES = ((0.5, 2.0), (0.3, 1.1), (0.2, 0.6))
 """Share of the swing and period (s) of each wave of the gusts."""
-
-
-class Platform(Parameters):
-    """What the machine stands on."""
-
-    angle: float = knob(0, -30, 30, "degrees", "how far its z+ end is raised")
-    height: float = knob(0, 0, 10, "m", "height of its middle; 0 removes it")
-    side: float = knob(20, 18, 40, "m", "length of its sides")
 
 
 class Gusts(Parameters):
@@ -96,9 +80,9 @@ class Flying(Family):
     parameters: FlyingKnobs
 
     @property
-    def marks(self) -> tuple[Vec3, ...]:
-        """Centres of the hoops in order; () where altitude counts."""
-        return hoop_centres(self.parameters.hoops) if self.parameters.mode == "marks" else ()
+    def marks(self) -> tuple[Ring, ...]:
+        """The hoops in order; () where altitude counts."""
+        return hoops_of(self.parameters.hoops) if self.parameters.mode == "marks" else ()
 
     @property
     def brief(self) -> Brief:
@@ -111,8 +95,9 @@ class Flying(Family):
             if self.marks
             else "Build a machine that flies as high as possible.",
             scene=(
-                *(_platform_sentences(knobs.platform) if knobs.platform.height else GROUND),
-                *_hoop_sentences(self.marks, knobs.hoops),
+                *GROUND,
+                *knobs.platform.sentences(),
+                *_hoop_sentences(self.marks),
                 *knobs.wind.sentences(),
                 *_gust_sentences(knobs),
             ),
@@ -124,14 +109,15 @@ class Flying(Family):
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Platform, hoops, wind."""
         knobs = self.parameters
-        platform = knobs.platform
-        start = Start(platform.height, platform.angle) if platform.height else Start()
-        things = (*_platform(platform), *_hoops(self.marks, knobs.hoops.radius))
-        return Scene(things, knobs.wind.velocity, gusts_of(knobs.gusts), start)
+        things = [*knobs.platform.things()]
+        for index, hoop in enumerate(self.marks, start=1):
+            things += hoop.things(f"hoop {index}")
+        gusts = gusts_of(knobs.gusts)
+        return Scene(tuple(things), knobs.wind.velocity, gusts, knobs.platform.start)
 
     def referee(self, machine: Machine) -> FlightReferee:  # noqa: ARG002 - the root is block 0
         """A fresh observer of the root."""
-        return FlightReferee(self.marks, self.parameters.hoops.radius)
+        return FlightReferee(self.marks)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
@@ -156,55 +142,31 @@ class Flying(Family):
 class FlightReferee:
     """Follows the root's centre step by step."""
 
-    def __init__(self, marks: tuple[Vec3, ...], radius: float) -> None:
-        self._marks, self._radius = marks, radius
+    def __init__(self, marks: tuple[Ring, ...]) -> None:
+        self._total = len(marks)
+        self._passage = Passage(marks, COST)
         self._start = self._last = (0.0, 0.0, 0.0)
         self._height = self._time = 0.0
         self._passed: list[float] = []
         """When each hoop was passed, s."""
-        self._closest = float("inf")
-        """To the centre of the next hoop, since the last was passed, m."""
 
     def start(self, world: World) -> None:
         """Remember where the root rests."""
         self._start = self._last = world.centre(0)
-        self._near(self._start)
+        self._passage.watch(self._start)
 
     def watch(self, world: World) -> None:
         """Keep the greatest height, the hoops passed and the closest way to the next."""
-        place = world.centre(0)
+        place = self._last = world.centre(0)
         if place[1] - self._start[1] > self._height:
             self._height, self._time = place[1] - self._start[1], world.time
-        self._near(place)
-        if self._passes(place):
-            self._passed.append(world.time)
-            self._closest = float("inf")
-            self._near(place)
-        self._last = place
-
-    @property
-    def _next(self) -> Vec3 | None:
-        count = len(self._passed)
-        return self._marks[count] if count < len(self._marks) else None
-
-    def _near(self, place: Vec3) -> None:
-        if self._next is not None:
-            self._closest = min(self._closest, dist(place, self._next))
-
-    def _passes(self, place: Vec3) -> bool:
-        """Whether the last step crossed the next hoop's plane forward, within the hoop."""
-        hoop, last = self._next, self._last
-        if hoop is None or not last[2] < hoop[2] <= place[2]:
-            return False
-        share = (hoop[2] - last[2]) / (place[2] - last[2])
-        x, y = (a + share * (b - a) for a, b in zip(last[:2], place[:2], strict=True))
-        return dist((x, y), hoop[:2]) <= self._radius
+        self._passage.watch(place)
+        self._passed += [world.time] * (self._passage.passed - len(self._passed))
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
         """Score, terms and events; what marks tell is None where altitude counts."""
-        passed, total = len(self._passed), len(self._marks)
-        near = None if self._next is None else self._closest
-        bonus = 0.0 if near is None else max(0.0, POINTS - near)
+        passed, total = self._passage.passed, self._total
+        near = None if passed == total else self._passage.closest
         result = f"passed: {passed} of {total}"
         if near is not None:
             result += f", closest to the centre of hoop {passed + 1}: {number(near)} m"
@@ -221,16 +183,15 @@ class FlightReferee:
             Event(time, "hoop_passed", (0,), f"the Starting Block passes hoop {index}")
             for index, time in enumerate(self._passed, start=1)
         )
-        score = POINTS * passed + bonus if total else self._height
-        return Verdict(score, terms, events)
+        return Verdict(self._passage.score if total else self._height, terms, events)
 
 
-def hoop_centres(knobs: Hoops) -> tuple[Vec3, ...]:
-    """Centres of the hoops, m: evenly along z, at heights by chance."""
+def hoops_of(knobs: Hoops) -> tuple[Ring, ...]:
+    """The hoops: evenly along z, at heights by chance."""
     chance = random.Random(f"{knobs.seed}/hoops")
     low, high = sorted((knobs.low, knobs.high))
     return tuple(
-        (0.0, round(chance.uniform(low, high), 1), index * knobs.spacing)
+        Ring((0.0, round(chance.uniform(low, high), 1), index * knobs.spacing), knobs.radius)
         for index in range(1, knobs.count + 1)
     )
 
@@ -246,51 +207,12 @@ def gusts_of(knobs: Gusts) -> tuple[Gust, ...]:
     )
 
 
-def _platform(knobs: Platform) -> Iterator[Thing]:
-    """A plate whose upper surface goes through (0, height, 0)."""
-    if knobs.height:
-        tilt = radians(knobs.angle)
-        middle = (0.0, knobs.height - PLATE / 2 * cos(tilt), PLATE / 2 * sin(tilt))
-        turned = (-sin(tilt / 2), 0.0, 0.0, cos(tilt / 2))
-        size = (knobs.side, PLATE, knobs.side)
-        yield Thing("platform", "box", size, middle, turned, color=WOOD)
-
-
-def _hoops(centres: tuple[Vec3, ...], radius: float) -> Iterator[Thing]:
-    """Rims of straight pieces outside the inner radius."""
-    middle = radius + RIM / 2
-    length = 2 * (radius + RIM) * sin(pi / SIDES)
-    for number_, (x, y, z) in enumerate(centres, start=1):
-        for side in range(SIDES):
-            turn = 2 * pi * side / SIDES
-            place = (x - middle * sin(turn), y + middle * cos(turn), z)
-            rolled = (0.0, 0.0, sin(turn / 2), cos(turn / 2))
-            yield Thing(
-                f"hoop {number_} {side}", "box", (length, RIM, RIM), place, rolled, color=WOOD
-            )
-
-
-def _platform_sentences(knobs: Platform) -> tuple[str, ...]:
-    tilt = (
-        f"tilted by {abs(knobs.angle):g} degrees, its z{'+' if knobs.angle > 0 else '-'} end raised"
-        if knobs.angle
-        else "level"
-    )
-    return (
-        "The ground is flat, at y = 0; z+ is the target direction.",
-        f"The machine stands on a square platform with sides of {knobs.side:g} m, {tilt}; the "
-        f"middle of its upper surface is at x = z = 0, {knobs.height:g} m above the ground.",
-        "The machine is put down turned with the platform: its lowest face on the surface, the "
-        "centre of its bounding box over the middle.",
-    )
-
-
-def _hoop_sentences(centres: tuple[Vec3, ...], knobs: Hoops) -> tuple[str, ...]:
-    if not centres:
+def _hoop_sentences(hoops: tuple[Ring, ...]) -> tuple[str, ...]:
+    if not hoops:
         return ()
-    places = ", ".join(f"({x:g}, {y:g}, {z:g})" for x, y, z in centres)
+    places = ", ".join("({:g}, {:g}, {:g})".format(*hoop.centre) for hoop in hoops)
     return (
-        f"Upright hoops, {len(centres)} of them, of inner radius {knobs.radius:g} m, stand across "
+        f"Upright hoops, {len(hoops)} of them, of inner radius {hoops[0].radius:g} m, stand across "
         f"the way, their centres at (x, y, z) = {places} m; their rims are solid.",
     )
 
@@ -317,8 +239,8 @@ def _altitude_score(window: float) -> tuple[str, ...]:
 
 def _mark_score(window: float) -> tuple[str, ...]:
     return (
-        f"Score: {POINTS:g} for every hoop that the Starting Block's centre passes in order, "
-        f"within {window:g} s, plus {POINTS:g} minus its closest distance in metres to the centre "
+        f"Score: {EACH:g} for every hoop that the Starting Block's centre passes in order, "
+        f"within {window:g} s, plus {CLOSE:g} minus its closest distance in metres to the centre "
         "of the next hoop (at least 0).",
         "A hoop is passed from its z- side to its z+ side, within its inner radius.",
     )

@@ -1,6 +1,6 @@
 """Owns upright rings: where they stand, what passes through them, and what that is worth.
 
-Which motion counts as a flight is the families'.
+Which motion counts as a flight is the families'; flying calls its rings hoops.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from agentflow.env.scene import Thing, Vec3
 EACH, CLOSE = 10.0, 10.0
 """Points of a ring that was passed; most points for coming close to the next one (spec 3)."""
 HALF = 0.5
-"""Points that each metre from the next ring's centre costs (spec 3)."""
+"""Points that each metre from the next ring's centre costs a boulder (spec 3)."""
 SIDES = 24
 THICK = 0.4
 """Of the ring's body, m."""
@@ -60,8 +60,14 @@ class Ring:
 class Passage:
     """One flight towards rings that have to be passed in order."""
 
-    def __init__(self, rings: Sequence[Ring]) -> None:
-        self._rings = rings
+    def __init__(self, rings: Sequence[Ring], cost: float = HALF) -> None:
+        """Nothing is passed yet.
+
+        Args:
+            rings: In order.
+            cost: Points that each metre from the next ring's centre costs.
+        """
+        self._rings, self._cost = rings, cost
         self._before: Vec3 | None = None
         self.passed = 0
         """How many rings."""
@@ -82,5 +88,7 @@ class Passage:
     @property
     def score(self) -> float:
         """10 for each ring, and up to 10 for coming close to the next."""
-        close = 0.0 if self.passed == len(self._rings) else max(0.0, CLOSE - HALF * self.closest)
+        close = (
+            0.0 if self.passed == len(self._rings) else max(0.0, CLOSE - self._cost * self.closest)
+        )
         return EACH * self.passed + close

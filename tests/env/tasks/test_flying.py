@@ -6,7 +6,7 @@ import pytest
 
 from agentflow.env.rollout import simulate
 from agentflow.env.scene import Vec3
-from agentflow.env.tasks.flying import Flying, hoop_centres
+from agentflow.env.tasks.flying import Flying, hoops_of
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Verdict
 from agentflow.machine.tree import ROOT, Machine, Step
@@ -59,12 +59,11 @@ def test_falling_off_a_platform_is_worth_nothing() -> None:
 
 def test_hoops_count_in_order() -> None:
     task = level("flying/4")
-    (_, y1, z1), (_, y2, z2), _ = task.marks
+    (_, y1, z1), (_, y2, z2), (_, y3, _) = (hoop.centre for hoop in task.marks)
     first, second = (0.0, y1, z1 + 1), (0.0, y2, z2 + 1)
     both = judge(task, (0.0, y1, z1 - 1), first, (0.0, y2, z2 - 1), second, (0.0, y2, 69.0))
     assert both.terms["passed"] == 2.0
     assert [event.time for event in both.events] == [2.0, 4.0]
-    y3 = task.marks[2][1]
     near = ((y3 - y2) ** 2 + 6.0**2) ** 0.5
     assert both.terms["closest"] == pytest.approx(near)
     assert both.score == pytest.approx(20.0 + 10.0 - near)
@@ -74,7 +73,7 @@ def test_hoops_count_in_order() -> None:
 
 def test_all_hoops_are_worth_ten_each_and_nothing_more() -> None:
     task = level("flying/4")
-    path = [(x, y, z + d) for x, y, z in task.marks for d in (-1.0, 1.0)]
+    path = [(x, y, z + d) for x, y, z in (hoop.centre for hoop in task.marks) for d in (-1.0, 1.0)]
     verdict = judge(task, *path)
     assert (verdict.score, verdict.terms["result"]) == (30.0, "passed: 3 of 3")
     assert verdict.terms["closest"] is None
@@ -82,7 +81,7 @@ def test_all_hoops_are_worth_ten_each_and_nothing_more() -> None:
 
 def test_a_hoop_is_passed_forward_and_inside() -> None:
     task = level("flying/4")
-    _, y, z = task.marks[0]
+    _, y, z = task.marks[0].centre
     assert judge(task, (3.9, y, z - 1), (3.9, y, z + 1)).terms["passed"] == 1.0
     assert judge(task, (4.1, y, z - 1), (4.1, y, z + 1)).terms["passed"] == 0.0
     assert judge(task, (9.0, y, z + 1), (0.0, y, z + 1), (0.0, y, z - 1)).terms["passed"] == 0.0
@@ -90,7 +89,7 @@ def test_a_hoop_is_passed_forward_and_inside() -> None:
 
 def test_coming_close_to_the_first_hoop_is_worth_something() -> None:
     task = level("flying/4")
-    _, y, z = task.marks[0]
+    _, y, z = task.marks[0].centre
     verdict = judge(task, (0.0, y, z - 4.0), (0.0, 0.5, 0.0))
     assert verdict.score == pytest.approx(6.0)
     assert verdict.terms["result"] == ("passed: 0 of 3, closest to the centre of hoop 1: 4.00 m")
@@ -98,15 +97,16 @@ def test_coming_close_to_the_first_hoop_is_worth_something() -> None:
 
 def test_hoops_stand_where_the_brief_says_and_are_the_seeds() -> None:
     task = level("flying/4")
-    assert [z for _, _, z in task.marks] == [25, 50, 75]
-    assert all(10 <= y <= 20 for _, y, _ in task.marks)
+    centres = [hoop.centre for hoop in task.marks]
+    assert [z for _, _, z in centres] == [25, 50, 75]
+    assert all(10 <= y <= 20 for _, y, _ in centres)
     told = " ".join(task.brief.scene)
-    assert all(f"({x:g}, {y:g}, {z:g})" in told for x, y, z in task.marks)
-    assert hoop_centres(task.parameters.hoops) == task.marks
+    assert all(f"({x:g}, {y:g}, {z:g})" in told for x, y, z in centres)
+    assert hoops_of(task.parameters.hoops) == task.marks
     assert level("flying/4", **{"hoops.seed": 9}).marks != task.marks
-    rims = [thing for thing in task.scene().things if thing.name.startswith("hoop 1 ")]
-    inner = [((t.position[0]) ** 2 + (t.position[1] - task.marks[0][1]) ** 2) ** 0.5 for t in rims]
-    assert min(inner) - rims[0].size[1] / 2 >= 4.0 - 1e-9
+    rims = [thing for thing in task.scene().things if thing.name.startswith("hoop 1,")]
+    inner = [((t.position[0]) ** 2 + (t.position[1] - centres[0][1]) ** 2) ** 0.5 for t in rims]
+    assert min(inner) - rims[0].size[0] / 2 >= 4.0 - 1e-9
 
 
 def test_only_marks_allow_the_flying_block() -> None:
