@@ -10,9 +10,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from agentflow.app.functions import ModelFunction
-    from agentflow.app.interface import Design, design, design_async, resume, resume_async
-    from agentflow.app.trial import check, simulate, simulate_async
+    from agentflow.app.python.functions import ModelFunction
+    from agentflow.app.python.machines import check, simulate, simulate_async
+    from agentflow.app.python.runs import Design, design, design_async, resume, resume_async
     from agentflow.env.pool import RolloutPool
     from agentflow.env.trace import Rollout
     from agentflow.errors import AgentflowError
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "agentflow.app.functions": ("ModelFunction",),
-    "agentflow.app.interface": ("Design", "design", "design_async", "resume", "resume_async"),
-    "agentflow.app.trial": ("check", "simulate", "simulate_async"),
+    "agentflow.app.python.functions": ("ModelFunction",),
+    "agentflow.app.python.runs": ("Design", "design", "design_async", "resume", "resume_async"),
+    "agentflow.app.python.machines": ("check", "simulate", "simulate_async"),
     "agentflow.env.pool": ("RolloutPool",),
     "agentflow.env.trace": ("Rollout",),
     "agentflow.errors": ("AgentflowError",),

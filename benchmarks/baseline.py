@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design import design
+from agentflow.app.runs.design import design
 from agentflow.config import build, override
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.brief import LONE_ROOT

@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from agentflow.app.design import design
+from agentflow.app.runs.design import design
 from agentflow.config import build
 
 

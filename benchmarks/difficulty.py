@@ -23,7 +23,7 @@ from typing import Any
 
 from shelf import families, load, read
 
-from agentflow.app.design import design
+from agentflow.app.runs.design import design
 from agentflow.config import build
 from agentflow.env.constants import constants
 from agentflow.env.rollout import simulate

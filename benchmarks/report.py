@@ -21,9 +21,9 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from agentflow.app.design import design
-from agentflow.app.films import Shapes
-from agentflow.app.reports import FINE, Shown, exhibits, report, write
+from agentflow.app.pages.films import Shapes
+from agentflow.app.pages.runs import FINE, Shown, exhibits, report, write
+from agentflow.app.runs.design import design
 from agentflow.config import build
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.random import random_machine

@@ -16,7 +16,7 @@ from selenium import webdriver
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from agentflow.app.reports import report
+from agentflow.app.pages.runs import report
 from tests.report.browser import chromium
 
 RUN = Path("runs/recorded-throwing")

@@ -10,10 +10,10 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from agentflow.app.pictures import render_run
-from agentflow.app.sweepfolder import read_folder
-from agentflow.app.tables import Finished, layout, read_swept
-from agentflow.app.views import expansions, players, scores
+from agentflow.app.pages.pictures import render_run
+from agentflow.app.sweeps.folder import read_folder
+from agentflow.app.sweeps.tables import Finished, layout, read_swept
+from agentflow.app.sweeps.views import expansions, players, scores
 from agentflow.env.tasks.registry import get_level
 from agentflow.metrics.tables import markdown
 from agentflow.runs import read_result

@@ -16,11 +16,11 @@ from typing import Any
 
 import yaml
 
-from agentflow.app.conduct import Plan, conduct
-from agentflow.app.models import open_models
-from agentflow.app.replay import Memory
-from agentflow.app.sweeps import folder_of, plan_sweep, run_sweep
-from agentflow.app.views import view
+from agentflow.app.runs.conduct import Plan, conduct
+from agentflow.app.runs.models import open_models
+from agentflow.app.runs.replay import Memory
+from agentflow.app.sweeps.run import folder_of, plan_sweep, run_sweep
+from agentflow.app.sweeps.views import view
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import agentflow
-from agentflow.app.replay import replay
+from agentflow.app.runs.replay import replay
 from agentflow.config import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError, UsageError
 from agentflow.runs import read_document

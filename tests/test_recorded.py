@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.replay import replay
+from agentflow.app.runs.replay import replay
 
 RUNS = sorted((Path(__file__).parent.parent / "runs").glob("recorded-*"))
 

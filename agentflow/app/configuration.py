@@ -10,8 +10,8 @@ from typing import Any
 
 import yaml
 
-from agentflow.app.conduct import Plan
-from agentflow.app.models import configured, shown, with_environment
+from agentflow.app.runs.conduct import Plan
+from agentflow.app.runs.models import configured, shown, with_environment
 from agentflow.config import load, override
 
 DEFAULT, SETTING, ENVIRONMENT = "default", "--set", "environment"

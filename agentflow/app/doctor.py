@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from agentflow.app.models import answerers
+from agentflow.app.runs.models import answerers
 from agentflow.config import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.doctor import Diagnosis, diagnose

@@ -101,10 +101,10 @@ def design(
     as_json: Json = False,
 ) -> None:
     """Design a machine: from a task to the best machine found, and pictures of it."""
-    from agentflow.app.design import design as start
-    from agentflow.app.design import resume as go_on
-    from agentflow.app.models import configured
-    from agentflow.app.pictures import render_run
+    from agentflow.app.pages.pictures import render_run
+    from agentflow.app.runs.design import design as start
+    from agentflow.app.runs.design import resume as go_on
+    from agentflow.app.runs.models import configured
     from agentflow.cli.live import DRAWING, watch
     from agentflow.cli.show import show_result
     from agentflow.runs import Event
@@ -140,7 +140,7 @@ def design(
 @commands.command(epilog="Example: agentflow replay runs/recorded-throwing")
 def replay(run: Run) -> None:
     """Repeat a run from its record and compare everything: `identical` or the first difference."""
-    from agentflow.app.replay import replay as repeat
+    from agentflow.app.runs.replay import replay as repeat
 
     difference = repeat(run, lambda line: print(f"agentflow: {line}", file=sys.stderr))
     print(difference or "identical")
@@ -161,7 +161,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Judge a machine: file, space, and what a task demands."""
-    from agentflow.app import machines
+    from agentflow.app.machines import files as machines
     from agentflow.cli.show import show_report
 
     brief = _brief(task, knobs)
@@ -202,7 +202,8 @@ def edit(
     as_json: Json = False,
 ) -> None:
     """Change a machine by a script of Add, Remove and Move commands, all or nothing."""
-    from agentflow.app import edits, machines
+    from agentflow.app.machines import edits
+    from agentflow.app.machines import files as machines
     from agentflow.cli.show import show_edit
 
     brief = _brief(task, knobs)
@@ -227,7 +228,7 @@ def convert(
     as_json: Json = False,
 ) -> None:
     """Write a machine in another form. Blocks that cannot be taken over are named and left out."""
-    from agentflow.app.convert import convert as rewrite
+    from agentflow.app.machines.convert import convert as rewrite
     from agentflow.cli.show import show_conversion
 
     result = rewrite(source, out, strict=strict)
@@ -254,8 +255,8 @@ def simulate(
     as_json: Json = False,
 ) -> None:
     """Build a machine, let physics run, and score it."""
-    from agentflow.app import machines
-    from agentflow.app import simulate as rollouts
+    from agentflow.app.machines import files as machines
+    from agentflow.app.machines import simulate as rollouts
     from agentflow.app.tasks import find_task
     from agentflow.cli.show import show_rollout
 
@@ -312,7 +313,7 @@ def render(
 
     The projectile's or the root's path is marked, broken blocks are red.
     """
-    from agentflow.app.pictures import render_file, render_run
+    from agentflow.app.pages.pictures import render_file, render_run
     from agentflow.app.tasks import find_task
 
     if Path(source).is_dir():
@@ -332,7 +333,7 @@ def blocks(
     as_json: Json = False,
 ) -> None:
     """List the block library, or show one block with its faces."""
-    from agentflow.app.machines import block_list, find_block
+    from agentflow.app.machines.files import block_list, find_block
     from agentflow.cli.show import show_block, show_blocks
 
     if name is None:
@@ -358,7 +359,7 @@ def doctor(
 ) -> None:
     """Send one tiny request to a model's endpoint and report what it can do."""
     from agentflow.app.doctor import examine
-    from agentflow.app.models import configured
+    from agentflow.app.runs.models import configured
     from agentflow.cli.show import show_diagnosis
     from agentflow.errors import EndpointError
 

@@ -45,7 +45,7 @@ def show(
     as_json: Json = False,
 ) -> None:
     """Print a prompt as a model gets it, and about how many tokens it has."""
-    from agentflow.app.machines import machine_text
+    from agentflow.app.machines.files import machine_text
     from agentflow.app.prompts import rendered
     from agentflow.app.tasks import find_task
 

@@ -46,7 +46,7 @@ def runs(
 
     States: done, running, stopped (continue with `design --resume`), damaged.
     """
-    from agentflow.app.records import run_list
+    from agentflow.app.records.overview import run_list
     from agentflow.cli.show_records import show_runs
 
     found = run_list(folder)
@@ -59,7 +59,7 @@ def runs(
 @commands.command(epilog="Example: agentflow show runs/recorded-throwing")
 def show(run: Run, as_json: Json = False) -> None:
     """Show one run: its stages, its best machine, what it cost, and what went wrong."""
-    from agentflow.app.records import run_details
+    from agentflow.app.records.overview import run_details
     from agentflow.cli.show_records import show_run
 
     found = run_details(run)
@@ -81,7 +81,7 @@ def rescore(
 
     Nothing in the run is changed.
     """
-    from agentflow.app.rescore import rescore as simulate_again
+    from agentflow.app.runs.rescore import rescore as simulate_again
     from agentflow.cli.show_records import show_rescored
 
     found = simulate_again(run, workers)
@@ -127,7 +127,7 @@ def failures(
       other              refused for anything else, such as the size of the machine or the
                          order of its ids
     """
-    from agentflow.app.failures import count_failures
+    from agentflow.app.records.failures import count_failures
     from agentflow.cli.show_records import show_failures
 
     found = count_failures(source)

@@ -23,9 +23,9 @@ def report(
     workers: Workers = 2,
 ) -> None:
     """Write one HTML page: of a run with films in 3D, of a sweep with its tables."""
-    from agentflow.app.reports import report as of_run
-    from agentflow.app.sweepfolder import is_sweep
-    from agentflow.app.sweepreport import sweep_report as of_sweep
+    from agentflow.app.pages.runs import report as of_run
+    from agentflow.app.pages.sweeps import sweep_report as of_sweep
+    from agentflow.app.sweeps.folder import is_sweep
 
     file = out or run / "report.html"
     if is_sweep(run):
@@ -47,6 +47,6 @@ def gallery(
     workers: Workers = 2,
 ) -> None:
     """Write one HTML page of the machines that runs have found, with films and scores."""
-    from agentflow.app.gallery import gallery as write
+    from agentflow.app.pages.gallery import gallery as write
 
     print(write(runs, out, workers=workers, say=_progress))

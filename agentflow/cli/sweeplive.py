@@ -17,7 +17,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from agentflow.app.sweeps import Watcher
+from agentflow.app.sweeps.run import Watcher
 from agentflow.cli.text import number
 from agentflow.runs import Event
 

@@ -11,7 +11,7 @@ import typer
 from agentflow.cli.commands import Json, Settings, _print_json, commands
 
 if TYPE_CHECKING:
-    from agentflow.app.sweeps import Outcome, SweepPlan
+    from agentflow.app.sweeps.run import Outcome, SweepPlan
 
 PARTLY, NO_ENDPOINT = 3, 4
 """Exit statuses: some runs failed; all did, because of the endpoint (spec 6.5)."""
@@ -45,7 +45,7 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """Carry out many runs that differ in a few settings; `agentflow table` compares them."""
-    from agentflow.app.sweeps import folder_of, plan_sweep, run_sweep
+    from agentflow.app.sweeps.run import folder_of, plan_sweep, run_sweep
     from agentflow.cli.sweeplive import watch_sweep
 
     options = {"model.name": model, "model.base_url": base_url, "workers": workers}
@@ -83,14 +83,14 @@ def table(
     ] = False,
 ) -> None:
     """Compare the runs of a sweep in a table."""
-    from agentflow.app.views import written
+    from agentflow.app.sweeps.views import written
 
     print(written(sweep, show, form, published=published), end="")
 
 
 def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
-    from agentflow.app.estimates import Estimate, estimate, total
-    from agentflow.app.sweepfolder import RUNS
+    from agentflow.app.sweeps.estimates import Estimate, estimate, total
+    from agentflow.app.sweeps.folder import RUNS
     from agentflow.config import PROCEDURAL, build
 
     def data(cost: Estimate) -> dict[str, Any]:

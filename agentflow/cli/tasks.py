@@ -42,7 +42,7 @@ def tasks(
 def _draw(
     name: str | None, knobs: list[str], picture: Path | None, out: Path | None, html: Path | None
 ) -> None:
-    from agentflow.app import taskpages
+    from agentflow.app.pages import tasks as taskpages
     from agentflow.app.tasks import task_list
 
     if name is not None and picture:

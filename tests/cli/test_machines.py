@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.edits import edit_lines
-from agentflow.app.machines import check_lines
+from agentflow.app.machines.edits import edit_lines
+from agentflow.app.machines.files import check_lines
 from agentflow.cli import main
 from agentflow.machine.bsg import to_bsg
 from agentflow.machine.coordinates import to_coordinates

@@ -13,7 +13,7 @@ from rich.console import Console
 from agentflow.cli import main
 from agentflow.cli.sweeplive import View
 from agentflow.runs import Event
-from tests.app.test_sweeps import DEAD, TINY
+from tests.app.sweeps.test_run import DEAD, TINY
 
 ROOT = Path(__file__).parents[2]
 

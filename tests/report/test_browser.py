@@ -14,8 +14,8 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
-from agentflow.app.gallery import gallery
-from agentflow.app.reports import report
+from agentflow.app.pages.gallery import gallery
+from agentflow.app.pages.runs import report
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page

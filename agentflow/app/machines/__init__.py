@@ -1,0 +1,1 @@
+"""Single machines from files: checked, edited, converted, simulated."""

@@ -1,0 +1,77 @@
+"""Owns conversion: a machine file of one form to a file of another."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from agentflow.app.machines.files import machine_text
+from agentflow.env.gltf import machine_glb
+from agentflow.errors import UsageError
+from agentflow.machine import Machine, Problem, library
+from agentflow.machine.bsg import to_bsg
+from agentflow.machine.connect import Located
+from agentflow.machine.coordinates import to_coordinates
+from agentflow.machine.formats import read_any
+
+
+def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
+    """Read a machine in any form and write it in the form that the ending of `out` says.
+
+    Blocks outside the library, scaled or turned off the grid, and those that hang on nothing are
+    left out and named. All types of the library are taken over, extended ones too.
+
+    Args:
+        source: file, or `-` for standard input.
+        out: file to write, `.json` (tree), `.coords.json`, `.bsg` or `.glb` (only to look at).
+        strict: refuse a machine when a block must be left out or a parent is ambiguous.
+
+    Raises:
+        UsageError: The source is no machine, is refused, or `out` cannot be written.
+    """
+    write = _writer(out)
+    reading = read_any(machine_text(source), blocks=tuple(library()))
+    problems = reading.problems
+    if isinstance(reading, Located):
+        problems = tuple(sorted((*problems, *reading.loose), key=lambda problem: problem.blocks))
+    machine = reading.machine
+    if machine is None or (strict and problems):
+        raise UsageError(f"{source} cannot be converted: {_told(problems)}")
+    try:
+        out.write_bytes(write(machine))
+    except OSError as error:
+        raise UsageError(f"cannot write {out}: {error.strerror}") from None
+    return {
+        "out": str(out),
+        "blocks": len(machine),
+        "left_out": [problem.to_json() for problem in problems],
+        "notes": list(reading.notes),
+    }
+
+
+def _told(problems: tuple[Problem, ...]) -> str:
+    rest = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return problems[0].message + rest
+
+
+def _coordinates(machine: Machine) -> bytes:
+    lines = (f"  {json.dumps(item)}" for item in to_coordinates(machine))
+    return ("[\n" + ",\n".join(lines) + "\n]\n").encode()
+
+
+WRITERS: Mapping[str, Callable[[Machine], bytes]] = {
+    ".coords.json": _coordinates,
+    ".json": lambda machine: (machine.to_text() + "\n").encode(),
+    ".bsg": lambda machine: to_bsg(machine).encode(),
+    ".glb": machine_glb,
+}
+"""Ending of a file -> what it holds; the first that fits counts."""
+
+
+def _writer(out: Path) -> Callable[[Machine], bytes]:
+    for ending, write in WRITERS.items():
+        if out.name.lower().endswith(ending):
+            return write
+    raise UsageError(f"cannot write {out}: the endings are {', '.join(WRITERS)}")

@@ -1,0 +1,114 @@
+"""Owns single rollouts for a user: one machine or many, with queries, and kept states."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from agentflow.app.machines.files import line_value
+from agentflow.env.pool import RolloutPool
+from agentflow.env.query import answer
+from agentflow.env.rollout import invalid, rollout_json, save_npz, simulate
+from agentflow.env.tasks.base import Task
+from agentflow.errors import UsageError
+from agentflow.machine import check
+from agentflow.machine.formats import read_for
+
+
+def simulate_text(
+    text: object,
+    task: Task,
+    *,
+    seed: int,
+    rate: float | None,
+    power: bool,
+    queries: Sequence[str] = (),
+    save: Path | None = None,
+) -> dict[str, Any]:
+    """Simulate one machine given as text or data; the result object of spec 2.6.
+
+    Raises:
+        UsageError: A query is no JSON, or the states cannot be saved. (A machine that was not
+            simulated has no states; its result says so.)
+    """
+    asked = [_query(item) for item in queries]
+    report = check(read_for(task.brief, text), task.brief)
+    if report.machine is None:
+        return rollout_json(invalid(report.problems))
+    rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate)
+    result = rollout_json(rollout)
+    if asked:
+        result["answers"] = answer(report.machine, rollout, asked).data
+    if save is not None and rollout.trace is not None:
+        save_npz(rollout, save)
+    return result
+
+
+async def simulate_lines(
+    lines: Iterable[str],
+    task: Task,
+    *,
+    seed: int,
+    rate: float | None,
+    power: bool,
+    workers: int,
+) -> AsyncIterator[dict[str, Any]]:
+    """Simulate one machine per line, as lines come; one result per line, in order.
+
+    Holds a few rollouts per worker at a time, however many lines there are.
+    """
+
+    async def result(line: str) -> dict[str, Any]:
+        report = check(read_for(task.brief, line_value(line)), task.brief)
+        if report.machine is None:
+            return rollout_json(invalid(report.problems))
+        rollout = await pool.run(report.machine, task, seed=seed, power=power, rate=rate)
+        return rollout_json(rollout)
+
+    ahead: asyncio.Queue[asyncio.Task[dict[str, Any]] | Exception | None] = asyncio.Queue(
+        2 * workers
+    )
+
+    async def begin(line: str | Exception | None) -> None:
+        await ahead.put(asyncio.create_task(result(line)) if isinstance(line, str) else line)
+
+    async with RolloutPool(workers) as pool:
+        loop = asyncio.get_running_loop()
+        threading.Thread(target=_feed, args=(lines, begin, loop), daemon=True).start()
+        while (begun := await ahead.get()) is not None:
+            if isinstance(begun, Exception):
+                raise begun
+            yield await begun
+
+
+def _feed(
+    lines: Iterable[str],
+    begin: Callable[[str | Exception | None], Coroutine[Any, Any, None]],
+    loop: asyncio.AbstractEventLoop,
+) -> None:
+    """Read lines, which may block for long, in a thread that nobody has to wait for."""
+
+    def hand_over(item: str | Exception | None) -> None:
+        asyncio.run_coroutine_threadsafe(begin(item), loop).result()
+
+    try:
+        for line in lines:
+            hand_over(line)
+    except Exception as problem:  # noqa: BLE001 - handed over to the consumer, which raises it
+        hand_over(problem)
+    else:
+        hand_over(None)
+
+
+def _query(text: str) -> object:
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        raise UsageError(
+            f"--query takes JSON such as "
+            f'{{"id": 3, "duration": [0, 1], "properties": ["position"]}}, not {text[:60]!r}'
+        ) from None

@@ -1,0 +1,88 @@
+"""Owns the pictures, films and three-dimensional files of a run or a machine file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from agentflow.app.machines.files import machine_text
+from agentflow.app.runs.design import finished
+from agentflow.config import build
+from agentflow.env.film import save_film
+from agentflow.env.gltf import rollout_glb
+from agentflow.env.render import render_png
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Rollout
+from agentflow.errors import RunError, UnknownNameError, UsageError
+from agentflow.machine import Machine, check, library, read_machine
+from agentflow.machine.formats import read_any
+from agentflow.runs import read_document
+
+STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"
+SAMPLES = {GIF: 10, MP4: 20, GLB: 20}
+"""Samples per second of what moves."""
+NAMES = {STILL: "picture", GIF: "film", MP4: "film", GLB: "model"}
+SIZES = {GIF: (480, 360), MP4: (640, 480)}
+
+
+def render_run(path: Path, out: Path | None = None, view: str = "three-quarter") -> dict[str, str]:
+    """Draw and film what a finished run found: `out`, or best.png and best.gif in its folder.
+
+    Raises:
+        RunError: The run is unfinished, or found no valid machine.
+    """
+    result = finished(path)
+    config = build(read_document(path).get("config"))
+    machine = read_machine(result["machine"], range(1000)).machine
+    if machine is None:
+        raise RunError(f"{path} found no valid machine to draw")
+    task = get_task(config.task, config.knobs)
+    return _render(machine, task, config.seed, out or path / "best", view)
+
+
+def render_file(source: str, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
+    """Draw or film the machine of a file; the ending of `out` says which, without one both.
+
+    Raises:
+        UsageError: The machine cannot be built; names the first problem.
+    """
+    report = check(read_any(machine_text(source), blocks=tuple(library())))
+    if report.machine is None or not report.machine_valid:
+        raise UsageError(f"{source} cannot be built: {report.problems[0].message}")
+    return _render(report.machine, task, seed, out, view)
+
+
+def _render(machine: Machine, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
+    if not out.name:
+        raise UsageError(f"--out takes the name of a file, not {str(out)!r}")
+    files = [out] if out.suffix else [out.with_suffix(GIF), out.with_suffix(STILL)]
+    try:
+        for file in files:
+            _write(machine, task, seed, file, view)
+    except OSError as error:
+        raise UsageError(f"cannot write {file}: {error.strerror}") from None
+    return {NAMES[file.suffix.lower()]: str(file) for file in reversed(files)}
+
+
+def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> None:
+    kind = file.suffix.lower()
+    if kind == STILL:
+        render_png(machine, file, view=view)
+    elif kind in SAMPLES:
+        rollout = _rollout(machine, task, seed, 1.0 / SAMPLES[kind])
+        if kind == GLB:
+            file.write_bytes(rollout_glb(machine, rollout))
+        else:
+            save_film(machine, task, rollout, file, size=SIZES[kind])
+    else:
+        raise UnknownNameError("kind of picture", kind, (STILL, *SAMPLES))
+
+
+def _rollout(machine: Machine, task: Task, seed: int, interval: float) -> Rollout:
+    """The machine at work, which any rollout with the same seed repeats."""
+    rollout = simulate(machine, task, seed=seed, interval=interval)
+    if rollout.trace is None:
+        why = "; ".join(str(problem["message"]) for problem in rollout.problems)
+        raise UsageError(f"nothing to film, the rollout ended as {rollout.status}: {why}")
+    return rollout

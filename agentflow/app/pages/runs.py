@@ -1,0 +1,192 @@
+"""Owns reports of runs: what was recorded is read, simulated again, and put on a page."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from agentflow.app.pages.films import Shapes, exhibit
+from agentflow.app.records.failures import count_failures
+from agentflow.app.records.reading import recorded_machine
+from agentflow.app.runs.design import finished
+from agentflow.config import DesignConfig, build
+from agentflow.env.archive import load_npz
+from agentflow.env.constants import constants
+from agentflow.env.pool import RolloutPool
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Rollout
+from agentflow.errors import UsageError
+from agentflow.llm.messages import Usage
+from agentflow.llm.prices import FREE
+from agentflow.machine import Machine, library, read_machine
+from agentflow.metrics.usage import Cost
+from agentflow.report.page import check_bundle, page
+from agentflow.report.run import RunStory
+from agentflow.runs import read_document
+
+FINE, COARSE = 1 / 30, 0.1
+"""Seconds between the samples of a film: of the best machines, and of the others."""
+BEST = 8
+"""Machines with fine films."""
+Say = Callable[[int, int], None]
+"""Told after every rollout: how many are done, of how many."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A machine of a run that a page shows."""
+
+    machine: Machine
+    task: Task
+    seed: int
+    score: float | None
+    """As recorded."""
+    interval: float | None
+    """Seconds between the samples of its film; None shows it as built."""
+    kept: Path | None = None
+    """The recorded rollout, where that is to be shown instead of one of today."""
+
+
+def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path:
+    """Write the page of a run, finished or not.
+
+    Args:
+        path: Run directory.
+        out: The file.
+        films: Machines with a film, the best ones first; the others are shown as built.
+        workers: Processes that simulate them.
+        say: Told of the progress.
+
+    Raises:
+        RunError: The run is damaged.
+        UsageError: The file cannot be written, or the page's bundle is missing.
+    """
+    document = read_document(path)
+    ready(out)
+    config = build(document.get("config"))
+    result = finished(path) if (path / "result.json").exists() else None
+    story = RunStory.read(path, result, best_of(result))
+    shapes = Shapes()
+    machines = asyncio.run(exhibits(_chosen(path, story, config, films), shapes, workers, say))
+    cost, priced = _costs(config)
+    data = story.to_json(cost, priced) | {
+        "machines": machines,
+        "shapes": shapes.rows,
+        "failures": count_failures(path)["kinds"],
+    }
+    write(out, page(f"{config.task} · agentflow", data))
+    return out
+
+
+def ready(out: Path) -> None:
+    """See that a page can be made and written, before work is done for it.
+
+    Raises:
+        UsageError: The bundle is missing, or the file cannot be written.
+    """
+    check_bundle()
+    if out.is_dir() or not out.parent.is_dir():
+        why = "it is a folder" if out.is_dir() else f"there is no folder {out.parent}"
+        raise UsageError(f"cannot write {out}: {why}")
+
+
+def best_of(result: Mapping[str, Any] | None) -> str | None:
+    """Content hash of the machine that a run gave; None when it gave none."""
+    if result is None or not result["valid"]:
+        return None
+    machine = read_machine(result["machine"], library()).machine
+    return machine.digest if machine is not None else None
+
+
+async def exhibits(
+    chosen: Mapping[str, Shown], shapes: Shapes, workers: int, say: Say
+) -> dict[str, dict[str, Any]]:
+    """The machines as a page shows them, each simulated as its run did; by the same keys."""
+    done = 0
+    filmed = [key for key, item in chosen.items() if item.interval is not None]
+
+    async def shown(key: str, item: Shown) -> tuple[str, dict[str, Any]]:
+        nonlocal done
+        rollout = await _rollout(item, pool)
+        if key in filmed:
+            done += 1
+            say(done, len(filmed))
+        return key, exhibit(item.machine, rollout, shapes, _remark(item, rollout))
+
+    async with RolloutPool(max(1, min(workers, len(filmed)))) as pool:
+        found = dict(await asyncio.gather(*(shown(key, item) for key, item in chosen.items())))
+    return {key: found[key] for key in chosen}
+
+
+def write(out: Path, text: str) -> None:
+    """Write a page.
+
+    Raises:
+        UsageError: The file cannot be written.
+    """
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write {out}: {error.strerror}") from None
+
+
+def _chosen(path: Path, story: RunStory, config: DesignConfig, films: int) -> dict[str, Shown]:
+    """Every machine of the tree, the best ones first."""
+    task = get_task(config.task, config.knobs)
+    found = {}
+    for place, (digest, node) in enumerate(story.machines.items()):
+        interval = None if place >= films else FINE if place < BEST else COARSE
+        found[digest] = Shown(
+            machine=recorded_machine(path, digest),
+            task=task,
+            seed=config.seed,
+            score=node.score,
+            interval=interval,
+            kept=kept_rollout(path, story.document, digest),
+        )
+    return found
+
+
+def kept_rollout(path: Path, document: Mapping[str, Any], digest: str) -> Path | None:
+    """The recorded rollout of a machine, if there is one and physics has changed since."""
+    file = path / "rollouts" / f"{digest}.npz"
+    changed = document.get("constants") != constants().digest
+    return file if changed and file.exists() else None
+
+
+async def _rollout(item: Shown, pool: RolloutPool) -> Rollout | None:
+    if item.kept is not None:
+        return replace(load_npz(item.kept), scene=item.task.scene(item.machine))
+    if item.interval is None:
+        return None
+    return await pool.run(item.machine, item.task, seed=item.seed, interval=item.interval)
+
+
+def _remark(item: Shown, rollout: Rollout | None) -> str:
+    if rollout is None:
+        return "Shown as built: this page has films of better machines only."
+    if item.kept is not None:
+        return "As recorded: the physical constants have changed since."
+    if rollout.trace is None:
+        return f"Shown as built: its simulation ended as {rollout.status}."
+    if rollout.score != item.score and item.score is not None:
+        return (
+            f"Simulated again with today's physics: {rollout.score:.2f}, "
+            f"recorded were {item.score:.2f}."
+        )
+    return ""
+
+
+def _costs(config: DesignConfig) -> tuple[Cost, bool]:
+    """What calls cost by the run's prices, and whether it has any."""
+    prices = config.model.prices
+
+    def cost(model: str, usage: Mapping[str, int]) -> float | None:
+        price = prices.get(model, FREE if config.model.name == "procedural" else None)
+        return None if price is None else price.of(Usage(**usage))
+
+    return cost, bool(prices) or config.model.name == "procedural"

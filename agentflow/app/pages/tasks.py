@@ -1,0 +1,82 @@
+"""Owns how levels are drawn for a person: a picture of one, a page with all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from PIL import Image
+
+from agentflow.app.tasks import find_task, task_json, task_list
+from agentflow.env.drawings import PngPen, SvgPen, draw_plans, sheets
+from agentflow.env.plans import plans
+from agentflow.env.tasks.base import Task
+from agentflow.errors import UsageError
+
+
+def picture_name(name: str) -> str:
+    """The file of a level's picture: "throwing/3" or "own/level.yaml" -> "throwing-3.png"."""
+    if name.endswith((".yaml", ".yml")):
+        return f"{Path(name).stem}.png"
+    return name.replace("/", "-") + ".png"
+
+
+def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
+    """Draw a level from above and from the right, with metres on the axes.
+
+    Raises:
+        UsageError: No such level or knob, or the file cannot be written.
+    """
+    if file.suffix.lower() != ".png":
+        raise UsageError(f"a picture is a .png file, not {file.name!r}")
+    task = find_task(name, settings)
+    views = plans(task)
+    pen = PngPen(sheets(views)[1])
+    draw_plans(views, task.scene().wind, pen)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        few = pen.picture.quantize(64, dither=Image.Dither.NONE)
+        few.save(file, "PNG", optimize=True)
+    except OSError as error:
+        raise UsageError(f"cannot write {file}: {error.strerror}") from None
+    return file
+
+
+def draw_all(folder: Path) -> list[Path]:
+    """The pictures of every level, into a folder."""
+    names = [item["name"] for item in task_list()]
+    return [draw_task(name, (), folder / picture_name(name)) for name in names]
+
+
+def write_page(names: Iterable[str], file: Path) -> Path:
+    """One self-contained HTML page of levels; it follows the reader's light or dark theme.
+
+    Raises:
+        UsageError: No such level, or the file cannot be written.
+    """
+    import jinja2
+
+    loader = jinja2.PackageLoader("agentflow.app.pages", "")
+    template = jinja2.Environment(loader=loader, autoescape=True).get_template("tasks.html.j2")
+    levels = [_level(number, name) for number, name in enumerate(names)]
+    families = list(dict.fromkeys(level["family"] for level in levels))
+    text = template.render(levels=levels, families=families)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write {file}: {error.strerror}") from None
+    return file
+
+
+def _level(number: int, name: str) -> dict[str, Any]:
+    task = find_task(name)
+    found = task_json(name)
+    return {**found, "anchor": f"level-{number}", "svg": _svg(number, task)}
+
+
+def _svg(number: int, task: Task) -> str:
+    views, pen = plans(task), SvgPen(f"clip-{number}")
+    draw_plans(views, task.scene().wind, pen)
+    return pen.done(sheets(views)[1], f"{task.name} from above and from the right")

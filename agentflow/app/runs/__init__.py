@@ -1,0 +1,1 @@
+"""A run: carried out, resumed, repeated; who answers, and what it keeps."""

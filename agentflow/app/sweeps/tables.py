@@ -1,0 +1,217 @@
+"""Owns the table of a sweep in the published layout: which runs a cell is made of.
+
+Other views of a sweep are views.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from agentflow.app.sweeps.folder import RUNS, failures, read_folder
+from agentflow.config import DesignConfig
+from agentflow.errors import RunError
+from agentflow.metrics import published as literature
+from agentflow.metrics.cells import METRICS, Cell, Value
+from agentflow.metrics.cells import Member as Numbers
+from agentflow.metrics.records import STAGES, RunRecord
+from agentflow.metrics.tables import Column, Row, Table
+from agentflow.runs import read_events, read_result
+from agentflow.sweeps import Member, SweepConfig, members
+
+
+@dataclass(frozen=True)
+class Finished:
+    """One finished run of a sweep."""
+
+    member: Member
+    path: Path
+    model: str
+    """Who answered, as its result says."""
+    numbers: Numbers
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A sweep as far as it is done."""
+
+    path: Path
+    sweep: SweepConfig
+    runs: tuple[Finished, ...]
+    missing: tuple[str, ...]
+    """Names of the runs that are not done."""
+    failed: Mapping[str, str]
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """In the order of the runs."""
+        return tuple(dict.fromkeys(task_of(run.member) for run in self.runs))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What has to be said under every table."""
+        seeds = len(self.sweep.seeds)
+        pooled = f"{seeds} seeds, pooled" if seeds > 1 else "1 seed"
+        told = [f"{len(self.runs)} runs; {pooled}."]
+        if self.missing:
+            total = len(self.runs) + len(self.missing)
+            failed = sum(name in self.failed for name in self.missing)
+            told.append(
+                f"INCOMPLETE: {len(self.missing)} of {total} runs are missing, "
+                f"{failed} of them failed."
+            )
+        return tuple(told)
+
+
+def task_of(member: Member) -> str:
+    """The task as rows and columns name it: the axis' label, else the configuration's."""
+    return member.labels.get("task", member.config.task)
+
+
+def read_swept(path: Path) -> Swept:
+    """Read what is done of a sweep.
+
+    Raises:
+        RunError: There is no sweep, it or a run of it is damaged, or nothing of it is done.
+    """
+    _, sweep = read_folder(path)
+    done: list[Finished] = []
+    missing: list[str] = []
+    for member in members(sweep):
+        run = path / RUNS / member.name
+        if (run / "result.json").exists():
+            record = RunRecord.of(read_events(run))
+            numbers = Numbers(record, _width(member.config))
+            done.append(Finished(member, run, read_result(run)["model"], numbers))
+        else:
+            missing.append(member.name)
+    if not done:
+        raise RunError(f"no run of {path} is done; carry it out with agentflow sweep --resume")
+    return Swept(path, sweep, tuple(done), tuple(missing), failures(path))
+
+
+def _width(config: DesignConfig) -> int:
+    chain = config.workflow == "single" or config.settings.search.strategy == "random"
+    return 1 if chain else config.settings.search.width
+
+
+def layout(swept: Swept, *, published: bool = False) -> Table:
+    """The table in the published layout.
+
+    Args:
+        swept: The sweep.
+        published: Whether published rows stand under the measured ones.
+    """
+    rows = _rows(swept)
+    conditions = _conditions(swept)
+    columns = _columns(swept, conditions)
+    measured = tuple(
+        Row(key, tuple(_value(swept, runs, column) for column in columns))
+        for key, runs in rows.items()
+    )
+    told = _published_rows(swept, columns) if published else ()
+    by_task = swept.sweep.table.columns == "task"
+    used = dict.fromkeys(column.metric for column in columns)
+    about = "; ".join(f"{name}: {METRICS[name].about}" for name in used)
+    return Table(
+        swept.sweep.title,
+        ("model",) if by_task else ("task", "model"),
+        tuple(Column(c.group, c.metric, METRICS[c.metric].percent) for c in columns),
+        measured,
+        told,
+        (*swept.notes, f"{about}."),
+    )
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A column of the published layout."""
+
+    group: str
+    task: str
+    """None but this task; "" for the row's."""
+    condition: str
+    metric: str
+
+
+def _conditions(swept: Swept) -> tuple[str, ...]:
+    table = swept.sweep.table
+    if table.conditions == "stages":
+        return STAGES
+    if table.conditions == "none":
+        return ("",)
+    if table.conditions == "rounds":
+        return tuple(f"rounds_{count}" for count in table.rounds)
+    return tuple(dict.fromkeys(run.member.variant for run in swept.runs))
+
+
+def _columns(swept: Swept, conditions: Sequence[str]) -> list[_Place]:
+    table = swept.sweep.table
+    if table.columns == "task":
+        groups = [
+            (f"{task} {condition}".strip(), task, condition)
+            for task in swept.tasks
+            for condition in conditions
+        ]
+    else:
+        groups = [(condition, "", condition) for condition in conditions]
+    return [
+        _Place(group, task, condition, metric)
+        for group, task, condition in groups
+        for metric in table.task_metrics.get(task, table.metrics)
+    ]
+
+
+def _rows(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:
+    """Labels of a row -> its runs."""
+    table = swept.sweep.table
+    rows: dict[tuple[str, ...], list[Finished]] = {}
+    for run in swept.runs:
+        model = run.model
+        if table.conditions != "axes" and run.member.variant:
+            model = f"{model}, {run.member.variant}"
+        key = (model,) if table.columns == "task" else (task_of(run.member), model)
+        rows.setdefault(key, []).append(run)
+    return rows
+
+
+def _value(swept: Swept, runs: Iterable[Finished], place: _Place) -> Value:
+    table = swept.sweep.table
+    own = [run for run in runs if not place.task or task_of(run.member) == place.task]
+    if table.conditions == "axes":
+        own = [run for run in own if run.member.variant == place.condition]
+    if not own:
+        return None
+    stage = place.condition if table.conditions == "stages" else table.stage
+    rounds = int(place.condition.partition("_")[2]) if table.conditions == "rounds" else None
+    return METRICS[place.metric].of(Cell(tuple(run.numbers for run in own), stage, rounds))
+
+
+def _published_rows(swept: Swept, columns: Sequence[_Place]) -> tuple[Row, ...]:
+    by_task = swept.sweep.table.columns == "task"
+    found: dict[tuple[str, str], dict[tuple[str, str, str], str]] = {}
+    for source in swept.sweep.table.published:
+        for item in literature.published():
+            if item.table != source.table or item.task not in swept.tasks:
+                continue
+            if source.conditions and item.condition not in source.conditions:
+                continue
+            key = ("" if by_task else item.task, item.model)
+            condition = source.conditions.get(item.condition, item.condition)
+            place = (item.task, condition, item.metric)
+            found.setdefault(key, {})[place] = item.value
+    rows = []
+    for (task, model), values in found.items():
+        cells = tuple(_told(values, column, task) for column in columns)
+        if any(cell is not None for cell in cells):
+            rows.append(Row((model,) if by_task else (task, model), cells))
+    return tuple(rows)
+
+
+def _told(values: Mapping[tuple[str, str, str], str], place: _Place, task: str) -> str | None:
+    """The published number of a place; where tasks are columns, whatever its condition."""
+    if not place.task:
+        return values.get((task, place.condition, place.metric))
+    fitting = (v for (t, _, m), v in values.items() if (t, m) == (place.task, place.metric))
+    return next(fitting, None)

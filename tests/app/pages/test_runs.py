@@ -1,0 +1,181 @@
+"""Reports and galleries of runs on disk."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentflow.app.pages.films import Shapes, exhibit
+from agentflow.app.pages.gallery import gallery
+from agentflow.app.pages.runs import best_of, report
+from agentflow.cli import main
+from agentflow.env.rollout import simulate
+from agentflow.env.tasks.registry import get_task
+from agentflow.errors import RunError, UsageError
+from agentflow.runs import read_document, read_result
+from agentflow.runs.document import document_text
+from tests.app.sweeps.test_tables import sweep
+from tests.metrics.events import candidate
+from tests.report.hostile import BREAKS, HOLDS, hostile_run, machine
+
+RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
+
+
+def quiet(_done: int, _of: int) -> None:
+    """Nobody watches."""
+
+
+def data_of(page: Path) -> dict[str, Any]:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page.read_text())
+    assert found is not None
+    data: dict[str, Any] = json.loads(found.group(1))
+    return data
+
+
+def test_machines_without_a_film_are_shown_as_built(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(RECORDED, run)
+    shutil.rmtree(run / "rollouts")
+    out = report(run, tmp_path / "r.html", films=0, workers=1, say=quiet)
+    data = data_of(out)
+    assert {m["film"]["samples"] for m in data["machines"].values()} == {1}
+    assert {m["remark"] for m in data["machines"].values()} == {
+        "Shown as built: this page has films of better machines only."
+    }
+    assert len(data["machines"]) == 8
+    assert len(data["shapes"]) < 40
+    assert {row["role"] for row in data["validity"]} == {
+        "meta_designer",
+        "designer",
+        "inspector",
+        "refiner",
+        "querier",
+    }
+
+
+def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(RECORDED, run)
+    document = {**read_document(run), "constants": "older"}
+    (run / "run.yaml").write_text(document_text(document))
+    told: list[tuple[int, int]] = []
+    out = report(run, tmp_path / "r.html", films=2, workers=1, say=lambda *done: told.append(done))
+    kept = [file.stem for file in (run / "rollouts").glob("*.npz")]
+    machines = data_of(out)["machines"]
+    for digest in kept:
+        assert machines[digest]["film"]["interval"] == pytest.approx(0.2)
+        assert (
+            machines[digest]["remark"] == "As recorded: the physical constants have changed since."
+        )
+    best = machines[best_of(read_result(run))]
+    assert best["traces"] == [0, best["hero"]]
+    assert len(best["solids"]) == len(read_result(run)["machine"])
+    assert told[-1] == (2, 2)
+
+
+def test_another_score_today_is_said(tmp_path: Path) -> None:
+    run = hostile_run(tmp_path)
+    out = report(run, tmp_path / "r.html", films=9, workers=1, say=quiet)
+    shown = data_of(out)["machines"][machine(HOLDS).digest]
+    assert re.fullmatch(
+        r"Simulated again with today's physics: [0-9.]+, recorded were 12\.50\.", shown["remark"]
+    )
+
+
+def test_what_breaks_is_told_with_time_and_place() -> None:
+    task, broken = get_task("throwing"), machine(BREAKS)
+    rollout = simulate(broken, task, seed=0)
+    shown = exhibit(broken, rollout, Shapes(), "remark")
+    first = rollout.broken[0]
+    assert shown["breaks"][first.block] == first.time
+    event = next(item for item in shown["events"] if item["kind"] == "broke")
+    assert re.fullmatch(
+        r"block \d+ \([A-Z][A-Za-z ]+\) broke off block \d+ \([A-Z][A-Za-z ]+\) at load [\d.]+",
+        event["text"],
+    )
+    assert shown["remark"] == "remark"
+    assert shown["feedback"] == rollout.feedback.text
+
+
+def test_block_types_share_their_solids() -> None:
+    shapes = Shapes()
+    shown = [exhibit(machine(name), None, shapes) for name in (BREAKS, BREAKS, HOLDS)]
+    assert shown[0]["solids"] == shown[1]["solids"]
+    used = {number for item in shown for numbers in item["solids"] for number in numbers}
+    assert used == set(range(len(shapes.rows)))
+
+
+def test_a_sweep_is_reported_with_its_tables(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    axes = {"condition": {"chain": {"search.strategy": "random"}, "mcts": {}}}
+    runs = {
+        "chain.seed-0": [candidate("env_feedback", 1, 2.0)],
+        "mcts.seed-0": [candidate("env_feedback", 1, 4.0)],
+    }
+    path = sweep(tmp_path, runs, seeds=[0], axes=axes, base={"task": "throwing"})
+    assert main(["report", str(path)]) == 0
+    assert capsys.readouterr() == (f"{path / 'report.html'}\n", "")
+    data = data_of(path / "report.html")
+    assert (data["kind"], data["title"]) == ("sweep", "Hand")
+    assert [(row["name"], row["values"]) for row in data["spreads"]] == [
+        ("chain", [2.0]),
+        ("mcts", [4.0]),
+    ]
+    assert [table["title"] for table in data["tables"]] == [
+        "Hand",
+        "Hand: scores",
+        "Hand: usage",
+        "Hand: best score over the experienced players' mean",
+    ]  # and none against expansions: nothing was searched
+
+
+def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
+    shutil.copytree(RECORDED, tmp_path / "runs" / "a")
+    shutil.copytree(RECORDED, tmp_path / "runs" / "b")
+    hostile_run(tmp_path / "runs")  # unfinished: left out
+    out = gallery([tmp_path / "runs"], tmp_path / "g.html", workers=1, say=quiet)
+    data = data_of(out)
+    score = read_result(RECORDED)["score"]
+    assert [(card["task"], card["score"]) for card in data["cards"]] == [("throwing", score)] * 2
+    assert data["cards"][0]["about"] == "hierarchical, procedural (no language model), seed 0"
+    assert data["cards"][0]["picture"].startswith("data:image/png;base64,")
+
+
+def test_a_gallery_needs_a_finished_run(tmp_path: Path) -> None:
+    with pytest.raises(RunError) as caught:
+        gallery([tmp_path], tmp_path / "g.html", workers=1, say=quiet)
+    assert str(caught.value) == (
+        f"{tmp_path} holds no finished run: expected a run directory, or runs in it"
+    )
+
+
+def test_a_file_that_cannot_be_written_is_named_before_any_work(tmp_path: Path) -> None:
+    for out, why in (
+        (tmp_path / "none" / "r.html", f"there is no folder {tmp_path / 'none'}"),
+        (tmp_path, "it is a folder"),
+    ):
+        with pytest.raises(UsageError) as caught:
+            report(RECORDED, out, films=0, workers=1, say=quiet)
+        assert str(caught.value) == f"cannot write {out}: {why}"
+
+
+def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "r.html"
+    assert main(["report", str(RECORDED), "--films", "0", "--out", str(out)]) == 0
+    assert capsys.readouterr() == (f"{out}\n", "")
+    assert main(["report", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == (
+        f"agentflow: {tmp_path} is no run: it has no readable run.yaml\n"
+    )
+    assert main(["report", "nowhere"]) == 2
+    assert capsys.readouterr().err == (
+        "agentflow: nowhere is no run: it has no readable run.yaml\n"
+    )
+    assert main(["gallery", str(RECORDED), "--out", str(out)]) == 0
+    assert capsys.readouterr() == (f"{out}\n", "")

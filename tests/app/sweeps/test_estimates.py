@@ -1,0 +1,86 @@
+"""Estimates against what runs really take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentflow.app.runs.conduct import Plan
+from agentflow.app.sweeps.estimates import TOKENS, Estimate, estimate, total
+from agentflow.config import build, load
+from agentflow.metrics.usage import bill
+from agentflow.runs import read_calls, read_result
+
+ROOT = Path(__file__).parents[3]
+RECORDED = ROOT / "runs/recorded-throwing"
+
+
+def of(**document: Any) -> Estimate:
+    return estimate(Plan.of(build(document)))
+
+
+def test_the_recorded_run_takes_what_is_estimated() -> None:
+    """Its first attempts were all valid and its machines all different."""
+    found = estimate(Plan.of(build(load(ROOT / "configs/small.yaml"))))
+    result = read_result(RECORDED)
+    assert (found.calls, found.rollouts) == (result["calls"], result["rollouts"])
+
+
+def test_tokens_of_a_call_are_those_of_the_recorded_run() -> None:
+    sizes: dict[str, list[int]] = {}
+    for call in read_calls(RECORDED):
+        characters = sum(len(message["text"]) for message in call["request"]["messages"])
+        sizes.setdefault(call["request"]["role"], []).append(characters)
+    for role, found in sizes.items():
+        assert TOKENS[role][0] == pytest.approx(sum(found) / len(found) / 4, rel=0.25)
+    assert set(sizes) == set(bill(read_calls(RECORDED)).roles)
+
+
+@pytest.mark.parametrize(
+    ("document", "calls", "rollouts"),
+    [
+        ({}, 1 + 32 + 8 + 8 * 5 + 8 * 21, 8 * 22),
+        ({"settings": {"meta_designer": "off"}}, 8 + 8 + 40 + 168, 176),
+        ({"settings": {"inspector": False, "querier": False}}, 1 + 32 + 168, 176),
+        ({"settings": {"search": {"strategy": "random"}}}, 1 + 32 + 8 + 40 + 48, 56),
+        ({"settings": {"search": {"rounds": 0}}}, 1 + 32 + 8 + 8, 16),
+        ({"workflow": "iterative"}, 8 + 8 + 40 + 168, 176),
+        ({"workflow": "single"}, 8 + 40, 48),
+        ({"workflow": "random-dsl"}, 0, 24),
+        ({"workflow": "random-dsl", "settings": {"rollouts": 100}}, 0, 100),
+        ({"task": "gearing", "workflow": "placement"}, 50, 50),
+        ({"task": "gearing", "workflow": "random-placement"}, 0, 50),
+    ],
+)
+def test_calls_and_rollouts(document: dict[str, Any], calls: int, rollouts: int) -> None:
+    found = of(**document)
+    assert (found.calls, found.rollouts) == (calls, rollouts)
+
+
+def test_money_needs_a_price_of_every_model_asked() -> None:
+    price = {"input": 1.0, "output": 10.0}
+    assert of().money == 0.0
+    assert of(model={"name": "m"}).money is None
+    single = {"workflow": "single", "settings": {"trajectories": 1, "search": {"rounds": 0}}}
+    priced = of(**single, model={"name": "m", "prices": {"m": price}})
+    assert priced.money == pytest.approx((3230 + 10 * 220) / 1e6)
+    roles = {"refiner": {"name": "other"}}
+    assert of(**single, model={"name": "m", "prices": {"m": price}, "roles": roles}).money == (
+        priced.money
+    )
+    assert total([priced, of(model={"name": "m"})]).money is None
+
+
+def test_long_windows_and_trials_take_longer() -> None:
+    single = {"workflow": "single", "settings": {"trajectories": 1, "search": {"rounds": 0}}}
+    assert of(**single).seconds == pytest.approx(0.2)
+    assert of(**single, task="delivery").seconds == pytest.approx(0.4)
+    assert of(**single, task="lifting").seconds == pytest.approx(2.0)
+
+
+def test_sums() -> None:
+    one = Estimate(1, 2, 3, 4.0, 5, 6.0)
+    assert total([one, one]) == Estimate(2, 4, 6, 8.0, 10, 12.0)
+    assert total([]) == Estimate(0, 0, 0, 0.0, 0, 0.0)

@@ -1,0 +1,291 @@
+"""A sweep from end to end: real runs without a model, failures, resumption."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from agentflow.app.runs.replay import replay
+from agentflow.app.sweeps.run import Outcome, folder_of, plan_sweep, run_sweep
+from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
+from agentflow.runs import Event
+
+TINY: dict[str, Any] = {
+    "title": "Tiny",
+    "base": {
+        "task": "movement",
+        "workflow": "random-dsl",
+        "workers": 1,
+        "settings": {"trajectories": 2, "rollouts": 2},
+    },
+    "seeds": [0, 1],
+    "axes": {"condition": {"one": {"history": True}, "other": {"history": False}}},
+    "table": {"stage": "initial", "metrics": ["valid", "mean", "max"]},
+}
+"""Runs with the same machines: what is varied does nothing without a model."""
+DEAD = {
+    "workflow": "single",
+    "model.name": "nobody",
+    "model.base_url": "http://127.0.0.1:9/v1",
+    "model.endpoint.retry.attempts": 1,
+}
+
+
+class Notes:
+    """A watcher that remembers."""
+
+    def __init__(self) -> None:
+        self.said: list[tuple[str, str]] = []
+        self.events = 0
+
+    def begun(self, run: str) -> None:
+        self.said.append(("begun", run))
+
+    def event(self, run: str, event: Event) -> None:  # noqa: ARG002
+        self.events += 1
+
+    def remark(self, run: str, line: str) -> None:
+        self.said.append((line, run))
+
+    def ended(self, run: str, result: Mapping[str, Any]) -> None:
+        assert result["rollouts"] == 2
+        self.said.append(("ended", run))
+
+    def failed(self, run: str, reason: str) -> None:
+        self.said.append((reason, run))
+
+
+class Clumsy(Notes):
+    """Fails itself at one run's first event, as a bug anywhere in a run would."""
+
+    def event(self, run: str, event: Event) -> None:
+        assert run != "one.seed-0", "a bug"
+        super().event(run, event)
+
+
+def write(folder: Path, **changes: Any) -> Path:
+    path = folder / "tiny.yaml"
+    path.write_text(yaml.safe_dump({**TINY, **changes}))
+    return path
+
+
+def carry_out(
+    path: Path, out: Path, watcher: Notes | None = None, *, resume: bool = False
+) -> Outcome:
+    plan = plan_sweep(path, (), {})
+    return run_sweep(plan, folder_of(plan, path, out), watcher or Notes(), jobs=2, resume=resume)
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Notes, Path]:
+    folder = tmp_path_factory.mktemp("sweep")
+    notes = Notes()
+    path = write(folder)
+    return carry_out(path, folder / "out", notes), notes, path
+
+
+RUNS = ("one.seed-0", "one.seed-1", "other.seed-0", "other.seed-1")
+
+
+def test_every_run_is_an_ordinary_run(swept: tuple[Outcome, Notes, Path]) -> None:
+    outcome, notes, _ = swept
+    assert (outcome.done, outcome.failed) == (RUNS, {})
+    assert outcome.path.name == "tiny"
+    assert replay(outcome.path / "runs" / RUNS[-1], pytest.fail) is None
+    assert {kind for kind, _ in notes.said} == {"begun", "ended"}
+    assert notes.events > 4 * 5
+
+
+def test_machines_and_rollouts_lie_once(swept: tuple[Outcome, Notes, Path]) -> None:
+    outcome, _, _ = swept
+    store = outcome.path / "store"
+    assert len(list((store / "rollouts").iterdir())) == 4  # 2 seeds with 2 machines each
+    machines = list((store / "machines").iterdir())
+    assert len(machines) == 4
+    assert {machine.stat().st_nlink for machine in machines} == {3}
+    kept = list((outcome.path / "runs").rglob("*.npz"))
+    assert len(kept) == 4
+    assert {path.stat().st_nlink for path in kept} == {3}
+
+
+def test_a_finished_sweep_is_not_run_again(swept: tuple[Outcome, Notes, Path]) -> None:
+    outcome, _, path = swept
+    before = {p: p.stat().st_mtime_ns for p in outcome.path.rglob("*") if p.is_file()}
+    notes = Notes()
+    again = carry_out(path, outcome.path.parent, notes, resume=True)
+    assert (again.done, notes.said) == (RUNS, [])
+    assert before == {p: p.stat().st_mtime_ns for p in outcome.path.rglob("*") if p.is_file()}
+    from_folder = carry_out(outcome.path, Path("nowhere"), notes, resume=True)
+    assert (from_folder.path, from_folder.done, notes.said) == (outcome.path, RUNS, [])
+
+
+def test_a_sweep_is_continued_only_on_request_and_only_as_it_was(
+    swept: tuple[Outcome, Notes, Path], tmp_path: Path
+) -> None:
+    outcome, _, path = swept
+    with pytest.raises(RunError) as caught:
+        carry_out(path, outcome.path.parent)
+    assert str(caught.value) == (
+        f"{outcome.path} holds this sweep already: continue it with --resume, or choose another "
+        "folder with --out"
+    )
+    other = write(tmp_path, base={**TINY["base"], "settings": {"trajectories": 3}})
+    with pytest.raises(RunError) as caught:
+        carry_out(other, outcome.path.parent, resume=True)
+    assert str(caught.value) == (
+        f"{outcome.path} was begun with another base.settings.trajectories: continue it as it was "
+        f"begun with agentflow sweep {outcome.path} --resume, or choose another folder with --out"
+    )
+
+
+def test_unfinished_and_half_begun_runs_are_taken_up(
+    swept: tuple[Outcome, Notes, Path], tmp_path: Path
+) -> None:
+    """As a killed process leaves them: without a result; a folder without run.yaml; not begun."""
+    outcome, _, path = swept
+    copy = tmp_path / "tiny"
+    shutil.copytree(outcome.path, copy)
+    expected = json.loads((copy / "runs" / RUNS[0] / "result.json").read_text())
+    (copy / "runs" / RUNS[0] / "result.json").unlink()
+    shutil.rmtree(copy / "runs" / RUNS[1])
+    (copy / "runs" / RUNS[1]).mkdir()
+    (copy / "runs" / RUNS[1] / "run.yaml.part").write_text("sch")
+    shutil.rmtree(copy / "runs" / RUNS[2])
+    with (copy / "members.jsonl").open("a") as log:
+        log.write('{"run": "one')
+    notes = Notes()
+    again = carry_out(path, tmp_path, notes, resume=True)
+    assert (again.done, again.failed) == (RUNS, {})
+    assert {run for kind, run in notes.said if kind == "begun"} == set(RUNS[:3])
+    found = json.loads((copy / "runs" / RUNS[0] / "result.json").read_text())
+    clock = {"seconds", "run"}
+    assert found["cost"] == 0
+    assert {k: v for k, v in found.items() if k not in clock} == {
+        k: v for k, v in expected.items() if k not in clock
+    }
+    lines = [json.loads(line) for line in (copy / "members.jsonl").read_text().splitlines()]
+    assert [line["state"] for line in lines] == ["done"] * 7
+
+
+def test_failing_runs_are_recorded_and_harm_no_other(tmp_path: Path) -> None:
+    path = write(tmp_path, seeds=[0], axes={"condition": {"lives": {}, "dead": DEAD}})
+    outcome = carry_out(path, tmp_path)
+    assert outcome.done == ("lives.seed-0",)
+    assert list(outcome.failed) == ["dead.seed-0"]
+    assert "http://127.0.0.1:9/v1" in outcome.failed["dead.seed-0"]
+    assert outcome.endpoint
+    lines = [
+        json.loads(line) for line in (tmp_path / "tiny/members.jsonl").read_text().splitlines()
+    ]
+    assert {line["run"]: line["state"] for line in lines} == {
+        "lives.seed-0": "done",
+        "dead.seed-0": "failed",
+    }
+    notes = Notes()
+    again = carry_out(path, tmp_path, notes, resume=True)
+    assert (again.done, list(again.failed)) == (outcome.done, list(outcome.failed))
+    assert ("begun", "lives.seed-0") not in notes.said
+
+
+def test_a_bug_in_one_run_is_logged_whole_and_the_run_can_go_on(tmp_path: Path) -> None:
+    path = write(tmp_path, seeds=[0])
+    outcome = carry_out(path, tmp_path, Clumsy())
+    assert outcome.done == ("other.seed-0",)
+    assert outcome.failed == {"one.seed-0": "AssertionError: a bug"}
+    assert not outcome.endpoint
+    log = (tmp_path / "tiny" / "members.jsonl").read_text().splitlines()
+    (failed,) = (item for item in map(json.loads, log) if item["state"] == "failed")
+    assert failed["traceback"].startswith("Traceback (most recent call last):")
+    assert carry_out(path, tmp_path, resume=True).failed == {}
+
+
+def test_settings_for_all_runs_reach_them_and_their_folder(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    plan = plan_sweep(path, ["trajectories=5"], {"model.name": "a/b c"}, seeds=3)
+    assert {member.config.settings.trajectories for member in plan.members} == {5}
+    assert {member.config.model.name for member in plan.members} == {"a/b c"}
+    assert [member.config.seed for member in plan.members] == [0, 1, 2] * 2
+    assert folder_of(plan, path, Path("out")) == Path("out/tiny-a-b-c")
+
+
+@pytest.mark.parametrize(
+    ("settings", "changes", "kind", "message"),
+    [
+        (["history=off"], {}, ConfigError, "history is what the sweep varies (condition): it "),
+        (["settings.history=off"], {}, ConfigError, "settings.history is what the sweep varies"),
+        (["seed=3"], {}, ConfigError, "seed is what the sweep varies (seeds): it cannot be set"),
+        (
+            [],
+            {"table": {"metrics": ["meen"]}},
+            UnknownNameError,
+            "unknown metric 'meen'; known: mean",
+        ),
+        (
+            [],
+            {"table": {"metrics": ["mean"], "published": [{"table": "inspectr"}]}},
+            UnknownNameError,
+            "unknown published table 'inspectr'; known: inspector",
+        ),
+        ([], {"base": {"task": "thowing"}}, UnknownNameError, "unknown task 'thowing'; known: thr"),
+        ([], {"base": {"workflow": "x"}}, UnknownNameError, "unknown workflow 'x'; known: "),
+        ([], {"base": {"prompts": "x"}}, UsageError, "unknown prompt set 'x'; known: "),
+    ],
+)
+def test_wrong_sweeps_are_refused_before_anything_is_written(
+    tmp_path: Path, settings: list[str], changes: dict[str, Any], kind: type, message: str
+) -> None:
+    with pytest.raises(kind) as caught:
+        plan_sweep(write(tmp_path, **changes), settings, {})
+    assert str(caught.value).startswith(message)
+
+
+def test_a_begun_sweep_takes_no_other_settings(swept: tuple[Outcome, Notes, Path]) -> None:
+    outcome, _, _ = swept
+    with pytest.raises(UsageError) as caught:
+        plan_sweep(outcome.path, ["trajectories=1"], {})
+    assert str(caught.value) == (
+        f"{outcome.path} is continued as it was begun; leave out --model, --base-url, --set "
+        "and --seeds"
+    )
+
+
+@pytest.mark.slow
+def test_ctrl_c_leaves_a_sweep_that_can_be_continued(tmp_path: Path) -> None:
+    base = {**TINY["base"], "settings": {"trajectories": 8, "rollouts": 24}}
+    path = write(tmp_path, base=base)
+    command = [sys.executable, "-c", "import sys; from agentflow.cli import main; sys.exit(main())"]
+    words = ["sweep", str(path), "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(
+        [*command, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    rollouts = tmp_path / "out" / "tiny" / "store" / "rollouts"
+    deadline = time.monotonic() + 60
+    while not (rollouts.exists() and len(list(rollouts.iterdir())) >= 5):
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.05)
+    os.kill(process.pid, signal.SIGINT)
+    out, told = process.communicate(timeout=30)
+    assert (process.returncode, out) == (130, "")
+    assert told.splitlines()[-1] == (
+        f"agentflow: interrupted; 0 of 4 runs are done; continue with: agentflow sweep "
+        f"{tmp_path / 'out' / 'tiny'} --resume"
+    )
+    again = subprocess.run(
+        [*command, "sweep", str(tmp_path / "out" / "tiny"), "--resume", "--json"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert json.loads(again.stdout)["done"] == list(RUNS)

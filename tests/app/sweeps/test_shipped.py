@@ -1,0 +1,56 @@
+"""Every shipped sweep, small, with the procedural model: it runs, and its table has its rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agentflow.app.sweeps.run import folder_of, plan_sweep, run_sweep
+from agentflow.app.sweeps.tables import layout, read_swept
+from agentflow.app.sweeps.views import VIEWS, view
+from agentflow.config import load
+from agentflow.metrics.published import published
+from tests.app.sweeps.test_run import Notes
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+SWEEPS = [path for path in sorted(CONFIGS.glob("*.yaml")) if "table" in load(path)]
+
+
+def reduced(path: Path) -> list[str]:
+    """Settings that make a sweep small; those that leave the search out still do."""
+    settings = ["trajectories=2", "placements=4"]
+    if load(path)["base"].get("settings", {}).get("search", {}).get("rounds") != 0:
+        rounds = 2 if path.stem == "search_depth" else 1
+        settings += [f"search.rounds={rounds}", "search.width=2"]
+    if path.stem == "additional_tasks":  # some count ten trials for one rollout
+        settings += ["trajectories=1", "search.width=1"]
+    return settings
+
+
+class Quiet(Notes):
+    """Accepts results of any size."""
+
+    def ended(self, run: str, result: object) -> None:  # noqa: ARG002
+        self.said.append(("ended", run))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", SWEEPS, ids=lambda path: path.stem)
+def test_a_sweep_runs_and_has_the_published_table(path: Path, tmp_path: Path) -> None:
+    plan = plan_sweep(path, reduced(path), {}, seeds=1)
+    notes = Quiet()
+    outcome = run_sweep(plan, folder_of(plan, path, tmp_path), notes, jobs=2, resume=False)
+    assert outcome.failed == {}
+    assert len(outcome.done) == len(plan.members)
+    swept = read_swept(outcome.path)
+    table = layout(swept, published=True)
+    models = {run.model for run in swept.runs}
+    assert models <= {"procedural (no language model)", "none (random edits)"}
+    assert all(any(value is not None for value in row.values) for row in table.rows)
+    sources = {source.table for source in plan.sweep.table.published}
+    known = {item.model for item in published() if item.table in sources}
+    assert {row.labels[-1] for row in table.published} <= known
+    assert table.published
+    for name in VIEWS:
+        assert view(outcome.path, name).title.startswith(plan.sweep.title)

@@ -1,0 +1,304 @@
+"""Tables of sweeps whose runs are written by hand."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from agentflow.app.sweeps.folder import document_of, held
+from agentflow.app.sweeps.run import plan_sweep
+from agentflow.app.sweeps.tables import layout, read_swept
+from agentflow.app.sweeps.views import VIEWS, view, written
+from agentflow.errors import RunError, UnknownNameError, UsageError
+from agentflow.metrics.tables import Row, Table
+from agentflow.metrics.validity import Rate
+from agentflow.runs import Event, RunDirectory
+from tests.metrics.events import candidate, expansion, node
+
+MODEL = "procedural (no language model)"
+CALL = {
+    "schema_version": 1,
+    "key": "k",
+    "model": MODEL,
+    "request": {"role": "refiner", "label": "refiner/blind/traj-1/attempt-1"},
+    "reply": {
+        "text": "",
+        "usage": {"prompt": 3, "completion": 1, "reasoning": 0, "cached": 0},
+        "latency_s": 0.5,
+        "retries": 0,
+    },
+}
+
+
+def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Path:
+    """A sweep's folder with these runs done; as if carried out."""
+    file = folder / "hand.yaml"
+    table = {"metrics": ["valid", "mean", "max"], **document.pop("table", {})}
+    file.write_text(yaml.safe_dump({"title": "Hand", "table": table, **document}))
+    plan = plan_sweep(file, (), {})
+    path = folder / "hand"
+    with held(path, document_of(plan.name, plan.sweep), resume=False):
+        for name, events in runs.items():
+            run = RunDirectory.create(path / "runs", name, {})
+            for event in events:
+                run.event(event.kind, event.label, **event.data)
+            run.tape.write_text(json.dumps(CALL) + "\n")
+            scores = [e.data["score"] for e in events if e.data.get("score") is not None]
+            run.finish(
+                {
+                    "model": MODEL if "random" not in name else "none (random edits)",
+                    "score": max(scores, default=None),
+                    "rollouts": 4,
+                    "simulated_seconds": 20.0,
+                    "worker_seconds": 2.0,
+                }
+            )
+            run.close()
+    return path
+
+
+def values(table: Table) -> dict[tuple[str, ...], tuple[Any, ...]]:
+    return {row.labels: row.values for row in table.rows}
+
+
+CONDITION = {"condition": {"baseline": {"inspector": True}, "no_inspector": {"inspector": False}}}
+
+
+def compared(folder: Path) -> Path:
+    return sweep(
+        folder,
+        {
+            "baseline.seed-0": [candidate("initial", 1, 2.0), candidate("initial", 2, 4.0)],
+            "baseline.seed-1": [candidate("initial", 1, None, valid=False)],
+            "no_inspector.seed-0": [candidate("initial", 1, 1.0)],
+        },
+        seeds=[0, 1],
+        axes=CONDITION,
+        table={"stage": "initial", "published": [{"table": "inspector"}]},
+    )
+
+
+def test_axes_are_columns_and_seeds_are_pooled(tmp_path: Path) -> None:
+    table = layout(read_swept(compared(tmp_path)))
+    assert [(c.group, c.name) for c in table.columns] == [
+        (group, name) for group in ("baseline", "no_inspector") for name in ("valid", "mean", "max")
+    ]
+    assert values(table) == {("throwing", MODEL): (Rate(2, 3), 3.0, 4.0, Rate(1, 1), 1.0, 1.0)}
+    assert table.published == ()
+    assert table.notes == (
+        "3 runs; 2 seeds, pooled.",
+        "INCOMPLETE: 1 of 4 runs are missing, 0 of them failed.",
+        "valid: trajectories with a valid machine after the retries; mean: mean score over valid "
+        "machines; max: best score.",
+    )
+
+
+def test_published_rows_stand_apart_and_measured_ones_stay_as_they_are(tmp_path: Path) -> None:
+    swept = read_swept(compared(tmp_path))
+    table = layout(swept, published=True)
+    assert table.rows == layout(swept).rows
+    assert len(table.published) == 8
+    assert table.published[0] == Row(
+        ("throwing", "Gemini 2.5 Pro"), ("5", "8.18", "11.07", "5", "5.67", "9.37")
+    )
+    assert table.published[-1] == Row(
+        ("throwing", "Llama 4 Scout 17B 16E"), ("0", None, None, "0", None, None)
+    )
+
+
+def test_stages_are_columns_and_other_axes_are_rows(tmp_path: Path) -> None:
+    path = sweep(
+        tmp_path,
+        {
+            "movement.hierarchical.seed-0": [
+                candidate("initial", 1, 2.0),
+                candidate("blind_refinement", 1, None, valid=False),
+            ],
+            "movement.random-dsl.seed-0": [candidate("initial", 1, 1.0)],
+        },
+        axes={"task": ["movement"], "workflow": ["hierarchical", "random-dsl"]},
+        table={"conditions": "stages", "metrics": ["valid", "mean"]},
+    )
+    table = layout(read_swept(path))
+    assert [c.group for c in table.columns[::2]] == ["initial", "blind_refinement", "env_feedback"]
+    assert values(table) == {
+        ("movement", f"{MODEL}, hierarchical"): (Rate(1, 1), 2.0, Rate(0, 1), None, None, None),
+        ("movement", "none (random edits), random-dsl"): (Rate(1, 1), 1.0, *[None] * 4),
+    }
+
+
+TREE = [
+    candidate("blind_refinement", 1, 1.0),
+    expansion(1, 1, "vv"),
+    node(1, 1, 1, 3.0),
+    node(1, 2, 1, 2.0),
+    expansion(1, 2, "vx"),
+    node(1, 3, 2, 7.0),
+]
+
+
+def test_one_tree_is_cut_after_several_rounds(tmp_path: Path) -> None:
+    path = sweep(
+        tmp_path,
+        {"seed-0": TREE},
+        table={
+            "conditions": "rounds",
+            "rounds": [1, 2, 5],
+            "metrics": ["mean"],
+            "published": [{"table": "mcts_depth"}],
+        },
+    )
+    table = layout(read_swept(path), published=True)
+    assert [c.group for c in table.columns] == ["rounds_1", "rounds_2", "rounds_5"]
+    assert values(table) == {("throwing", MODEL): (3.0, 7.0, None)}
+    assert table.published[0].values == (None, "15.04", "15.73")
+
+
+def test_tasks_as_columns_may_have_metrics_of_their_own(tmp_path: Path) -> None:
+    path = sweep(
+        tmp_path,
+        {
+            "delivery.seed-0": [candidate("env_feedback", 1, 12.0)],
+            "gearing.seed-0": [candidate("initial", 1, 1.0), candidate("initial", 2, 0.0)],
+        },
+        axes={"task": {"delivery": {"task": "delivery"}, "gearing": GEARING}},
+        table={
+            "columns": "task",
+            "metrics": ["mean"],
+            "task_metrics": {"gearing": ["valid"]},
+            "published": [{"table": "additional_tasks", "conditions": {"hierarchical": ""}}],
+        },
+    )
+    table = layout(read_swept(path), published=True)
+    assert [(c.group, c.name) for c in table.columns] == [
+        ("delivery", "mean"),
+        ("gearing", "valid"),
+    ]
+    assert values(table) == {(MODEL,): (12.0, None)}
+    assert Row(("Human reference",), ("88.80", None)) in table.published
+
+
+GEARING = {"task": "gearing", "workflow": "placement"}
+
+
+def test_scores_name_both_means_with_their_intervals(tmp_path: Path) -> None:
+    table = view(compared(tmp_path), "scores")
+    assert [column.full for column in table.columns] == [
+        "valid share",
+        "valid 95 %",
+        "valid machines mean",
+        "valid machines 95 %",
+        "all machines, invalid = 0 mean",
+        "all machines, invalid = 0 95 %",
+        "max",
+        "std",
+        "Best@N, N = 1",
+        "Best@N, N = 2",
+    ]
+    assert values(table) == {
+        ("throwing", MODEL, "baseline"): (
+            Rate(2, 3),
+            "0.21 - 0.94",
+            3.0,
+            "2.00 - 4.00",
+            2.0,
+            "0.00 - 4.00",
+            4.0,
+            1.0,
+            2.0,
+            pytest.approx(10 / 3),
+        ),
+        ("throwing", MODEL, "no_inspector"): (
+            Rate(1, 1),
+            "0.21 - 1.00",
+            1.0,
+            None,
+            1.0,
+            None,
+            1.0,
+            0.0,
+            1.0,
+            None,
+        ),
+    }
+
+
+def test_usage_by_role_and_stage(tmp_path: Path) -> None:
+    found = values(view(compared(tmp_path), "usage"))
+    baseline = ("throwing", MODEL, "baseline")
+    assert found[(*baseline, "all")] == (2, 8, None, 0, 0.0, 1.0, 0, 2.0, 10.0)
+    assert found[(*baseline, "refiner")] == (2, 8, 1.0, 0, 0.0, 1.0, 0, None, None)
+    assert found[(*baseline, "blind_refinement")] == (2, 8, None, 0, 0.0, 1.0, 0, None, None)
+
+
+def test_best_scores_over_the_players(tmp_path: Path) -> None:
+    path = sweep(
+        tmp_path,
+        {
+            "delivery.seed-0": [candidate("initial", 1, 22.2), candidate("initial", 2, 44.4)],
+            "movement.seed-0": [candidate("initial", 1, 9.0)],
+        },
+        axes={"task": ["delivery", "movement"]},
+    )
+    assert values(view(path, "players")) == {
+        ("delivery", MODEL): (44.4, 88.8, 0.5),
+        ("movement", MODEL): (9.0, None, None),
+    }
+
+
+def test_score_against_expansions(tmp_path: Path) -> None:
+    table = view(sweep(tmp_path, {"seed-0": TREE}), "expansions")
+    assert [column.name for column in table.columns] == ["0", "1", "2"]
+    assert values(table) == {("throwing", MODEL, ""): (1.0, 3.0, 3.0)}
+
+
+def test_sweeps_that_do_not_search_have_no_curve(tmp_path: Path) -> None:
+    table = view(compared(tmp_path), "expansions")
+    assert table.columns == ()
+    assert "No run of this sweep searches." in table.notes
+
+
+@pytest.mark.parametrize("name", VIEWS)
+@pytest.mark.parametrize("form", ["text", "md", "csv", "latex", "json"])
+def test_every_view_has_every_form(tmp_path: Path, name: str, form: str) -> None:
+    assert written(compared(tmp_path), name, form).startswith(
+        {"text": "Hand", "md": "**Hand", "csv": "source,", "latex": "% Hand", "json": "{"}[form]
+    )
+
+
+def test_what_is_no_sweep_or_has_nothing_done_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"is no sweep: it has no readable sweep.yaml"):
+        read_swept(tmp_path)
+    path = sweep(tmp_path, {})
+    with pytest.raises(RunError, match=r"no run of .*hand is done; carry it out with agentflow sw"):
+        read_swept(path)
+    (path / "sweep.yaml").write_text("[")
+    with pytest.raises(RunError, match=r"sweep.yaml is damaged: expected a mapping with schema"):
+        read_swept(path)
+    (path / "sweep.yaml").write_text("{schema: 7, name: x, sweep: {}}")
+    with pytest.raises(RunError, match=r"hand has schema 7, this version reads 1"):
+        read_swept(path)
+
+
+def test_published_rows_are_in_one_view(tmp_path: Path) -> None:
+    path = compared(tmp_path)
+    with pytest.raises(UsageError) as caught:
+        view(path, "scores", published=True)
+    assert str(caught.value) == (
+        "published rows exist in the view 'published' alone, not in 'scores'"
+    )
+    with pytest.raises(UnknownNameError, match="unknown view 'score'; known: scores"):
+        view(path, "score")
+
+
+def test_calls_are_only_read_for_usage(tmp_path: Path) -> None:
+    """A table over many runs must not read every prompt."""
+    path = compared(tmp_path)
+    for tape in path.rglob("calls.jsonl"):
+        tape.unlink()
+    assert layout(read_swept(path)).rows
