@@ -13,7 +13,7 @@ from importlib import import_module
 from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
-MODULES = ("prompts", "records", "reports", "sweeps", "tasks")
+MODULES = ("design", "machines", "prompts", "records", "reports", "sweeps", "tasks")
 """Importing one adds its commands to the others."""
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.commands import Json, _print_json, commands
+from agentflow.cli.commands import Json, commands, print_json
 
 prompts = typer.Typer(
     help="Look at what models are told.", no_args_is_help=True, rich_markup_mode=None
@@ -23,7 +23,7 @@ def list_(as_json: Json = False) -> None:
 
     found = set_list()
     if as_json:
-        _print_json(found)
+        print_json(found)
         return
     for item in found:
         print(f"{item['name']:<12} {item['digest']}  {item['about']}")
@@ -52,7 +52,7 @@ def show(
     text = None if machine is None else machine_text(machine)
     found = rendered(name, role, find_task(task, knobs or ()).brief, text)
     if as_json:
-        _print_json(found)
+        print_json(found)
         return
     print(f"--- system\n{found['system']}\n--- user\n{found['user']}")
     print(

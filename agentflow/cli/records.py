@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.commands import Config, Json, Run, Settings, _print_json, commands
+from agentflow.cli.commands import Config, Json, Run, Settings, commands, print_json
 
 config_commands = typer.Typer(
     help="Look at configurations.", no_args_is_help=True, rich_markup_mode=None
@@ -30,7 +30,7 @@ def show_config(config: Config = None, settings: Settings = None, as_json: Json 
 
     found = resolved(config, settings or ())
     if as_json:
-        _print_json(found)
+        print_json(found)
     else:
         print(as_yaml(found))
 
@@ -51,7 +51,7 @@ def runs(
 
     found = run_list(folder)
     if as_json:
-        _print_json(list(found))
+        print_json(list(found))
     else:
         show_runs(found)
 
@@ -64,7 +64,7 @@ def show(run: Run, as_json: Json = False) -> None:
 
     found = run_details(run)
     if as_json:
-        _print_json(found)
+        print_json(found)
     else:
         show_run(found)
 
@@ -86,7 +86,7 @@ def rescore(
 
     found = simulate_again(run, workers)
     if as_json:
-        _print_json(found)
+        print_json(found)
     else:
         show_rescored(found)
 
@@ -132,6 +132,6 @@ def failures(
 
     found = count_failures(source)
     if as_json:
-        _print_json(found)
+        print_json(found)
     else:
         show_failures(found)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from agentflow.cli.commands import Json, Settings, _print_json, commands
+from agentflow.cli.commands import BaseUrl, Json, ModelName, Quiet, Settings, commands, print_json
 
 if TYPE_CHECKING:
     from agentflow.app.sweeps.run import Outcome, SweepPlan
@@ -20,12 +20,8 @@ PARTLY, NO_ENDPOINT = 3, 4
 @commands.command(epilog="Example: agentflow sweep configs/inspector.yaml --dry-run")
 def sweep(
     config: Annotated[Path, typer.Argument(help="Sweep file, or the folder of a begun sweep.")],
-    model: Annotated[
-        str | None, typer.Option(help="Model name; without one, rules and chance answer.")
-    ] = None,
-    base_url: Annotated[
-        str | None, typer.Option(help="OpenAI-compatible endpoint; the key is OPENAI_API_KEY.")
-    ] = None,
+    model: ModelName = None,
+    base_url: BaseUrl = None,
     settings: Settings = None,
     seeds: Annotated[
         int | None, typer.Option(min=1, help="Seeds 0 to N-1 instead of the file's.")
@@ -41,7 +37,7 @@ def sweep(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="List the runs and what they will cost.")
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Show no progress.")] = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Carry out many runs that differ in a few settings; `agentflow table` compares them."""
@@ -57,7 +53,7 @@ def sweep(
     with watch_sweep(len(plan.members), quiet) as watcher:
         outcome = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
     if as_json:
-        _print_json(_as_data(outcome))
+        print_json(_as_data(outcome))
     else:
         print(_in_words(outcome))
     if outcome.failed:
@@ -114,7 +110,7 @@ def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
             left.append(cost)
     whole = data(total(left))
     if as_json:
-        _print_json({"sweep": str(folder), "runs": runs, "left": whole})
+        print_json({"sweep": str(folder), "runs": runs, "left": whole})
         return
     for run in runs:
         state = "done" if run["done"] else f"{run['calls']} calls, {run['rollouts']} rollouts"

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.commands import Json, Knobs, _print_json, commands
+from agentflow.cli.commands import Json, Knobs, commands, print_json
 from agentflow.errors import UsageError
 
 
@@ -63,7 +63,7 @@ def _show(name: str | None, knobs: list[str], as_json: bool) -> None:
 
     if name is None:
         found = task_list()
-        _print_json(found) if as_json else show_tasks(found)
+        print_json(found) if as_json else show_tasks(found)
     else:
         level = task_json(name, knobs)
-        _print_json(level) if as_json else show_task(level)
+        print_json(level) if as_json else show_task(level)
