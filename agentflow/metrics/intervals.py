@@ -1,11 +1,13 @@
 """Owns 95 % intervals: Wilson's for shares, the bootstrap's for means (spec 6.2).
 
-The arithmetic is scipy's, imported where it is used: nothing else of agentflow needs it.
+Runs state Wilson's, so it needs no extra; the bootstrap is scipy's, imported where it is used.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from statistics import NormalDist
 from types import ModuleType
 from typing import NamedTuple
 
@@ -29,7 +31,7 @@ def wilson(successes: int, trials: int) -> Interval | None:
     """Wilson's 95 % score interval of a share, without continuity correction.
 
     E. B. Wilson, "Probable inference, the law of succession, and statistical inference", Journal of
-    the American Statistical Association 22 (1927); here `scipy.stats.binomtest`.
+    the American Statistical Association 22 (1927).
 
     Args:
         successes: How often it happened, 0 to `trials`.
@@ -40,15 +42,16 @@ def wilson(successes: int, trials: int) -> Interval | None:
 
     Raises:
         ValueError: `successes` is not among 0 to `trials`.
-        UsageError: scipy is missing.
     """
     if not 0 <= successes <= trials:
         raise ValueError(f"successes must be 0 to {trials}, not {successes}")
     if not trials:
         return None
-    test = _stats().binomtest(successes, trials)
-    found = test.proportion_ci(confidence_level=CONFIDENCE, method="wilson")
-    return Interval(float(found.low), float(found.high))
+    share, z = successes / trials, NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
+    middle = share + z * z / (2 * trials)
+    reach = z * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+    scale = 1 + z * z / trials
+    return Interval(max(0.0, (middle - reach) / scale), min(1.0, (middle + reach) / scale))
 
 
 def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:

@@ -1,4 +1,4 @@
-"""Owns what metrics take from a run's events: candidates, attempts, expansions, nodes.
+"""Owns what metrics take from a run's events: candidates, expansions, nodes.
 
 One pass over the events; what is computed of it is the other modules'.
 """
@@ -55,26 +55,6 @@ class CandidateRecord:
 
 
 @dataclass(frozen=True)
-class AttemptRecord:
-    """One answered call."""
-
-    label: str
-    role: str
-    parsed: bool
-    spatial: bool | None
-    """None for roles that design no machine."""
-    valid: bool
-    tokens: int
-    code: str
-    """Of what was wrong; empty when nothing was."""
-
-    @property
-    def stage(self) -> str:
-        """The stage it was made for."""
-        return stage_of(self.label)
-
-
-@dataclass(frozen=True)
 class ExpansionRecord:
     """One expansion of a search."""
 
@@ -103,10 +83,8 @@ class RunRecord:
     """The events of one run by kind, in order."""
 
     candidates: list[CandidateRecord] = field(default_factory=list)
-    attempts: list[AttemptRecord] = field(default_factory=list)
     expansions: list[ExpansionRecord] = field(default_factory=list)
     nodes: list[NodeRecord] = field(default_factory=list)
-    evaluations: int = 0
 
     @classmethod
     def of(cls, events: Iterable[Event]) -> RunRecord:
@@ -120,14 +98,10 @@ class RunRecord:
         """Take in one event."""
         if event.kind == "candidate":
             self.candidates.append(_candidate(event))
-        elif event.kind == "attempt":
-            self.attempts.append(_attempt(event))
         elif event.kind == "expand":
             self.expansions.append(_expansion(event))
         elif event.kind == "node":
             self.nodes.append(_node(event))
-        elif event.kind == "evaluation":
-            self.evaluations += 1
 
     def stage(self, name: str) -> list[CandidateRecord]:
         """The candidates of one stage, by trajectory."""
@@ -147,19 +121,6 @@ def _candidate(event: Event) -> CandidateRecord:
         valid_first=first["valid"],
         machine=data["machine"],
         reason=data["reason"],
-    )
-
-
-def _attempt(event: Event) -> AttemptRecord:
-    data = event.data
-    return AttemptRecord(
-        label=event.label,
-        role=data["role"],
-        parsed=data["parsed"],
-        spatial=data["spatial"],
-        valid=data["valid"],
-        tokens=data["tokens"],
-        code=data["code"],
     )
 
 

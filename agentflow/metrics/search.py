@@ -14,13 +14,6 @@ def attempts_per_child(expansions: Sequence[ExpansionRecord]) -> float | None:
     return sum(item.attempts for item in expansions) / children if children else None
 
 
-def attempt_validity(expansions: Sequence[ExpansionRecord]) -> Rate:
-    """Refiner calls that gave a valid child."""
-    return Rate(
-        sum(item.children for item in expansions), sum(item.attempts for item in expansions)
-    )
-
-
 def child_validity(expansions: Sequence[ExpansionRecord], width: int) -> Rate:
     """Children that came, with all retries, of those wanted (published: validity_rate).
 

@@ -20,6 +20,8 @@ from agentflow.metrics.validity import Rate
 PUBLISHED = "published (other models, in the game; not comparable in absolute terms)"
 NOTHING = "-"
 GAP = "  "
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""What spreadsheets take for the beginning of a formula."""
 
 
 @dataclass(frozen=True)
@@ -106,13 +108,17 @@ def markdown(table: Table) -> str:
 
 
 def comma_separated(table: Table) -> str:
-    """CSV with a `source` column: measured or published. Numbers in full precision."""
+    """CSV with a `source` column: measured or published. Numbers in full precision.
+
+    Names that a spreadsheet would take for a formula have a quotation mark before them.
+    """
     out = io.StringIO()
     write = csv.writer(out, lineterminator="\n").writerow
-    write(["source", *table.heads, *(column.full for column in table.columns)])
+    write(["source", *table.heads, *(_plain(column.full) for column in table.columns)])
     for source, rows in (("measured", table.rows), ("published", table.published)):
         for row in rows:
-            write([source, *row.labels, *("" if v is None else str(v) for v in row.values)])
+            values = ("" if value is None else str(value) for value in row.values)
+            write([source, *map(_plain, row.labels), *values])
     return out.getvalue()
 
 
@@ -131,7 +137,11 @@ def latex(table: Table) -> str:
     if table.published:
         lines += ["\\midrule", f"\\multicolumn{{{width}}}{{l}}{{{_tex(PUBLISHED)}}} \\\\"]
         lines += [_ampersands(_cells(table, row)) for row in table.published]
-    lines += ["\\bottomrule", "\\end{tabular}", *(f"% {note}" for note in table.notes)]
+    lines += [
+        "\\bottomrule",
+        "\\end{tabular}",
+        *(f"% {' '.join(note.split())}" for note in table.notes),
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -203,6 +213,11 @@ def _mark(text: str) -> str:
     return " ".join(text.split())
 
 
+def _plain(name: str) -> str:
+    """A name that no spreadsheet computes (OWASP, "CSV injection")."""
+    return f"'{name}" if name.startswith(FORMULA) else name
+
+
 def _ampersands(cells: Iterable[str]) -> str:
     return " & ".join(_tex(cell) for cell in cells) + " \\\\"
 
@@ -210,4 +225,4 @@ def _ampersands(cells: Iterable[str]) -> str:
 def _tex(text: str) -> str:
     special = {c: f"\\{c}" for c in "&%$#_{}"}
     named = {"\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}
-    return "".join((special | named).get(character, character) for character in text)
+    return "".join((special | named).get(c, c) for c in " ".join(text.split()))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from agentflow.metrics.intervals import Interval, wilson
-from agentflow.metrics.records import AttemptRecord, CandidateRecord
+from agentflow.metrics.records import CandidateRecord
 
 
 @dataclass(frozen=True)
@@ -52,17 +52,6 @@ def first_attempts(candidates: Sequence[CandidateRecord]) -> Validity:
         Rate(sum(c.parsed_first for c in candidates), total),
         Rate(sum(c.spatial_first for c in candidates), total),
         Rate(sum(c.valid_first for c in candidates), total),
-    )
-
-
-def all_attempts(attempts: Iterable[AttemptRecord]) -> Validity:
-    """Validity over every answered call of roles that design machines, retries included."""
-    items = [item for item in attempts if item.role in ("designer", "placer", "refiner")]
-    total = len(items)
-    return Validity(
-        Rate(sum(item.parsed for item in items), total),
-        Rate(sum(item.spatial is True for item in items), total),
-        Rate(sum(item.valid for item in items), total),
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from typing import Any
 
@@ -45,12 +44,10 @@ def row(stage: Stage) -> dict[str, Any]:
 
 
 def passes(stage: Stage) -> dict[str, Any]:
-    """How many attempts of a stage got how far, and how sure the share of passes is.
+    """How many attempts of a stage got how far.
 
     An attempt passes when it scores at least 1, which is what a task with success or failure
-    gives for success. `interval` is the Wilson 95 % score interval of the share of all attempts
-    (E. B. Wilson, Journal of the American Statistical Association 22, 1927); attempts that the
-    computer could not score are not counted.
+    gives for success. Attempts that the computer could not score are not counted.
     """
     scored = [c for c in stage.candidates if not c.valid or c.score is not None]
     count = sum(c.valid and c.score is not None and c.score >= PASS for c in scored)
@@ -60,17 +57,7 @@ def passes(stage: Stage) -> dict[str, Any]:
         "spatial": sum(c.first.spatial for c in scored),
         "passes": count,
         "share": count / len(scored) if scored else None,
-        "interval": list(wilson(count, len(scored))) if scored else None,
     }
-
-
-def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Both ends of the Wilson 95 % score interval of a share; `trials` is at least 1."""
-    share, z = successes / trials, statistics.NormalDist().inv_cdf(0.975)
-    middle = share + z * z / (2 * trials)
-    reach = z * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
-    scale = 1 + z * z / trials
-    return max(0.0, (middle - reach) / scale), min(1.0, (middle + reach) / scale)
 
 
 def best_of(stages: tuple[Stage, ...]) -> tuple[Candidate, Stage] | None:

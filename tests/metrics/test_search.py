@@ -6,7 +6,6 @@ import pytest
 
 from agentflow.metrics.records import RunRecord
 from agentflow.metrics.search import (
-    attempt_validity,
     attempts_per_child,
     best_after_expansions,
     best_after_rounds,
@@ -23,7 +22,6 @@ def test_attempts_and_children() -> None:
         [expansion(1, 1, "vxxv"), expansion(1, 2, "vv"), expansion(2, 1, "xxxx")]
     ).expansions
     assert attempts_per_child(made) == 10 / 4
-    assert attempt_validity(made) == Rate(4, 10)
     assert child_validity(made, 2) == Rate(4, 6)
     assert expansions_per_round(made) == 2
     assert attempts_per_child([]) is None

@@ -137,3 +137,14 @@ def test_json() -> None:
         ],
         "notes": ["1 run."],
     }
+
+
+def test_no_form_obeys_what_stands_in_a_name() -> None:
+    rows = (Row(("=HYPERLINK(1)\n& \\end{tabular}",), (1.0,)),)
+    hostile = Table("T\n\\input{x}", ("model",), (Column("@a", "b"),), rows, notes=("n\n\\x",))
+    assert comma_separated(hostile) == (
+        "source,model,'@a b\nmeasured,\"'=HYPERLINK(1)\n& \\end{tabular}\",1.0\n"
+    )
+    assert "=HYPERLINK(1) \\& \\textbackslash{}end\\{tabular\\} & 1.00 \\\\\n" in latex(hostile)
+    assert "% T \\input{x}\n" in latex(hostile)
+    assert "% n \\x\n" in latex(hostile)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from agentflow.metrics.records import RunRecord
-from agentflow.metrics.validity import Rate, after_retries, all_attempts, first_attempts
-from tests.metrics.events import attempt, candidate
+from agentflow.metrics.validity import Rate, after_retries, first_attempts
+from tests.metrics.events import candidate
 
 
 def test_first_attempts_and_after_retries() -> None:
@@ -25,19 +25,6 @@ def test_first_attempts_and_after_retries() -> None:
         "1/4",
     ]
     assert after_retries(stage) == Rate(3, 4)
-
-
-def test_all_attempts_are_of_roles_that_design() -> None:
-    record = RunRecord.of(
-        [
-            attempt("designer/traj-1/attempt-1", parsed=False, spatial=None, valid=False),
-            attempt("designer/traj-1/attempt-2"),
-            attempt("refiner/blind/traj-1/attempt-1", spatial=False, valid=False),
-            attempt("inspector/traj-1/attempt-1", spatial=None),
-        ]
-    )
-    found = all_attempts(record.attempts)
-    assert (found.parse, found.spatial, found.machine) == (Rate(2, 3), Rate(1, 3), Rate(1, 3))
 
 
 def test_rates_add_up_and_know_their_interval() -> None:

@@ -16,6 +16,7 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
 from agentflow.laboratory import PhysicsLaboratory, Simulator
+from agentflow.metrics.intervals import wilson
 from agentflow.prompts.render import PromptSet
 from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import PLACEMENT, WITHOUT_MODEL, demand_fit, workflow
@@ -103,7 +104,7 @@ def answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
     result = conducted.result
     best = result.best
     machine = best.machine if best else None
-    counted = {"attempts": passes(result.stages[0])} if result.workflow in PLACEMENT else {}
+    counted = {"attempts": _counted(result)} if result.workflow in PLACEMENT else {}
     return {
         "task": plan.task.name,
         "workflow": result.workflow,
@@ -118,6 +119,13 @@ def answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
         "reason": result.reason,
         **counted,
     }
+
+
+def _counted(result: WorkflowResult) -> dict[str, Any]:
+    """How many attempts pass, and Wilson's 95 % interval of their share."""
+    found = passes(result.stages[0])
+    interval = wilson(found["passes"], found["attempts"])
+    return {**found, "interval": None if interval is None else list(interval)}
 
 
 def asked(config: DesignConfig, models: Models) -> str:
