@@ -20,8 +20,8 @@ from random import Random
 
 import numpy as np
 
+from agentflow.env.archive import rollout_json
 from agentflow.env.pool import RolloutPool
-from agentflow.env.rollout import rollout_json
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.env.trace import Rollout

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO
 from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
@@ -15,7 +15,16 @@ import numpy as np
 from agentflow.env.trace import Broken, Event, Feedback, Rollout, Trace
 from agentflow.errors import UsageError
 
-UNREADABLE = (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error)
+UNREADABLE = (
+    OSError,
+    EOFError,
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    BadZipFile,
+    zlib.error,
+)
 """What reading a file that is empty, cut short, damaged or none of ours raises."""
 
 
@@ -78,8 +87,13 @@ def load_npz(path: Path) -> Rollout:
         with path.open("rb") as raw, np.load(raw) as file:
             result = json.loads(str(file["result"]))
             arrays = {name: file[name] for name in file.files if name != "result"}
+        return _restored(result, arrays)
     except UNREADABLE as error:
         raise UsageError(f"{path} is no saved rollout: {error}") from None
+
+
+def _restored(result: dict[str, Any], arrays: Mapping[str, Any]) -> Rollout:
+    """The rollout of these parts; what is missing or is something else raises one of UNREADABLE."""
     named = result.pop("trace", None)
     trace = None
     if named is not None:
@@ -95,5 +109,4 @@ def load_npz(path: Path) -> Rollout:
     result["events"] = tuple(
         Event(**(item | {"blocks": tuple(item["blocks"])})) for item in result["events"]
     )
-    assert set(result) | {"trace", "feedback", "scene"} == {field.name for field in fields(Rollout)}
     return Rollout(**result, trace=trace, feedback=feedback)

@@ -10,7 +10,6 @@ from dataclasses import replace
 from math import isfinite
 from time import perf_counter
 
-from agentflow.env.archive import load_npz, rollout_json, save_npz
 from agentflow.env.constants import Constants, constants
 from agentflow.env.engines.assembly import assemble
 from agentflow.env.engines.base import Engine, TooLargeError
@@ -28,8 +27,6 @@ from agentflow.machine.geometry import place
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
-
-__all__ = ["invalid", "load_npz", "rollout_json", "save_npz", "simulate"]
 
 _local = threading.local()
 

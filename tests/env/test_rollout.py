@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agentflow.env.archive import load_npz, rollout_json, save_npz
 from agentflow.env.constants import constants
 from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.rollout import load_npz, rollout_json, save_npz, simulate
+from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Event, Rollout
 from agentflow.errors import UsageError
@@ -287,3 +288,7 @@ def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
     path.write_text("no archive")
     with pytest.raises(UsageError, match="is no saved rollout"):
         load_npz(path)
+    for result in ("{}", "[]", '{"feedback": "", "feedback_data": {}, "events": 1, "broken": []}'):
+        np.savez(path, result=np.array(result))
+        with pytest.raises(UsageError, match="is no saved rollout"):
+            load_npz(path)

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import pytest
 
+from agentflow.env.archive import rollout_json
 from agentflow.env.pool import RolloutPool
-from agentflow.env.rollout import rollout_json, simulate
+from agentflow.env.rollout import simulate
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.jumping import Jumping, JumpingKnobs
 from agentflow.env.tasks.registry import get_task

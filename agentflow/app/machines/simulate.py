@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import line_value
+from agentflow.env.archive import rollout_json, save_npz
 from agentflow.env.pool import RolloutPool
 from agentflow.env.query import answer
-from agentflow.env.rollout import invalid, rollout_json, save_npz, simulate
+from agentflow.env.refusals import invalid
+from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import check

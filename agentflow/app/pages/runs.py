@@ -12,7 +12,8 @@ from agentflow.app.pages.films import Shapes, exhibit
 from agentflow.app.records.failures import count_failures
 from agentflow.app.records.reading import recorded_machine
 from agentflow.app.runs.design import finished
-from agentflow.config import DesignConfig, build
+from agentflow.app.runs.prices import cost_by
+from agentflow.config import PROCEDURAL, DesignConfig, build
 from agentflow.env.archive import load_npz
 from agentflow.env.constants import constants
 from agentflow.env.pool import RolloutPool
@@ -20,10 +21,7 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Rollout
 from agentflow.errors import UsageError
-from agentflow.llm.messages import Usage
-from agentflow.llm.prices import FREE
 from agentflow.machine import Machine, library, read_machine
-from agentflow.metrics.usage import Cost
 from agentflow.report.page import check_bundle, page
 from agentflow.report.run import RunStory
 from agentflow.runs import read_document
@@ -72,8 +70,8 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
     story = RunStory.read(path, result, best_of(result))
     shapes = Shapes()
     machines = asyncio.run(exhibits(_chosen(path, story, config, films), shapes, workers, say))
-    cost, priced = _costs(config)
-    data = story.to_json(cost, priced) | {
+    priced = bool(config.model.prices) or config.model.name == PROCEDURAL
+    data = story.to_json(cost_by(config.model), priced) | {
         "machines": machines,
         "shapes": shapes.rows,
         "failures": count_failures(path)["kinds"],
@@ -179,14 +177,3 @@ def _remark(item: Shown, rollout: Rollout | None) -> str:
             f"recorded were {item.score:.2f}."
         )
     return ""
-
-
-def _costs(config: DesignConfig) -> tuple[Cost, bool]:
-    """What calls cost by the run's prices, and whether it has any."""
-    prices = config.model.prices
-
-    def cost(model: str, usage: Mapping[str, int]) -> float | None:
-        price = prices.get(model, FREE if config.model.name == "procedural" else None)
-        return None if price is None else price.of(Usage(**usage))
-
-    return cost, bool(prices) or config.model.name == "procedural"

@@ -65,7 +65,7 @@ def simulate(
     Raises:
         UsageError: There is no such task, knob or file, or the rate is out of range.
     """
-    from agentflow.env.rollout import invalid
+    from agentflow.env.refusals import invalid
     from agentflow.env.rollout import simulate as roll_out
     from agentflow.env.tasks.registry import get_task
 
@@ -91,7 +91,7 @@ async def simulate_async(
     Raises:
         UsageError: As `simulate`.
     """
-    from agentflow.env.rollout import invalid
+    from agentflow.env.refusals import invalid
     from agentflow.env.tasks.registry import get_task
 
     level = get_task(task, knobs)

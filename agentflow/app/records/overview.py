@@ -9,13 +9,11 @@ from typing import Any
 
 from agentflow.app.records.failures import count_failures
 from agentflow.app.records.reading import sound
+from agentflow.app.runs.prices import cost_by
 from agentflow.app.runs.remarks import REMARK
 from agentflow.config import build
 from agentflow.errors import RunError, UsageError
-from agentflow.llm.messages import Usage
-from agentflow.llm.prices import FREE
-from agentflow.llm.procedural import ProceduralClient
-from agentflow.metrics.usage import Cost, Spent, bill
+from agentflow.metrics.usage import Spent, bill
 from agentflow.runs import find_runs, read_calls, read_document, read_events, read_result, state_of
 
 
@@ -102,7 +100,7 @@ def run_details(path: Path) -> dict[str, Any]:
                 stages.append({key: event.data[key] for key in (*_ROW, *event.data)})
             elif event.kind == REMARK:
                 remarks.append(event.data["text"])
-    spent = bill(read_calls(path), _cost(document))
+    spent = bill(read_calls(path), cost_by(build(document.get("config")).model))
     machine = result.get("machine")
     return {
         **summary,
@@ -123,14 +121,3 @@ def run_details(path: Path) -> dict[str, Any]:
 
 def _spent(item: Spent) -> dict[str, Any]:
     return {**asdict(item), "tokens": item.tokens}
-
-
-def _cost(document: dict[str, Any]) -> Cost:
-    """What a call cost by the prices that the run was begun with."""
-    prices = build(document.get("config")).model.prices
-
-    def cost(model: str, usage: Any) -> float | None:
-        price = FREE if model == ProceduralClient.name else prices.get(model)
-        return None if price is None else price.of(Usage.model_validate(usage))
-
-    return cost

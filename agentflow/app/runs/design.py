@@ -10,6 +10,7 @@ from typing import Any
 from agentflow.app.runs.conduct import Plan, answer, asked, changed, conduct
 from agentflow.app.runs.keeping import keep_rollouts, run_document, run_name
 from agentflow.app.runs.models import Models, answered_by, open_models
+from agentflow.app.runs.prices import prices_of
 from agentflow.app.runs.rationales import with_rationales
 from agentflow.app.runs.remarks import REMARK, Remarks, Say
 from agentflow.app.runs.watching import watched
@@ -24,8 +25,6 @@ from agentflow.laboratory import PhysicsLaboratory, Simulator
 from agentflow.llm.budget import Budget
 from agentflow.llm.client import Client
 from agentflow.llm.limits import Limiter
-from agentflow.llm.prices import FREE
-from agentflow.llm.procedural import ProceduralClient
 from agentflow.llm.tape import Tape
 from agentflow.runs import Event, Listener, RunDirectory, read_document, read_result
 
@@ -250,7 +249,7 @@ def _to_end(work: _Work) -> dict[str, Any]:
 
 def _count(tape: Tape, budget: Budget, plan: Plan) -> None:
     """Charge what an earlier process has spent."""
-    prices = {**plan.config.model.prices, ProceduralClient.name: FREE}
+    prices = prices_of(plan.config.model)
     for entry in tape.entries():
         budget.count(entry.request, entry.reply, prices.get(entry.model))
 

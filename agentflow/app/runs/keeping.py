@@ -14,8 +14,8 @@ from agentflow import __version__
 from agentflow.app.runs.conduct import Conducted, Plan
 from agentflow.app.runs.models import shown
 from agentflow.config import DesignConfig
+from agentflow.env.archive import save_npz
 from agentflow.env.constants import constants
-from agentflow.env.rollout import save_npz
 from agentflow.errors import RunError, UsageError
 
 

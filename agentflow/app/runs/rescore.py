@@ -11,6 +11,7 @@ from agentflow.app.runs.conduct import Plan
 from agentflow.config import build
 from agentflow.env.constants import constants
 from agentflow.env.pool import RolloutPool
+from agentflow.env.trace import Rollout
 from agentflow.runs import Event, read_document, read_events
 
 
@@ -41,21 +42,11 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
 
     async def compare() -> list[dict[str, Any]]:
         async with RolloutPool(workers or plan.config.workers) as pool:
-            return list(await asyncio.gather(*(one(digest, pool) for digest in tried)))
+            return list(await asyncio.gather(*(again(digest, pool) for digest in tried)))
 
-    async def one(digest: str, pool: RolloutPool) -> dict[str, Any]:
-        event = tried[digest]
-        rollout = await pool.run(recorded_machine(path, digest), plan.task, seed=plan.config.seed)
-        recorded = {"status": event.data["status"], "score": event.data["score"]}
-        scores = (recorded["score"], rollout.score)
-        return {
-            "machine": digest,
-            "place": event.label,
-            "recorded": recorded,
-            "now": {"status": rollout.status, "score": rollout.score},
-            "difference": None if None in scores else rollout.score - recorded["score"],
-            "identical": rollout.digest == event.data["rollout"] and scores[0] == scores[1],
-        }
+    async def again(digest: str, pool: RolloutPool) -> dict[str, Any]:
+        machine = recorded_machine(path, digest)
+        return _compared(tried[digest], await pool.run(machine, plan.task, seed=plan.config.seed))
 
     with sound(path):
         machines = asyncio.run(compare())
@@ -65,4 +56,19 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
         "constants": {"recorded": document.get("constants"), "now": constants().digest},
         "identical": sum(item["identical"] for item in machines),
         "machines": machines,
+    }
+
+
+def _compared(tried: Event, rollout: Rollout) -> dict[str, Any]:
+    """A recorded evaluation and the same machine's rollout of today."""
+    recorded = {"status": tried.data["status"], "score": tried.data["score"]}
+    now = {"status": rollout.status, "score": rollout.score}
+    known = recorded["score"] is not None and rollout.score is not None
+    return {
+        "machine": tried.data["machine"],
+        "place": tried.label,
+        "recorded": recorded,
+        "now": now,
+        "difference": rollout.score - recorded["score"] if known else None,
+        "identical": rollout.digest == tried.data["rollout"] and recorded["score"] == now["score"],
     }

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from agentflow.app.runs.conduct import Plan
-from agentflow.config import PROCEDURAL, DesignConfig
+from agentflow.app.runs.prices import prices_of
+from agentflow.config import DesignConfig
 from agentflow.env.tasks.base import Task
 from agentflow.llm.messages import Usage
 from agentflow.llm.prices import Price
@@ -126,12 +127,12 @@ def _seconds(task: Task, seed: int) -> float:
 
 
 def _money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
-    spent = 0.0
+    spent, prices = 0.0, prices_of(config.model)
     for role, count in calls.items():
         own = config.model.roles.get(role)
         name = own.name if own else config.model.name
-        price = config.model.prices.get(name)
-        if count and name != PROCEDURAL:
+        price = prices.get(name)
+        if count:
             if price is None:
                 return None
             spent += count * _cost(price, role)

@@ -77,17 +77,30 @@ def held(path: Path, document: Mapping[str, Any], resume: bool) -> Iterator[None
         RunError: It was begun before and is not to be resumed, or was begun otherwise; another
             process is at it; it cannot be written.
     """
-    file = path / NAME
-    if is_sweep(path):
-        _same(path, document, resume)
-    else:
-        _write_new(file, document)
-    with file.open("rb") as lock:
+    with _locked(path):
+        if is_sweep(path):
+            _same(path, document, resume)
+        else:
+            _write_new(path / NAME, document)
+        yield
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """The folder, made where it is missing, for this process alone."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        folder = os.open(path, os.O_RDONLY)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    try:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise RunError(f"{path} is in use by another process; wait for it or stop it") from None
         yield
+    finally:
+        os.close(folder)
 
 
 def _same(path: Path, document: Mapping[str, Any], resume: bool) -> None:
@@ -129,13 +142,14 @@ def _write_new(file: Path, document: Mapping[str, Any]) -> None:
     }
     part = file.with_name(file.name + ".part")
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
         part.write_text(yaml.safe_dump({**head, **document}, sort_keys=False), encoding="utf-8")
         os.replace(part, file)
     except OSError as error:
-        raise RunError(
-            f"cannot write to {file.parent}: {error.strerror}; choose another folder with --out"
-        ) from None
+        raise _unwritable(file.parent, error) from None
+
+
+def _unwritable(path: Path, error: OSError) -> RunError:
+    return RunError(f"cannot write to {path}: {error.strerror}; choose another folder with --out")
 
 
 def folder_name(name: str, sweep: SweepConfig) -> str:

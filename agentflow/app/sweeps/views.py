@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
+from agentflow.app.runs.prices import cost_by
 from agentflow.app.sweeps.tables import Finished, Swept, layout, read_swept, task_of
 from agentflow.errors import UnknownNameError, UsageError
-from agentflow.llm.messages import Usage
-from agentflow.llm.prices import FREE
-from agentflow.llm.procedural import ProceduralClient
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import Cell, Value, curve
 from agentflow.metrics.cells import Member as Numbers
@@ -221,13 +218,7 @@ def _between(interval: tuple[float, float] | None) -> str | None:
 def _bill(runs: Iterable[Finished]) -> Bill:
     total = Bill(Spent(), {}, {})
     for run in runs:
-        prices = {ProceduralClient.name: FREE, **run.member.config.model.prices}
-
-        def cost(model: str, tokens: Mapping[str, int], prices: Any = prices) -> float | None:
-            price = prices.get(model)
-            return None if price is None else float(price.of(Usage(**tokens)))
-
-        total += bill(read_calls(run.path), cost)
+        total += bill(read_calls(run.path), cost_by(run.member.config.model))
     return total
 
 
