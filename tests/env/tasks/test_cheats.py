@@ -116,7 +116,14 @@ def test_a_car_drives_only_with_power() -> None:
     assert off < NEGLIGIBLE
 
 
-@pytest.mark.parametrize("name", task_names())
+QUICK = {"delivery", "gearing", "movement", "throwing"}
+"""First levels of one trial; every other level is looked at in the slow part."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in task_names()],
+)
 def test_the_same_level_is_the_same_world_everywhere(name: str) -> None:
     machine = Machine(MACHINES["a car that carries its boulder"])
     task = get_task(name)
