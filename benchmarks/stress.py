@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import itertools
 import json
 import sys
 import time
@@ -44,10 +45,15 @@ def main() -> None:
 
 
 def cases(count: int, seed: int = 0) -> Iterator[tuple[str, Task, Machine]]:
-    """Name, task and machine of each case: the tasks in turn, each machine from its own seed."""
-    names = task_names()
-    for number in range(count):
-        task = get_task(names[number % len(names)])
+    """Name, task and machine of each case: the tasks in turn, each machine from its own seed.
+
+    A task of ten trials has its turn in every tenth round, the first one included, so that every
+    task costs about the same number of rollouts.
+    """
+    tasks = [get_task(name) for name in task_names()]
+    rounds = ((turn, task) for turn in itertools.count() for task in tasks)
+    due = (task for turn, task in rounds if turn % len(task.trials(seed)) == 0)
+    for number, task in enumerate(itertools.islice(due, count)):
         machine = random_machine(Random(f"{seed}/{number}"), task.brief)
         yield f"{number} {task.name}", task, machine
 
