@@ -23,6 +23,8 @@ FREE_FLIGHT = 0.2
 """Seconds without contact that make a flight (spec 3)."""
 NEAR = 0.25
 """The root may not be within this share of the distance at the landing (spec 3)."""
+STILL = 0.1
+"""Metres along z+ that a machine which stands may move: by recoil, or as it settles."""
 RL_HEIGHT = 3.0
 """Metres that the boulder must exceed for the reinforcement-learning score (spec 3)."""
 ROUNDING = 1e-6
@@ -39,11 +41,25 @@ class Landing:
     forward: float
     any: float
     from_root: float
+    flown: float
+    """Along z+ since it left the machine."""
+    driven: float
+    """By the root in that time."""
 
     @property
     def index(self) -> int:
         """The first of the usual samples at or after the touch."""
         return int(np.ceil(self.time / constants()["sample_interval"] - ROUNDING))
+
+    @property
+    def distance(self) -> float:
+        """What counts along z+: nothing when the machine that it left drove on farther."""
+        return 0.0 if self.rolled_off else self.counted(self.forward)
+
+    @property
+    def rolled_off(self) -> bool:
+        """Whether the machine drove on farther than the boulder flew."""
+        return self.driven > max(self.flown, STILL)
 
     def counted(self, distance: float) -> float:
         """The distance, 0 where it is negative or the root has come along."""
@@ -57,7 +73,8 @@ class Flight:
     which is its first touch of ground or wall. The flight must begin at the machine: once the
     boulder has touched ground or wall without that, only a new touch of the machine that lifts it
     off again can begin a flight. It counts nothing when the root's centre is then horizontally
-    (x, z) nearer to the boulder's than a quarter of the distance.
+    (x, z) nearer to the boulder's than a quarter of the distance, or when the root has moved
+    farther along z+ than the boulder since it left: then it was not thrown but rolled off.
     """
 
     def __init__(self, machine: Machine, boulder: int, rings: Sequence[Ring] = ()) -> None:
@@ -68,6 +85,8 @@ class Flight:
         self._holder: int | None = None
         self._left: float | None = None
         """Last moment at which the boulder touched the machine."""
+        self._from = (0.0, 0.0)
+        """z of boulder and root then, m."""
         self._clean = False
         """Whether it has touched neither ground nor wall since then."""
         self._rolled = False
@@ -78,7 +97,7 @@ class Flight:
     @property
     def distance(self) -> float:
         """What the throw counts along z+, m; 0 without one."""
-        return self.landing.counted(self.landing.forward) if self.landing else 0.0
+        return self.landing.distance if self.landing else 0.0
 
     @property
     def left(self) -> float | None:
@@ -111,6 +130,7 @@ class Flight:
         scene = sorted(body for body in touching if isinstance(body, str))
         if blocks:
             self._holder, self._left, self._clean = min(blocks), world.time, not scene
+            self._from = (world.centre(self.boulder)[2], world.centre(0)[2])
         elif self._clean and world.time - (self._left or 0.0) >= FREE_FLIGHT - ROUNDING:
             self._land(world, scene[0])
         else:
@@ -128,6 +148,8 @@ class Flight:
             forward=z - self._origin[2],
             any=hypot(x - self._origin[0], z - self._origin[2]),
             from_root=hypot(x - root[0], z - root[2]),
+            flown=z - self._from[0],
+            driven=root[2] - self._from[1],
         )
 
     def away(self, x: float, z: float) -> float | None:
@@ -180,6 +202,11 @@ class Flight:
             return f"thrown: {flight}, {number(self.distance)} m along z+"
         if landing.forward <= 0.0:
             return f"thrown the wrong way: {flight}, {number(-landing.forward)} m along z-"
+        if landing.rolled_off:
+            return (
+                f"rolled off: {flight}, {number(landing.flown)} m along z+ in flight, while the "
+                f"Starting Block went {number(landing.driven)} m"
+            )
         return (
             f"carried: {flight}, {number(landing.forward)} m along z+ with the Starting Block only "
             f"{number(landing.from_root)} m away"
@@ -200,6 +227,7 @@ RULES = (
     f"Free flight means no contact with the machine for {FREE_FLIGHT:g} s: a boulder that is "
     "carried, rolls, is pushed along or never leaves the machine scores 0.",
     f"The throw counts only when the Starting Block is not within {NEAR:.0%} of the distance of "
-    "the boulder when it lands.",
+    "the boulder when it lands, and has not moved farther along z+ than the boulder since it left: "
+    "a boulder that rolls off while the machine drives on scores 0.",
 )
 """The same in words."""

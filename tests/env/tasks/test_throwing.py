@@ -149,6 +149,31 @@ def test_a_boulder_dropped_from_a_car_scores_nothing() -> None:
     assert judge(script, root_z=24.0).score == 33.0
 
 
+@pytest.mark.parametrize(("driven", "score"), [(4.0, 3.0), (5.1, 0.0), (30.0, 0.0)])
+def test_a_boulder_that_rolls_off_while_the_machine_drives_on_scores_nothing(
+    driven: float, score: float
+) -> None:
+    """It leaves at -2 m and lands at 3 m, while the root goes on from 0."""
+    referee = get_task("throwing").referee(THROWER)
+    world = FakeWorld(centres={BOULDER: (0.0, 2.0, 0.0)}, contacts={BOULDER: HELD})
+    referee.start(world)
+    for time, z, root_z, contacts in (
+        (0.1, -2.0, 0.0, HELD),
+        (0.2, 0.0, driven / 2, FREE),
+        (0.4, 3.0, driven, DOWN),
+    ):
+        world.time = time
+        world.centres[BOULDER], world.centres[0] = (0.0, 2.0, z), (0.0, 0.5, root_z)
+        world.contacts[BOULDER] = contacts
+        referee.watch(world)
+    verdict = referee.verdict(make_trace(len(THROWER)))
+    assert verdict.score == score
+    if not score:
+        assert str(verdict.terms["result"]).endswith(
+            f"5.00 m along z+ in flight, while the Starting Block went {driven:.2f} m"
+        )
+
+
 def test_a_boulder_that_the_machine_catches_again_has_not_landed() -> None:
     script = [
         *moments(STEP, 0.5, 0.0, 3.0, FREE),
