@@ -81,7 +81,7 @@ def rescore(
 
     Nothing in the run is changed.
     """
-    from agentflow.app.runs.rescore import rescore as simulate_again
+    from agentflow.app.records.rescore import rescore as simulate_again
     from agentflow.cli.show_records import show_rescored
 
     found = simulate_again(run, workers)

@@ -1,1 +1,1 @@
-"""Recorded runs looked at: the list, one run, its machines, what went wrong."""
+"""Recorded runs looked at: the list, one run, its machines, what went wrong, rescoring."""

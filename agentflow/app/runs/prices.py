@@ -12,7 +12,7 @@ from agentflow.metrics.usage import Cost
 
 
 def prices_of(config: ModelConfig) -> dict[str, Price]:
-    """Model -> price, where one is known; the procedural model is free whatever is configured."""
+    """Name in the record -> price, where one is known; the procedural model is always free."""
     return {**config.prices, ProceduralClient.name: FREE}
 
 

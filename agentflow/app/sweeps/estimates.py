@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from agentflow.app.runs.conduct import Plan
-from agentflow.app.runs.prices import prices_of
-from agentflow.config import DesignConfig
+from agentflow.config import PROCEDURAL, DesignConfig
 from agentflow.env.tasks.base import Task
 from agentflow.llm.messages import Usage
 from agentflow.llm.prices import Price
@@ -127,12 +126,12 @@ def _seconds(task: Task, seed: int) -> float:
 
 
 def _money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
-    spent, prices = 0.0, prices_of(config.model)
+    spent = 0.0
     for role, count in calls.items():
         own = config.model.roles.get(role)
         name = own.name if own else config.model.name
-        price = prices.get(name)
-        if count:
+        price = config.model.prices.get(name)
+        if count and name != PROCEDURAL:
             if price is None:
                 return None
             spent += count * _cost(price, role)

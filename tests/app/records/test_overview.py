@@ -11,7 +11,7 @@ import pytest
 
 from agentflow.app.records.overview import run_details, run_list
 from agentflow.app.runs.models import ROLES
-from agentflow.app.runs.rescore import rescore
+from agentflow.app.records.rescore import rescore
 from agentflow.errors import RunError
 from agentflow.runs import RunDirectory, read_calls, read_document, read_result
 

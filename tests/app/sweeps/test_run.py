@@ -21,6 +21,8 @@ from agentflow.app.sweeps.run import Outcome, folder_of, plan_sweep, run_sweep
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.runs import Event
 
+pytestmark = pytest.mark.xdist_group("sweep")  # they share a sweep
+
 TINY: dict[str, Any] = {
     "title": "Tiny",
     "base": {
