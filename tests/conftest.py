@@ -1,4 +1,4 @@
-"""A third-party OpenAI-compatible server, as a process of its own on 127.0.0.1."""
+"""How properties are tried, and a third-party OpenAI-compatible server on 127.0.0.1."""
 
 from __future__ import annotations
 
@@ -14,7 +14,14 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile("steady", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("steady")  # no test fails for what else the machine is doing
+settings.register_profile("quick", settings.get_profile("steady"), max_examples=20)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """No property fails for what else the machine is doing; the fast part draws fewer examples."""
+    quick = config.getoption("markexpr") == "not slow"
+    settings.load_profile("quick" if quick else "steady")
+
 
 FIXTURES = Path(__file__).parent / "stub_fixtures.yaml"
 

@@ -6,7 +6,7 @@ from math import pi, sqrt, tan
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
@@ -78,7 +78,6 @@ def test_from_above_a_cone_hides_no_more_than_its_base() -> None:
     assert mask.sum() == pytest.approx(pi * (FOCAL * 2 / 22) ** 2, rel=0.02)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.sampled_from(["box", "sphere", "cylinder", "cone"]),
     st.tuples(EXTENT, EXTENT, EXTENT),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.machine import ROOT, Geometry, Machine, Step, library, place
@@ -79,7 +79,6 @@ def level_machines(draw: st.DrawFn) -> Machine:
 
 
 @pytest.mark.parametrize("facing", ["z+", "z-", "x+", "x-"])
-@settings(max_examples=60)
 @given(machine=level_machines())
 def test_level_machines_turn_about_the_vertical(facing: str, machine: Machine) -> None:
     assert legal(machine, FACINGS[facing])
