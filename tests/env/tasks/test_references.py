@@ -14,8 +14,14 @@ from agentflow.env.tasks.registry import get_level, get_task, task_names
 from benchmarks.shelf import DIGITS, FOLDER, Reference, families, here, load, read
 
 ALL = tuple((shelf.platform, item) for shelf in map(read, families()) for item in shelf.references)
-FIRST = tuple({item.level.split("/")[0]: (where, item) for where, item in reversed(ALL)}.values())
-"""One of each family, of its first level listed."""
+FIRST = tuple(
+    {
+        item.level.split("/")[0]: (where, item)
+        for where, item in reversed(ALL)
+        if len(get_task(item.level).trials(0)) == 1
+    }.values()
+)
+"""One of each family that has no ten trials, of its first level listed."""
 SHARE = 1 / 3
 """Of the good score, which a reference reaches (spec 3.1)."""
 ELSEWHERE = 0.05
@@ -47,7 +53,7 @@ def name(case: tuple[str, Reference]) -> str:
 
 
 @pytest.mark.parametrize("case", FIRST, ids=name)
-def test_a_reference_of_each_family_keeps_its_score(case: tuple[str, Reference]) -> None:
+def test_a_reference_of_each_quick_family_keeps_its_score(case: tuple[str, Reference]) -> None:
     keeps_its_score(*case)
 
 
