@@ -81,10 +81,16 @@ function curves({ progress }) {
 
 function stages({ stages: rows }) {
   if (!rows.length) return null;
-  const head = ["Stage", "Valid", "Mean", "Mean, invalid 0", "Best", "Std", "Calls", "Tokens", "Rollouts"];
+  const costs = spent(rows, { Calls: "calls", Tokens: "tokens", Rollouts: "rollouts" });
+  const head = ["Stage", "Valid", "Mean", "Mean, invalid 0", "Best", "Std", ...costs.map(([name]) => name)];
   return section("Stages", table("What each stage gave", head, rows.map((row) => [
     named(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
-    row.calls, row.tokens, row.rollouts])));
+    ...costs.map(([, key]) => row[key])])));
+}
+
+/** The columns of costs that hold anything: what nobody spent takes no room. */
+function spent(rows, columns) {
+  return Object.entries(columns).filter(([, key]) => rows.some((row) => row[key] !== 0));
 }
 
 function failures({ validity, reasons, failures: kinds }) {
@@ -103,9 +109,11 @@ function failures({ validity, reasons, failures: kinds }) {
 
 function usage({ usage: rows, run }) {
   if (!rows.length) return null;
-  const head = ["Role", "Calls", "Prompt", "Completion", "Reasoning", "Cached", "Seconds", "Cost"];
-  return section("Usage", table("Tokens, time and money by role", head, rows.map((row) => [
-    named(row.role), row.calls, row.prompt, row.completion, row.reasoning, row.cached, row.seconds, row.cost])),
+  const costs = spent(rows, {
+    Calls: "calls", Prompt: "prompt", Completion: "completion", Reasoning: "reasoning", Cached: "cached", Seconds: "seconds", Cost: "cost",
+  });
+  return section("Usage", table("Calls, tokens, time and money by role", ["Role", ...costs.map(([name]) => name)],
+    rows.map((row) => [named(row.role), ...costs.map(([, key]) => row[key])])),
     run.prices ? null : el("p", { class: "quiet" }, "No prices were configured, so nothing is known of the cost."));
 }
 
