@@ -87,6 +87,12 @@ def shown(config: DesignConfig) -> dict[str, Any]:
     return document
 
 
+def with_credentials(config: DesignConfig) -> set[str]:
+    """The base URLs that hold a user or a query, which `shown` leaves out."""
+    urls = [config.model.base_url, *(role.base_url for role in config.model.roles.values())]
+    return {url for url in urls if url and ("@" in url or "?" in url)}
+
+
 @dataclass(frozen=True)
 class Answerer:
     """Which model answers at which endpoint with which key."""

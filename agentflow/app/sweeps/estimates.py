@@ -27,6 +27,8 @@ TOKENS: Mapping[str, tuple[int, int]] = MappingProxyType(
 )
 """Role -> prompt and completion tokens of a call, without reasoning; measured: runs/recorded-
 throwing, four characters to a token."""
+DESKS: Mapping[str, str] = MappingProxyType({"placer": "designer"})
+"""Role -> the role whose model answers for it, where that is another."""
 ROLLOUT_SECONDS = 0.2
 """Of a worker, for one trial in a window of 5 s; measured: 18 s for the 175 rollouts of
 `agentflow design --task throwing --seed 0` on two quiet cores."""
@@ -128,7 +130,7 @@ def _seconds(task: Task, seed: int) -> float:
 def _money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
     spent = 0.0
     for role, count in calls.items():
-        own = config.model.roles.get(role)
+        own = config.model.roles.get(DESKS.get(role, role))
         name = own.name if own else config.model.name
         price = config.model.prices.get(name)
         if count and name != PROCEDURAL:

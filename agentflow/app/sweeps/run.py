@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from agentflow.app.runs.conduct import Plan
 from agentflow.app.runs.design import design_async, resume_async
-from agentflow.app.runs.models import with_environment
+from agentflow.app.runs.models import with_credentials, with_environment
 from agentflow.app.sweeps.folder import (
     LOG,
     RUNS,
@@ -64,7 +64,7 @@ class SweepPlan:
 
         Raises:
             UnknownNameError: One of them does not exist.
-            ConfigError: A configuration is wrong.
+            ConfigError: A configuration is wrong, or an axis holds credentials.
         """
         check_metrics(sweep.table.metrics)
         for metrics in sweep.table.task_metrics.values():
@@ -72,7 +72,19 @@ class SweepPlan:
         for source in sweep.table.published:
             check_source(source.table)
         found = members(sweep)
+        _demand_no_credentials(sweep, found)
         return cls(name, sweep, found, {member.name: Plan.of(member.config) for member in found})
+
+
+def _demand_no_credentials(sweep: SweepConfig, found: Iterable[Member]) -> None:
+    """What axes hold is written down, and names runs; what the base holds is not."""
+    known = with_credentials(build(sweep.base))
+    for member in found:
+        if with_credentials(member.config) - known:
+            raise ConfigError(
+                "an axis has a base URL with a user or a query, which would be written down; "
+                "name the environment variable of the key in model.key_variable instead"
+            )
 
 
 class Watcher(Protocol):

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from agentflow.app.records.overview import run_details, run_list
-from agentflow.app.runs.models import ROLES
 from agentflow.app.records.rescore import rescore
+from agentflow.app.runs.models import ROLES
 from agentflow.errors import RunError
 from agentflow.runs import RunDirectory, read_calls, read_document, read_result
 

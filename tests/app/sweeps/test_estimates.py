@@ -73,6 +73,14 @@ def test_money_needs_a_price_of_every_model_asked() -> None:
     assert total([priced, of(model={"name": "m"})]).money is None
 
 
+def test_placers_cost_what_the_designers_model_costs() -> None:
+    dear = {"name": "dear", "prices": {"dear": {"input": 1.0, "output": 10.0}}}
+    placing = {"task": "gearing", "workflow": "placement", "settings": {"placements": 2}}
+    free = {**dear, "roles": {"designer": {"name": "procedural"}}}
+    assert of(**placing, model=dear).money == pytest.approx(2 * (3230 + 10 * 220) / 1e6)
+    assert of(**placing, model=free).money == 0.0
+
+
 def test_long_windows_and_trials_take_longer() -> None:
     single = {"workflow": "single", "settings": {"trajectories": 1, "search": {"rounds": 0}}}
     assert of(**single).seconds == pytest.approx(0.2)

@@ -291,3 +291,18 @@ def test_ctrl_c_leaves_a_sweep_that_can_be_continued(tmp_path: Path) -> None:
         check=True,
     )
     assert json.loads(again.stdout)["done"] == list(RUNS)
+
+
+@pytest.mark.parametrize("url", ["https://user:secret@host/v1", "https://host/v1?key=secret"])
+@pytest.mark.parametrize("keys", [["model.base_url"], ["model", "base_url"]])
+def test_axes_hold_no_credentials(tmp_path: Path, url: str, keys: list[str]) -> None:
+    setting: Any = url
+    for key in reversed(keys):
+        setting = {key: setting}
+    path = write(tmp_path, axes={"where": {"there": setting}})
+    with pytest.raises(ConfigError) as caught:
+        plan_sweep(path, (), {})
+    assert str(caught.value) == (
+        "an axis has a base URL with a user or a query, which would be written down; name the "
+        "environment variable of the key in model.key_variable instead"
+    )
