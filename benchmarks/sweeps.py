@@ -19,7 +19,8 @@ import yaml
 from agentflow.app.runs.conduct import Plan, conduct
 from agentflow.app.runs.models import open_models
 from agentflow.app.runs.replay import Memory
-from agentflow.app.sweeps.run import folder_of, plan_sweep, run_sweep
+from agentflow.app.sweeps.plan import folder_of, plan_sweep
+from agentflow.app.sweeps.run import run_sweep
 from agentflow.app.sweeps.views import view
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.app.sweeps.run import plan_sweep
+from agentflow.app.sweeps.plan import plan_sweep
 from agentflow.config import load
 from agentflow.errors import ConfigError
 from agentflow.metrics.published import published

@@ -11,7 +11,8 @@ import typer
 from agentflow.cli.commands import BaseUrl, Json, ModelName, Quiet, Settings, commands, print_json
 
 if TYPE_CHECKING:
-    from agentflow.app.sweeps.run import Outcome, SweepPlan
+    from agentflow.app.sweeps.plan import SweepPlan
+    from agentflow.app.sweeps.run import Outcome
 
 PARTLY, NO_ENDPOINT = 3, 4
 """Exit statuses: some runs failed; all did, because of the endpoint (spec 6.5)."""
@@ -41,7 +42,8 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """Carry out many runs that differ in a few settings; `agentflow table` compares them."""
-    from agentflow.app.sweeps.run import folder_of, plan_sweep, run_sweep
+    from agentflow.app.sweeps.plan import folder_of, plan_sweep
+    from agentflow.app.sweeps.run import run_sweep
     from agentflow.cli.sweeplive import watch_sweep
 
     options = {"model.name": model, "model.base_url": base_url, "workers": workers}

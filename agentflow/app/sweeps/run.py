@@ -4,87 +4,29 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from agentflow.app.runs.conduct import Plan
 from agentflow.app.runs.design import design_async, resume_async
-from agentflow.app.runs.models import with_credentials, with_environment
-from agentflow.app.sweeps.folder import (
-    LOG,
-    RUNS,
-    STORE,
-    document_of,
-    folder_name,
-    held,
-    is_sweep,
-    read_folder,
-)
-from agentflow.config import build, load, override, put
+from agentflow.app.sweeps.folder import LOG, RUNS, STORE, document_of, held
+from agentflow.app.sweeps.plan import SweepPlan
+from agentflow.config import build
 from agentflow.env.pool import RolloutPool
-from agentflow.errors import (
-    AgentflowError,
-    ConfigError,
-    EndpointError,
-    InterruptedRunError,
-    UsageError,
-)
+from agentflow.errors import AgentflowError, EndpointError, InterruptedRunError
 from agentflow.laboratory import Simulator
 from agentflow.llm.limits import Limiter
-from agentflow.metrics.cells import check_metrics
-from agentflow.metrics.published import check_source
 from agentflow.runs import Event
 from agentflow.runs.lines import LineFile
 from agentflow.search.concurrency import together
 from agentflow.store import Store
-from agentflow.sweeps import Member, SweepConfig, members, read_sweep, varied
+from agentflow.sweeps import Member
 
 LEFTOVERS = {"run.yaml.part"}
 """What a process that was killed while it began a run may have left of it."""
-
-
-@dataclass(frozen=True)
-class SweepPlan:
-    """A sweep whose every name has been looked up."""
-
-    name: str
-    sweep: SweepConfig
-    members: tuple[Member, ...]
-    plans: Mapping[str, Plan]
-    """Run's name -> its plan."""
-
-    @classmethod
-    def of(cls, name: str, sweep: SweepConfig) -> SweepPlan:
-        """Look up tasks, workflows, prompts, metrics and published tables.
-
-        Raises:
-            UnknownNameError: One of them does not exist.
-            ConfigError: A configuration is wrong, or an axis holds credentials.
-        """
-        check_metrics(sweep.table.metrics)
-        for metrics in sweep.table.task_metrics.values():
-            check_metrics(metrics)
-        for source in sweep.table.published:
-            check_source(source.table)
-        found = members(sweep)
-        _demand_no_credentials(sweep, found)
-        return cls(name, sweep, found, {member.name: Plan.of(member.config) for member in found})
-
-
-def _demand_no_credentials(sweep: SweepConfig, found: Iterable[Member]) -> None:
-    """What axes hold is written down, and names runs; what the base holds is not."""
-    known = with_credentials(build(sweep.base))
-    for member in found:
-        if with_credentials(member.config) - known:
-            raise ConfigError(
-                "an axis has a base URL with a user or a query, which would be written down; "
-                "name the environment variable of the key in model.key_variable instead"
-            )
 
 
 class Watcher(Protocol):
@@ -117,52 +59,6 @@ class Outcome:
     """With the reason, in one line."""
     endpoint: bool = False
     """Whether every failure was the endpoint's."""
-
-
-def plan_sweep(
-    path: Path, settings: Iterable[str], options: Mapping[str, Any], seeds: int | None = None
-) -> SweepPlan:
-    """Read a sweep, lay settings over its base and look everything up.
-
-    Args:
-        path: The YAML file, or the folder of a sweep that was begun.
-        settings: `a.b=value` each, of all runs.
-        options: Dotted configuration keys of all runs; None means not given.
-        seeds: How many seeds, from 0, instead of the file's.
-
-    Raises:
-        ConfigError: A key is unknown, or set although an axis varies it.
-        UnknownNameError: A task, workflow, metric or the like does not exist.
-    """
-    given = {key: value for key, value in options.items() if value is not None}
-    if is_sweep(path):
-        if list(settings) or given or seeds is not None:
-            raise UsageError(
-                f"{path} is continued as it was begun; leave out --model, --base-url, --set "
-                "and --seeds"
-            )
-        document, sweep = read_folder(path)
-        return SweepPlan.of(document["name"], sweep)
-    sweep = read_sweep(load(path), str(path))
-    axes = varied(sweep)
-    for key in [*(setting.partition("=")[0].strip() for setting in settings), *given]:
-        if key.removeprefix("settings.") in {name.removeprefix("settings.") for name in axes}:
-            raise ConfigError(
-                f"{key} is what the sweep varies ({axes.get(key, 'axes')}): it cannot be set "
-                "for all runs; --seeds N sets the seeds"
-            )
-    base = override(sweep.base, settings)
-    for key, value in given.items():
-        base = put(base, key, value)
-    changed: dict[str, Any] = {"base": with_environment(base, os.environ)}
-    if seeds is not None:
-        changed["seeds"] = tuple(range(seeds))
-    return SweepPlan.of(path.stem, sweep.model_copy(update=changed))
-
-
-def folder_of(plan: SweepPlan, path: Path, out: Path) -> Path:
-    """Where a sweep lies: at `path` if that is its folder, else under `out`."""
-    return path if is_sweep(path) else out / folder_name(plan.name, plan.sweep)
 
 
 def run_sweep(

@@ -17,7 +17,8 @@ import pytest
 import yaml
 
 from agentflow.app.runs.replay import replay
-from agentflow.app.sweeps.run import Outcome, folder_of, plan_sweep, run_sweep
+from agentflow.app.sweeps.plan import folder_of, plan_sweep
+from agentflow.app.sweeps.run import Outcome, run_sweep
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.runs import Event
 

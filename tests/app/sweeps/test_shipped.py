@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.sweeps.run import folder_of, plan_sweep, run_sweep
+from agentflow.app.sweeps.plan import folder_of, plan_sweep
+from agentflow.app.sweeps.run import run_sweep
 from agentflow.app.sweeps.tables import layout, read_swept
 from agentflow.app.sweeps.views import VIEWS, view
 from agentflow.config import load

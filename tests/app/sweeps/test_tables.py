@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from agentflow.app.sweeps.folder import document_of, held
-from agentflow.app.sweeps.run import plan_sweep
+from agentflow.app.sweeps.plan import plan_sweep
 from agentflow.app.sweeps.tables import layout, read_swept
 from agentflow.app.sweeps.views import VIEWS, view, written
 from agentflow.errors import RunError, UnknownNameError, UsageError
