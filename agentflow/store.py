@@ -95,8 +95,11 @@ class Store:
 
 def _save(rollout: Rollout, path: Path) -> None:
     part = path.with_name(path.name + ".part")
-    save_npz(rollout, part)
-    os.replace(part, path)
+    try:
+        save_npz(rollout, part)
+        os.replace(part, path)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror}") from None
 
 
 def _unite(file: Path, kept: Path) -> None:

@@ -54,7 +54,7 @@ def save_npz(rollout: Rollout, path: Path) -> None:
     """Write a rollout: the trace's arrays by name, the rest as JSON text under `result`.
 
     Raises:
-        UsageError: The file cannot be written.
+        OSError: The file cannot be written.
     """
     arrays: dict[str, Any] = {}
     result = rollout_json(rollout) | {"feedback_data": rollout.feedback.data}
@@ -62,11 +62,8 @@ def save_npz(rollout: Rollout, path: Path) -> None:
         trace = vars(rollout.trace)
         arrays = {name: value for name, value in trace.items() if isinstance(value, np.ndarray)}
         result["trace"] = {name: value for name, value in trace.items() if name not in arrays}
-    try:
-        with path.open("wb") as file:
-            _write(file, {"result": np.array(json.dumps(result)), **arrays})
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror}") from None
+    with path.open("wb") as file:
+        _write(file, {"result": np.array(json.dumps(result)), **arrays})
 
 
 def _write(file: BinaryIO, arrays: Mapping[str, Any]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import machine_text
+from agentflow.app.outputs import written
 from agentflow.env.gltf import machine_glb
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Problem, library
@@ -39,8 +40,10 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     machine = reading.machine
     if machine is None or (strict and problems):
         raise UsageError(f"{source} cannot be converted: {_told(problems)}")
+    data = write(machine)
     try:
-        out.write_bytes(write(machine))
+        with written(out) as part:
+            part.write_bytes(data)
     except OSError as error:
         raise UsageError(f"cannot write {out}: {error.strerror}") from None
     return {

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import line_value
+from agentflow.app.outputs import written
 from agentflow.env.archive import rollout_json, save_npz
 from agentflow.env.pool import RolloutPool
 from agentflow.env.query import answer
@@ -46,7 +47,11 @@ def simulate_text(
     if asked:
         result["answers"] = answer(report.machine, rollout, asked).data
     if save is not None and rollout.trace is not None:
-        save_npz(rollout, save)
+        try:
+            with written(save) as part:
+                save_npz(rollout, part)
+        except OSError as error:
+            raise UsageError(f"cannot write {save}: {error.strerror}") from None
     return result
 
 

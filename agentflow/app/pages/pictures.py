@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from agentflow.app.machines.files import machine_text
+from agentflow.app.outputs import written
 from agentflow.app.runs.design import finished
 from agentflow.config import build
 from agentflow.env.film import save_film
@@ -59,7 +60,8 @@ def _render(machine: Machine, task: Task, seed: int, out: Path, view: str) -> di
     files = [out] if out.suffix else [out.with_suffix(GIF), out.with_suffix(STILL)]
     try:
         for file in files:
-            _write(machine, task, seed, file, view)
+            with written(file) as part:
+                _write(machine, task, seed, part, view)
     except OSError as error:
         raise UsageError(f"cannot write {file}: {error.strerror}") from None
     return {NAMES[file.suffix.lower()]: str(file) for file in reversed(files)}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.outputs import written
 from agentflow.app.pages.films import Shapes, exhibit
 from agentflow.app.records.failures import count_failures
 from agentflow.app.records.reading import recorded_machine
@@ -127,7 +128,8 @@ def write(out: Path, text: str) -> None:
         UsageError: The file cannot be written.
     """
     try:
-        out.write_text(text, encoding="utf-8")
+        with written(out) as part:
+            part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot write {out}: {error.strerror}") from None
 

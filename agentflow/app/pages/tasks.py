@@ -8,6 +8,7 @@ from typing import Any
 
 from PIL import Image
 
+from agentflow.app.outputs import written
 from agentflow.app.tasks import find_task, task_json, task_list
 from agentflow.env.drawings import PngPen, SvgPen, draw_plans, sheets
 from agentflow.env.plans import plans
@@ -37,7 +38,8 @@ def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         few = pen.picture.quantize(64, dither=Image.Dither.NONE)
-        few.save(file, "PNG", optimize=True)
+        with written(file) as part:
+            few.save(part, "PNG", optimize=True)
     except OSError as error:
         raise UsageError(f"cannot write {file}: {error.strerror}") from None
     return file
@@ -64,7 +66,8 @@ def write_page(names: Iterable[str], file: Path) -> Path:
     text = template.render(levels=levels, families=families)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
+        with written(file) as part:
+            part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot write {file}: {error.strerror}") from None
     return file

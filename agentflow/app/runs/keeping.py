@@ -16,7 +16,7 @@ from agentflow.app.runs.models import shown
 from agentflow.config import DesignConfig
 from agentflow.env.archive import save_npz
 from agentflow.env.constants import constants
-from agentflow.errors import RunError, UsageError
+from agentflow.errors import RunError
 
 
 def keep_rollouts(path: Path, config: DesignConfig, conducted: Conducted) -> None:
@@ -28,8 +28,8 @@ def keep_rollouts(path: Path, config: DesignConfig, conducted: Conducted) -> Non
         part = file.with_name(file.name + ".part")
         try:
             save_npz(rollouts[digest], part)
-        except UsageError as error:
-            raise RunError(str(error)) from None
+        except OSError as error:
+            raise RunError(f"cannot write {part}: {error.strerror}") from None
         os.replace(part, file)
 
 

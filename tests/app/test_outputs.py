@@ -1,0 +1,50 @@
+"""What is asked for is written as a whole, or the file of that name stays as it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agentflow.app.outputs import written
+
+
+def fail(part: Path) -> None:
+    part.write_text("half")
+    (part.parent / "no" / "other").write_text("rest")
+
+
+def test_a_file_is_replaced_in_the_end(tmp_path: Path) -> None:
+    out = tmp_path / "page.html"
+    out.write_text("old")
+    with written(out) as part:
+        part.write_text("new")
+        assert out.read_text() == "old"
+    assert out.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_what_fails_leaves_everything_as_it_was(tmp_path: Path) -> None:
+    out = tmp_path / "page.html"
+    out.write_text("old")
+    with pytest.raises(FileNotFoundError), written(out) as part:
+        fail(part)
+    assert out.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_a_link_stays_a_link(tmp_path: Path) -> None:
+    link, real = tmp_path / "link", tmp_path / "real"
+    link.symlink_to(real)
+    with written(link) as part:
+        part.write_text("new")
+    assert link.is_symlink()
+    assert real.read_text() == "new"
+
+
+def test_devices_and_folders_are_never_replaced(tmp_path: Path) -> None:
+    with written(Path("/dev/null")) as part:
+        part.write_text("nothing")
+    assert Path("/dev/null").is_char_device()
+    with pytest.raises(IsADirectoryError), written(tmp_path) as part:
+        part.write_text("nothing")
