@@ -140,6 +140,7 @@ def test_the_whole_is_what_its_trials_are_in_any_order() -> None:
     assert simulate(LONE_ROOT, TASK, seed=4).digest != whole.digest
 
 
+@pytest.mark.slow
 async def test_a_pool_gives_the_same_with_one_worker_and_with_two() -> None:
     here = rollout_json(simulate(LONE_ROOT, TASK)) | {"wall_seconds": 0}
     for workers in (1, 2):
