@@ -61,11 +61,6 @@ class Outcome(Generic[Out]):
     output: Out | None
     attempts: tuple[Attempt[Out], ...]
 
-    @property
-    def valid_at_first(self) -> bool:
-        """Whether the first attempt already gave the output."""
-        return bool(self.attempts) and self.attempts[0].parsed.output is not None
-
 
 class Role(ABC, Generic[In, Out]):
     """A template pair and a parser. Roles hold no state."""

@@ -10,6 +10,7 @@ import sys
 from contextlib import suppress
 from importlib import import_module
 
+from agentflow.cli.text import harmless
 from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
@@ -32,6 +33,8 @@ def main(arguments: list[str] | None = None) -> int:
     # Typer carries its own copy of click in some versions and depends on click in others; the
     # base of its public BadParameter is click's UsageError in both.
     usage_error: type[BaseException] = typer.BadParameter.__mro__[1]
+    if sys.stdout is None:  # closed; what is opened next must not take its number
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     given = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in given
     try:
@@ -41,7 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
         return status if isinstance(status, int) else 0
     except (typer.Abort, KeyboardInterrupt):
         return _say("interrupted", INTERRUPTED)
-    except BrokenPipeError:  # who read our output wants no more of it
+    except (BrokenPipeError, SystemExit):  # who read our output wants no more of it; so says typer
         return _give_up_output(0)
     except OSError as error:
         if debug:
@@ -49,24 +52,26 @@ def main(arguments: list[str] | None = None) -> int:
         _say(f"cannot write the output: {error.strerror or error}", USAGE)
         return _give_up_output(USAGE)
     except usage_error as error:
-        return _say(_usage(error), USAGE)
+        return _refuse(error)
     except AgentflowError as error:
         if debug:
             raise
         return _say(str(error), error.exit_status)
 
 
-def _usage(error: BaseException) -> str:
+def _refuse(error: BaseException) -> int:
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "agentflow"
     message = getattr(error, "format_message", error.__str__)()
-    return f"{message.rstrip('.?')}. Try '{command} --help'."
+    if message.startswith("Usage:"):  # a group without a command is answered with its help
+        print(message, file=sys.stderr)
+        return USAGE
+    return _say(f"{message.rstrip('.?')}. Try '{command} --help'.", USAGE)
 
 
 def _say(message: str, status: int) -> int:
-    shown = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in message)
     with suppress(OSError, ValueError):  # nobody reads; the exit status says it all the same
-        print(f"agentflow: {shown}", file=sys.stderr, flush=True)
+        print("agentflow:", harmless(message, "\n"), file=sys.stderr, flush=True)
     return status
 
 

@@ -6,42 +6,21 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
+from agentflow.cli.output import columns, output
 from agentflow.cli.text import number
 
 Data = Mapping[str, Any]
 
 
-class _Output(Console):
-    """Standard output; a reader who has had enough is left to cli.main."""
-
-    def on_broken_pipe(self) -> None:
-        """Instead of ending the process with status 1."""
-        raise BrokenPipeError
-
-
-def _out() -> Console:
-    return _Output(highlight=False, soft_wrap=True, markup=False)
-
-
-def _table(*columns: str) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in columns:
-        table.add_column(column)
-    return table
-
-
 def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     """A design run: score, stages, model, where everything lies."""
-    console = _out()
+    console = output()
     if result["valid"]:
         console.print(
             f"best score {number(result['score'])} ({result['task']}), "
             f"{len(result['machine'])} blocks, found in stage {result['best_stage']}"
         )
-    table = _table("stage", "valid at first", "valid", "mean", "best")
+    table = columns("stage", "valid at first", "valid", "mean", "best")
     for row in result["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
         table.add_row(row["name"], *counts, number(row["mean"]), number(row["max"]))
@@ -89,7 +68,7 @@ def ending_of(result: Data) -> str:
 
 def show_report(report: Data, warnings: Sequence[str]) -> None:
     """A validity report, and what else there is to say of the machine."""
-    console = _out()
+    console = output()
     for key in ("file_valid", "spatial_valid", "machine_valid"):
         words = {True: "yes", False: "no", None: "not judged"}[report[key]]
         console.print(f"{key.replace('_', ' ')}: {words}")
@@ -110,7 +89,7 @@ def show_report(report: Data, warnings: Sequence[str]) -> None:
 
 def show_edit(outcome: Data) -> None:
     """What became of a script, and the new machine when it succeeded."""
-    console = _out()
+    console = output()
     for step in outcome["steps"]:
         console.print(f"{step['verdict']}: {step['text']}")
         if step["reason"]:
@@ -122,7 +101,7 @@ def show_edit(outcome: Data) -> None:
 
 def show_conversion(result: Data) -> None:
     """What was written, and what was not."""
-    console = _out()
+    console = output()
     for problem in result["left_out"]:
         console.print(f"left out: {problem['message']}")
     for note in result["notes"]:
@@ -132,7 +111,7 @@ def show_conversion(result: Data) -> None:
 
 def show_rollout(result: Data) -> None:
     """A rollout: status, score and its terms, feedback."""
-    console = _out()
+    console = output()
     console.print(f"{result['status']}, score {number(result['score'])}")
     for problem in result["problems"] or ():
         console.print(f"{problem['code']}: {problem['message']}")
@@ -144,7 +123,7 @@ def show_rollout(result: Data) -> None:
 
 def show_blocks(blocks: Sequence[Data]) -> None:
     """The block library."""
-    table = _table("type", "name", "category", "size", "mass", "faces", "set")
+    table = columns("type", "name", "category", "size", "mass", "faces", "set")
     for block in blocks:
         table.add_row(
             str(block["type"]),
@@ -155,15 +134,15 @@ def show_blocks(blocks: Sequence[Data]) -> None:
             str(len(block["faces"])),
             "extended" if block["extended"] else "core",
         )
-    _out().print(table)
+    output().print(table)
 
 
 def show_block(block: Data) -> None:
     """One block with its faces."""
-    console = _out()
+    console = output()
     facts = (block["category"], _size(block), f"{block['mass']:g} kg")
     console.print(f"{block['type']} {block['name']}: {', '.join(facts)}")
-    table = _table("face", "position", "direction")
+    table = columns("face", "position", "direction")
     for face in block["faces"]:
         position = ", ".join(f"{value:g}" for value in face["position"])
         table.add_row(str(face["face_id"]), position, face["direction"])
@@ -178,7 +157,7 @@ def _size(block: Data) -> str:
 
 def show_diagnosis(found: Data) -> None:
     """What `agentflow doctor` found; what went wrong is told on standard error."""
-    console = _out()
+    console = output()
     console.print(f"endpoint: {found['base_url']}")
     name = found["answered_as"]
     console.print(f"model: {found['model']}" + (f" (answers as {name})" if name else ""))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from agentflow.cli.show import Data, _out, _table
-from agentflow.cli.text import harmless, number
+from agentflow.cli.output import columns, output
+from agentflow.cli.show import Data
+from agentflow.cli.text import number
 
 LONG = 1000
 """Characters; a line with a path may be longer than the terminal is wide, so that it is whole."""
@@ -13,8 +14,8 @@ LONG = 1000
 
 def show_runs(runs: Iterable[Data]) -> None:
     """The list of runs."""
-    console = _out()
-    table = _table("run", "state", "task", "workflow", "model", "seed", "score", "cost")
+    console = output()
+    table = columns("run", "state", "task", "workflow", "model", "seed", "score", "cost")
     for item in runs:
         cells = [item[key] for key in ("run", "state", "task", "workflow", "model", "seed")]
         shown = ["-" if cell is None else str(cell) for cell in cells]
@@ -31,36 +32,36 @@ def show_runs(runs: Iterable[Data]) -> None:
 
 def show_run(run: Data) -> None:
     """One run."""
-    console = _out()
+    console = output()
     console.print(f"{run['run']}: {run['state']}")
     console.print(f"{run['task']}, {run['workflow']}, {run['model']}, seed {run['seed']}")
     place = f", {run['blocks']} blocks, found in stage {run['best_stage']}" if run["blocks"] else ""
     console.print(f"best score {number(run['score'])}{place}")
     if run["stopped"] or run["reason"]:
         why = " ".join((run["reason"] or f"stopped by the {run['stopped']}").split())
-        console.print(harmless(why))
-    table = _table("stage", "valid at first", "valid", "mean", "best", "calls", "rollouts")
+        console.print(why)
+    table = columns("stage", "valid at first", "valid", "mean", "best", "calls", "rollouts")
     for row in run["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
         scores = (number(row["mean"]), number(row["max"]))
         table.add_row(row["name"], *counts, *scores, str(row["calls"]), str(row["rollouts"]))
     console.print(table)
-    table = _table("role", "calls", "tokens", "reasoning", "seconds", "cost")
+    table = columns("role", "calls", "tokens", "reasoning", "seconds", "cost")
     for role, spent in run["spent"].items():
         whole = (str(spent[key]) for key in ("calls", "tokens", "reasoning"))
         table.add_row(role, *whole, f"{spent['seconds']:.1f}", _money(spent["money"]))
     console.print(table)
     _print_failures(run["failures"], every=False)
     for remark in run["remarks"]:
-        console.print(harmless(f"remark: {remark}"))
+        console.print(f"remark: {remark}")
 
 
 def show_rescored(found: Data) -> None:
     """What has changed since a run was recorded."""
-    console = _out()
+    console = output()
     other = [item for item in found["machines"] if not item["identical"]]
     if other:
-        table = _table("machine", "first tried as", "recorded", "now", "difference")
+        table = columns("machine", "first tried as", "recorded", "now", "difference")
         for item in other:
             then, now = (_outcome(item[key]) for key in ("recorded", "now"))
             change = item["difference"]
@@ -81,14 +82,14 @@ def show_failures(found: Data) -> None:
 
 def _print_failures(found: Data, *, every: bool) -> None:
     """The count of each kind, also of those that did not occur when `every`."""
-    console = _out()
+    console = output()
     console.print(
         f"{found['refused']} of {found['replies']} replies refused; "
         f"{found['machines']} machines simulated"
     )
     kinds = [kind for kind in found["kinds"] if every or kind["count"]]
     if kinds:
-        table = _table("level", "what went wrong", "count", "of")
+        table = columns("level", "what went wrong", "count", "of")
         for kind in kinds:
             total = found["replies"] if kind["unit"] == "reply" else found["machines"]
             of = f"{total} {'replies' if kind['unit'] == 'reply' else 'machines'}"

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
-from agentflow.cli.show import Data, _out, _table
+from agentflow.cli.output import columns, output
+from agentflow.cli.show import Data
 
 
 def show_tasks(tasks: Sequence[Data]) -> None:
     """The list of tasks, a blank line between families."""
-    table = _table("task", "level", "window", "good", "blocks", "what to do")
+    table = columns("task", "level", "window", "good", "blocks", "what to do")
     for index, task in enumerate(tasks):
         if index and task["family"] != tasks[index - 1]["family"]:
             table.add_row()
@@ -23,12 +24,12 @@ def show_tasks(tasks: Sequence[Data]) -> None:
             str(len(task["blocks"])),
             task["objective"],
         )
-    _out().print(table)
+    output().print(table)
 
 
 def show_task(task: Data) -> None:
     """One level in full."""
-    console = _out()
+    console = output()
     console.print(Text(f"{task['name']} ({task['title']}): {task['objective']}", style="bold"))
     for part in ("scene", "schedule", "score"):
         console.print(f"\n{part}")
@@ -41,7 +42,7 @@ def show_task(task: Data) -> None:
     if task["note"]:
         console.print(f"note: {task['note']}")
     console.print()
-    table = _table("knob", "value", "range", "what it does")
+    table = columns("knob", "value", "range", "what it does")
     for knob in task["knobs"]:
         table.add_row(knob["name"], str(knob["value"]), knob["range"], knob["help"])
     console.print(table)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from agentflow.cli.commands import BaseUrl, Json, ModelName, Quiet, Settings, commands, print_json
+from agentflow.cli.text import harmless
 
 if TYPE_CHECKING:
     from agentflow.app.sweeps.plan import SweepPlan
@@ -57,7 +58,7 @@ def sweep(
     if as_json:
         print_json(_as_data(outcome))
     else:
-        print(_in_words(outcome))
+        print(harmless(_in_words(outcome), "\n"))
     if outcome.failed:
         raise typer.Exit(NO_ENDPOINT if outcome.endpoint and not outcome.done else PARTLY)
 
@@ -83,7 +84,8 @@ def table(
     """Compare the runs of a sweep in a table."""
     from agentflow.app.sweeps.views import written
 
-    print(written(sweep, show, form, published=published), end="")
+    text = written(sweep, show, form, published=published)
+    print(harmless(text, "\n") if form == "text" else text, end="")
 
 
 def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:

@@ -8,6 +8,6 @@ def number(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
 
-def harmless(text: str) -> str:
-    """Text by others, without what a terminal would obey."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+def harmless(text: str, kept: str = "") -> str:
+    """Text by others, without what a terminal would obey, but for the characters `kept`."""
+    return "".join(c if c.isprintable() or c in kept else repr(c)[1:-1] for c in text)

@@ -54,7 +54,7 @@ def _desk(
 async def test_first_reply_is_enough() -> None:
     desk, client, seen = _desk(["42"])
     outcome = await ask(Number(), "t", desk, "querier/traj-0")
-    assert (outcome.output, outcome.valid_at_first) == (42, True)
+    assert (outcome.output, len(outcome.attempts)) == (42, 1)
     assert [attempt.label for attempt in seen] == ["querier/traj-0/attempt-1"]
     request = client.requests[0]
     assert (request.role, request.sampling.seed) == ("querier", 3)
@@ -65,7 +65,7 @@ async def test_first_reply_is_enough() -> None:
 async def test_reason_is_appended() -> None:
     desk, client, seen = _desk(["many", "7"])
     outcome = await ask(Number(), "t", desk, "q")
-    assert (outcome.output, outcome.valid_at_first) == (7, False)
+    assert (outcome.output, len(outcome.attempts)) == (7, 2)
     assert seen == list(outcome.attempts)
     assert [request.label for request in client.requests] == ["q/attempt-1", "q/attempt-2"]
     added = client.requests[1].messages[2:]

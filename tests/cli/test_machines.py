@@ -202,6 +202,18 @@ def test_extended_types_are_converted() -> None:
     assert main(["convert", "cogs.json", "cogs.bsg", "--strict"]) == 0
 
 
+@pytest.mark.parametrize("ending", [".bsg", ".coords.json"])
+def test_a_plate_is_no_block_of_the_game(ending: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("train.json").write_text('[{"type": 9000, "id": 0, "parent": -1, "face_id": -1}]')
+    assert main(["convert", "train.json", f"made{ending}"]) == 2
+    assert capsys.readouterr().err == (
+        "agentflow: train.json cannot be converted: it is built on a plate, which is no block of "
+        "the game; the endings for it are .json and .glb\n"
+    )
+    assert not Path(f"made{ending}").exists()
+    assert main(["convert", "train.json", "made.json"]) == 0
+
+
 def test_what_cannot_be_taken_over_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert out(capsys, "convert", "foreign.bsg", "made.json").splitlines() == [
         "left out: block 1 of the file (id '57', guid '"

@@ -1,0 +1,34 @@
+"""What others wrote is shown and not obeyed."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.cli.output import columns, output
+from agentflow.cli.show import show_edit
+
+EVIL = "\x1b]0;title\x07\x1b[2J\u202e\r[bold]\nnext"
+SHOWN = r"\x1b]0;title\x07\x1b[2J\u202e\r[bold]"
+
+
+def test_text_by_others_is_shown_whole_and_as_text(capsys: pytest.CaptureFixture[str]) -> None:
+    table = columns("name")
+    table.add_row(EVIL)
+    console = output()
+    console.print(table)
+    console.print(EVIL)
+    assert capsys.readouterr().out.split("\n") == [
+        "name".ljust(len(SHOWN) + 6),
+        f"{SHOWN}\\nnext",
+        SHOWN,
+        "next",
+        "",
+    ]
+
+
+def test_the_script_of_a_model_cannot_move_the_cursor(capsys: pytest.CaptureFixture[str]) -> None:
+    step = {"verdict": "refused", "text": EVIL, "code": "unreadable", "reason": "no command"}
+    show_edit({"steps": [step], "outcome": "failure"})
+    assert capsys.readouterr().out == (
+        f"refused: {SHOWN}\nnext\n  unreadable: no command\nfailure\n"
+    )
