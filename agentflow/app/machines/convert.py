@@ -16,6 +16,7 @@ from agentflow.machine.bsg import to_bsg
 from agentflow.machine.connect import Located
 from agentflow.machine.coordinates import to_coordinates
 from agentflow.machine.formats import read_any
+from agentflow.machine.plates import plate_of
 
 
 def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
@@ -40,6 +41,11 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     machine = reading.machine
     if machine is None or (strict and problems):
         raise UsageError(f"{source} cannot be converted: {_told(problems)}")
+    if write in OF_THE_GAME and plate_of(machine[0].type):
+        raise UsageError(
+            f"{source} cannot be converted: it is built on a plate, which is no block of the game; "
+            f"the endings for it are .json and .glb"
+        )
     data = write(machine)
     try:
         with written(out) as part:
@@ -71,6 +77,8 @@ WRITERS: Mapping[str, Callable[[Machine], bytes]] = {
     ".glb": machine_glb,
 }
 """Ending of a file -> what it holds; the first that fits counts."""
+OF_THE_GAME = (WRITERS[".coords.json"], WRITERS[".bsg"])
+"""Those that begin with the Starting Block."""
 
 
 def _writer(out: Path) -> Callable[[Machine], bytes]:

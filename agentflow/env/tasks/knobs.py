@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any, TypeVar
 
 from pydantic import Field, ValidationError
@@ -16,6 +17,9 @@ from agentflow.env.tasks.base import Parameters
 from agentflow.errors import ConfigError
 
 P = TypeVar("P", bound=Parameters)
+
+SHOWN = 6
+"""Knobs named to whoever asks for one that is none; the nearest come first."""
 
 
 def knob(default: float, low: float, high: float, unit: str, help: str) -> Any:
@@ -84,8 +88,11 @@ def _explain(kind: type[Parameters], error: ValidationError, source: str) -> str
     known = {item.name: item for item in knobs_of(kind)}
     found = known.get(name)
     if found is None or first["type"] == "extra_forbidden":
-        shown = ", ".join(f"{item.name} ({item.range})" for item in known.values())
-        return f"unknown knob {name!r} of {source}; known: {shown}"
+        near = get_close_matches(name, known, n=SHOWN, cutoff=0.5)
+        first_ones = [*near, *(item for item in known if item not in near)][:SHOWN]
+        shown = ", ".join(f"{item} ({known[item].range})" for item in first_ones)
+        rest = ", ..." if len(known) > SHOWN else ""
+        return f"unknown knob {name!r} of {source}; known: {shown}{rest}"
     return f"{name} of {source} must be {found.range}, not {first['input']!r}"
 
 
