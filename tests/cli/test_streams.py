@@ -1,0 +1,31 @@
+"""Output that nobody reads to its end, or at all, is no error."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+AGENTFLOW = f'"{sys.executable}" -c "import sys; from agentflow.cli import main; sys.exit(main())"'
+
+
+@pytest.mark.parametrize(
+    ("command", "status"),
+    [
+        (f"{AGENTFLOW} blocks >&-", 0),
+        (f"{AGENTFLOW} blocks nothing >&- 2>&-", 2),
+        (f"set -o pipefail; {AGENTFLOW} prompts show | true", 0),
+        (f"set -o pipefail; {AGENTFLOW} blocks | true", 0),
+    ],
+)
+def test_nobody_need_read(command: str, status: int) -> None:
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", "")
+
+
+def test_a_group_alone_says_what_it_holds() -> None:
+    done = subprocess.run(["bash", "-c", f"{AGENTFLOW} prompts"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("Usage: agentflow prompts [OPTIONS] COMMAND [ARGS]...\n")
+    assert done.stderr.endswith("  diff  Compare the templates of two prompt sets.\n")
