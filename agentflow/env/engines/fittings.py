@@ -34,7 +34,6 @@ def fit(
         constants: Of winches, grabbers and cogs; thrust and blades are the library's.
     """
     known = [(block, library()[block.type], parts[block.id]) for block in placed]
-    value = constants
     return Actors(
         thrusts=tuple(
             Thrust(block.id, own[0], scale(block.front, kind.thrust))
@@ -45,37 +44,14 @@ def fit(
             _lift(block, kind, own[0]) for block, kind, own in known if kind.blade is not None
         ),
         ropes=tuple(
-            Rope(
-                block=block.id,
-                a=own[0],
-                b=own[1],
-                speed=value["winch_speed"],
-                shortest=value["winch_shortest"],
-                stiffness=value["winch_stiffness"],
-                damping=value["winch_damping"],
-                force=value["winch_force"],
-            )
-            for block, kind, own in known
-            if kind.type == WINCH
+            _rope(block, own, constants) for block, kind, own in known if kind.type == WINCH
         ),
         grips=tuple(
-            Grip(
-                block=block.id,
-                part=own[0],
-                front=block.front,
-                reach=length(subtract(block.center, block.origin)),
-                force=value.of("strength_force", GRABBER),
-                joined=frozenset(
-                    part
-                    for joint in joints
-                    if own[0] in (joint.a, joint.b)
-                    for part in (joint.a, joint.b)
-                ),
-            )
+            _grip(block, own[0], joints, constants)
             for block, kind, own in known
             if kind.type == GRABBER
         ),
-        meshes=meshes(placed, joints, value["cog_tolerance"]),
+        meshes=meshes(placed, joints, constants["cog_tolerance"]),
     )
 
 
@@ -84,6 +60,32 @@ def meshes(placed: Sequence[Placed], joints: Sequence[Joint], tolerance: float) 
     turning = {joint.block: i for i, joint in enumerate(joints) if joint.kind == "revolute"}
     return tuple(
         Mesh(turning[pair.a], turning[pair.b], pair.ratio) for pair in meshing(placed, tolerance)
+    )
+
+
+def _rope(block: Placed, own: tuple[int, ...], constants: Constants) -> Rope:
+    return Rope(
+        block=block.id,
+        a=own[0],
+        b=own[1],
+        speed=constants["winch_speed"],
+        shortest=constants["winch_shortest"],
+        stiffness=constants["winch_stiffness"],
+        damping=constants["winch_damping"],
+        force=constants["winch_force"],
+    )
+
+
+def _grip(block: Placed, part: int, joints: Sequence[Joint], constants: Constants) -> Grip:
+    """A grabber; what it is joined to it does not take hold of."""
+    own = [joint for joint in joints if part in (joint.a, joint.b)]
+    return Grip(
+        block=block.id,
+        part=part,
+        front=block.front,
+        reach=length(subtract(block.center, block.origin)),
+        force=constants.of("strength_force", GRABBER),
+        joined=frozenset(end for joint in own for end in (joint.a, joint.b)),
     )
 
 
