@@ -55,6 +55,6 @@ def test_never_raises(pieces: list[str]) -> None:
 @pytest.mark.parametrize("unit", ["<", "<thought process>", "</thought process>", "< ", "<a" * 40])
 def test_time_is_linear(unit: str) -> None:
     text = unit * (100_000 // len(unit))
-    start = time.perf_counter()
+    start = time.process_time()
     sections(text, NAMES)
-    assert time.perf_counter() - start < 0.5
+    assert time.process_time() - start < 0.5

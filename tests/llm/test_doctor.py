@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from agentflow.llm.doctor import Diagnosis, diagnose
 from agentflow.llm.endpoint import Endpoint
 from agentflow.llm.http import HttpSettings
@@ -10,15 +12,17 @@ from tests.llm.hostile import body, reply, serving
 
 
 async def examined(base_url: str, key: str | None = KEY) -> Diagnosis:
-    return await diagnose(Endpoint("m", base_url, key), HttpSettings(connect_s=1, idle_s=2))
+    return await diagnose(Endpoint("m", base_url, key), HttpSettings(connect_s=10, idle_s=60))
 
 
 async def test_a_third_party_server(stub_url: str) -> None:
+    began = time.monotonic()
     found = await examined(stub_url)
+    took = time.monotonic() - began
     assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
     assert (found.streaming, found.usage, found.reasoning) == (True, False, False)
     assert (dict(found.refused), found.problem, found.answered_as) == ({}, "", "m")
-    assert 0 < (found.latency_s or 0) < 2
+    assert 0 < (found.latency_s or 0) < took + 0.001
 
 
 async def test_a_server_with_habits() -> None:
