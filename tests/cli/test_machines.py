@@ -99,6 +99,7 @@ def test_every_line_gets_a_report(
     assert [report["repaired"] for report in reports].index(True) == 3
 
 
+@pytest.mark.slow
 def test_reports_stream_in_constant_memory() -> None:
     endless = itertools.cycle([TREE, "no machine", json.dumps(CATAPULT.to_text())])
     reports = check_lines(endless, None, geometry=True)

@@ -115,6 +115,7 @@ async def test_a_rollout_that_kills_two_workers_is_recorded_as_crashed(
     assert (await pool.run(CAR, get_task("movement", {"window": 1}))).status == "ok"
 
 
+@pytest.mark.slow
 async def test_a_worker_killed_from_outside_in_mid_rollout_harms_no_other(tmp_path: Path) -> None:
     task = get_task("movement", {"window": 1})
     async with RolloutPool(2) as pool:

@@ -78,6 +78,7 @@ def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> N
     assert told[-1] == (2, 2)
 
 
+@pytest.mark.slow
 def test_another_score_today_is_said(tmp_path: Path) -> None:
     run = hostile_run(tmp_path)
     out = report(run, tmp_path / "r.html", films=9, workers=1, say=quiet)

@@ -94,6 +94,7 @@ def test_rescoring_repeats_every_machine_and_changes_nothing() -> None:
     assert {path: path.stat().st_mtime_ns for path in RECORDED.rglob("*")} == before
 
 
+@pytest.mark.slow
 def test_rescoring_finds_another_score(tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)

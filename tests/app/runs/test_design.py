@@ -97,6 +97,7 @@ def test_a_replay_finds_the_first_difference(run: Path, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_finished_run_resumes_to_its_result(run: Path) -> None:
     assert resume(run, ignore) == read_result(run)
 

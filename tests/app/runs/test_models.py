@@ -142,6 +142,7 @@ def test_a_run_keeps_what_the_endpoint_did_and_what_it_cost_but_no_key(
     assert not any(KEY.encode() in path.read_bytes() for path in written)
 
 
+@pytest.mark.slow
 def test_a_run_that_loses_its_endpoint_says_so_and_goes_on_numbering(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

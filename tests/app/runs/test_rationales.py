@@ -52,7 +52,9 @@ def test_no_run_no_plans(tmp_path: Path) -> None:
     with pytest.raises(RunError):
         design(build({**TINY, "rationale_from": str(tmp_path / "gone")}), tmp_path, ignore)
     nobody = design(
-        build({"workflow": "random-dsl", "settings": {"rollouts": 1}}), tmp_path, ignore
+        build({"workflow": "random-dsl", "workers": 1, "settings": {"rollouts": 1}}),
+        tmp_path,
+        ignore,
     )
     assert nobody["model"] == "none (random edits)"
     with pytest.raises(RunError, match=r" holds no rationale: no design of it was accepted$"):

@@ -14,6 +14,7 @@ from tests.env.machines import CAR
 TASK = get_task("movement", {"window": 1})
 
 
+@pytest.mark.slow
 async def test_the_same_seed_finds_the_same_machine() -> None:
     told: list[tuple[int, Found]] = []
     one = await climb(
