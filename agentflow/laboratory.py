@@ -6,16 +6,13 @@ Implements the workflows' `Laboratory`; what a rollout is belongs to env, what i
 from __future__ import annotations
 
 import asyncio
-import base64
-import tempfile
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from agentflow.env.query import answer
-from agentflow.env.render import render_png
+from agentflow.env.render import png_url
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Rollout, Trace
 from agentflow.machine.tree import Machine
@@ -66,7 +63,7 @@ class PhysicsLaboratory:
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Draw a machine as built, once; beside the event loop, which goes on meanwhile."""
         if machine.digest not in self._pictures:
-            drawing = asyncio.to_thread(picture_url, machine)
+            drawing = asyncio.to_thread(png_url, machine, view="sheet", size=PICTURE)
             self._pictures[machine.digest] = asyncio.ensure_future(drawing)
         return (await asyncio.shield(self._pictures[machine.digest]),)
 
@@ -75,11 +72,3 @@ def farthest(trace: Trace) -> float:
     """How far the centre of any block got from where it was at t = 0, m, to the millimetre."""
     away = np.linalg.norm(trace.centre - trace.centre[0], axis=-1)
     return round(float(away.max()), 3)
-
-
-def picture_url(machine: Machine) -> str:
-    """A picture of a machine as a PNG data URL."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "machine.png"
-        render_png(machine, path, view="sheet", size=PICTURE)
-        return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()

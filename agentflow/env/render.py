@@ -5,8 +5,10 @@ Films of rollouts are film.py's.
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -42,14 +44,14 @@ def render_png(
     Raises:
         UnknownNameError: There is no such view.
     """
-    if view not in (*VIEWS, SHEET):
-        raise UnknownNameError("view", view, (*VIEWS, SHEET))
-    solids = _standing(machine)
-    if view == SHEET:
-        picture = _sheet(solids, (size[0] // 2, size[1] // 2))
-    else:
-        picture = _still(solids, view, size)
-    picture.save(path, "PNG", optimize=True)
+    _picture(machine, view, size).save(path, "PNG", optimize=True)
+
+
+def png_url(machine: Machine, *, view: str, size: Size) -> str:
+    """The picture of `render_png` as a data URL, for pages and requests."""
+    content = BytesIO()
+    _picture(machine, view, size).save(content, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(content.getvalue()).decode()
 
 
 def shoot(
@@ -65,6 +67,15 @@ def caption(picture: Image.Image, text: str) -> None:
     """Write into the upper left corner."""
     font = ImageFont.load_default(size=max(12, picture.height // 24))
     ImageDraw.Draw(picture).text((10, 8), text, fill=INK, font=font)
+
+
+def _picture(machine: Machine, view: str, size: Size) -> Image.Image:
+    if view not in (*VIEWS, SHEET):
+        raise UnknownNameError("view", view, (*VIEWS, SHEET))
+    solids = _standing(machine)
+    if view == SHEET:
+        return _sheet(solids, (size[0] // 2, size[1] // 2))
+    return _still(solids, view, size)
 
 
 def _standing(machine: Machine) -> list[Thing]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import base64
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +12,10 @@ from agentflow.app.pages.films import Shapes
 from agentflow.app.pages.runs import FINE, Say, Shown, best_of, exhibits, kept_rollout, ready, write
 from agentflow.app.runs.design import finished
 from agentflow.config import build
-from agentflow.env.render import render_png
+from agentflow.env.render import png_url
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError
-from agentflow.machine import Machine, library, read_machine
+from agentflow.machine import library, read_machine
 from agentflow.report.page import page
 from agentflow.runs import find_runs, read_document, state_of
 
@@ -93,18 +91,13 @@ def _hung(path: Path) -> Hung:
 
 
 def _card(key: str, run: Hung) -> dict[str, Any]:
+    picture = None
+    if run.shown is not None:
+        picture = png_url(run.shown.machine, view="three-quarter", size=THUMBNAIL)
     return {
         "machine": key,
         "task": run.task,
         "about": run.about,
         "score": run.score,
-        "picture": _thumbnail(run.shown.machine) if run.shown is not None else None,
+        "picture": picture,
     }
-
-
-def _thumbnail(machine: Machine) -> str:
-    """A small picture of a machine as built, as a data URL."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "machine.png"
-        render_png(machine, file, size=THUMBNAIL)
-        return "data:image/png;base64," + base64.b64encode(file.read_bytes()).decode()
