@@ -142,7 +142,7 @@ def test_a_machine_rests_on_the_tilted_platform() -> None:
     assert rollout.trace is not None
     low, high = rollout.trace.centre[0, 2], rollout.trace.centre[0, 1]
     rise, run = high[1] - low[1], high[2] - low[2]
-    assert rise / run == pytest.approx(0.26795, abs=0.002)
+    assert rise / run == pytest.approx(-0.26795, abs=0.002)
     assert rollout.score == pytest.approx(0.0, abs=1e-3)
 
 
