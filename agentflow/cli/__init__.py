@@ -24,6 +24,15 @@ def main(arguments: list[str] | None = None) -> int:
     0 done, 1 comparison failed, 2 usage or configuration, 3 partly failed, 4 the model endpoint
     cannot be used, 130 interrupted. No traceback unless `--debug` is given.
     """
+    try:
+        status = _run(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:
+        status = None
+    return _say("interrupted", INTERRUPTED) if status is None else status
+
+
+def _run(given: list[str]) -> int | None:
+    """The exit status; None when the command was interrupted and has said nothing of it."""
     import typer
 
     from agentflow.cli.commands import commands
@@ -35,15 +44,16 @@ def main(arguments: list[str] | None = None) -> int:
     usage_error: type[BaseException] = typer.BadParameter.__mro__[1]
     if sys.stdout is None:  # closed; what is opened next must not take its number
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
-    given = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in given
     try:
         rest = [item for item in given if item != "--debug"]
         status = commands(args=rest, prog_name="agentflow", standalone_mode=False)
         sys.stdout.flush()
+        if status == INTERRUPTED:  # some versions of typer make it of Ctrl-C, others Abort
+            return None
         return status if isinstance(status, int) else 0
-    except (typer.Abort, KeyboardInterrupt):
-        return _say("interrupted", INTERRUPTED)
+    except typer.Abort:
+        return None
     except (BrokenPipeError, SystemExit):  # who read our output wants no more of it; so says typer
         return _give_up_output(0)
     except OSError as error:

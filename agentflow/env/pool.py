@@ -207,7 +207,7 @@ def serve(descriptor: int) -> None:
         while True:
             try:
                 job = connection.recv()
-            except EOFError:
+            except (EOFError, ConnectionResetError):  # closed, or killed with a reply unread
                 return
             try:
                 reply: Rollout | UsageError | str = simulate(
@@ -225,7 +225,7 @@ def serve(descriptor: int) -> None:
                 reply = traceback.format_exc()
             try:
                 connection.send(reply)
-            except BrokenPipeError:  # whoever asked was killed meanwhile
+            except (BrokenPipeError, ConnectionResetError):  # whoever asked was killed meanwhile
                 return
 
 

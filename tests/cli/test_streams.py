@@ -8,6 +8,13 @@ import sys
 import pytest
 
 AGENTFLOW = f'"{sys.executable}" -c "import sys; from agentflow.cli import main; sys.exit(main())"'
+INTERRUPTED = """
+import signal, sys
+from agentflow.cli import main
+signal.signal(signal.SIGALRM, signal.default_int_handler)  # as Ctrl-C, while input is waited for
+signal.setitimer(signal.ITIMER_REAL, 1.0)
+sys.exit(main(["check", "-"]))
+"""
 
 
 @pytest.mark.parametrize(
@@ -29,3 +36,14 @@ def test_a_group_alone_says_what_it_holds() -> None:
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("Usage: agentflow prompts [OPTIONS] COMMAND [ARGS]...\n")
     assert done.stderr.endswith("  diff  Compare the templates of two prompt sets.\n")
+
+
+def test_an_interruption_is_told_in_one_line() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.wait(30) == 130
+    assert process.communicate() == (b"", b"agentflow: interrupted\n")
