@@ -98,8 +98,8 @@ def test_what_is_across_before_the_start_fails() -> None:
 
 def test_the_last_of_two_walls_counts_and_both_are_watched() -> None:
     task = level("jumping/4")
-    short = judge(task.referee(PAIR), FakeWorld(), (0.5, 12.0), (0.5, 12.0))
-    assert short.terms["far_side"] == 12.75
+    short = judge(task.referee(PAIR), FakeWorld(), (0.5, 17.0), (0.5, 17.0))
+    assert short.terms["far_side"] == 17.25
     assert short.score == 0.0
     for name in ("wall 1", "wall 2"):
         referee, world = task.referee(PAIR), FakeWorld(contacts={name: frozenset({0})})
