@@ -67,7 +67,7 @@ def test_a_task_family_outside_the_package(tmp_path: Path) -> None:
     command = "import sys; from agentflow.cli import main; sys.exit(main())"
     ours = ("-W", "error", "-c", command)
     told = run(*ours, "tasks", "pushing/2", cwd=tmp_path, path=project)
-    assert told.startswith("pushing/2: Build a machine that pushes a crate as far as possible")
+    assert told.startswith("pushing/2 (Push a heavy crate along z+): Build a machine that pushes ")
     assert "A crate of 10 kg" in told
     car = str(EXAMPLES / "car.json")
     told = run(*ours, "simulate", car, "--task", "pushing", cwd=tmp_path, path=project)

@@ -10,6 +10,7 @@ Its levels are the files `levels/sweeping-1.yaml`, ... beside its module.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from functools import cache
 from importlib.abc import Traversable
@@ -62,14 +63,18 @@ def level_files(name: str) -> list[Traversable]:
         UnknownNameError, ConfigError: As `family` does.
     """
     entry = _entry(name)
-    module = entry.module if name in OURS else _load(entry).__module__
-    package = module.rpartition(".")[0]
+    package = __package__ if name in OURS else _package_of(_load(entry))
     if not package:
         raise ConfigError(f"{_named(entry)} is in no package that could hold its levels")
     folder = files(package) / LEVELS
     found = list(folder.iterdir()) if folder.is_dir() else []
     wanted = (item for item in found if _number(item.name, name) is not None)
     return sorted(wanted, key=lambda item: _number(item.name, name) or 0)
+
+
+def _package_of(kind: type[Family]) -> str | None:
+    """The package that a family's module lies in, or is; "" for a module on its own."""
+    return sys.modules[kind.__module__].__package__
 
 
 def _number(file: str, name: str) -> int | None:
