@@ -4,7 +4,7 @@ at movement and throwing (spec 2.1).
     python benchmarks/convergence.py [--rates 60 120 240 480]
 
 The default rate is the cheapest whose scores are within 3 % of 480 Hz for machines that do not
-break. A score of 0 has no relative difference; the greatest reach of the boulder stands in for it.
+break at it. A score of 0 has no relative difference; the greatest reach of the boulder stands in for it.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def main() -> None:
         values = [_value(rollout, measure) for rollout in found]
         differences = [abs(value / values[-1] - 1) if values[-1] else 0.0 for value in values]
         breaks = [len(rollout.broken) for rollout in found]
-        if not breaks[-1]:
-            for rate, difference in zip(rates, differences, strict=True):
+        for rate, broken, difference in zip(rates, breaks, differences, strict=True):
+            if not broken:
                 off[rate].append(difference)
         print(
             f"{name:24s} {measure:>8s}"
@@ -79,11 +79,11 @@ def _value(rollout: Rollout, measure: str) -> float:
 
 
 def _summary(rates: list[float], off: dict[float, list[float]], spent: dict[float, float]) -> None:
-    print(f"\n{len(off[rates[0]])} machines that do not break at {rates[-1]:g} Hz:")
+    print("\nmachines that do not break at a rate:")
     for rate in rates:
         near = sum(difference <= NEAR for difference in off[rate])
         print(
-            f"{rate:5g} Hz: {near} of them within {100 * NEAR:g} %, the worst "
+            f"{rate:5g} Hz: {near} of {len(off[rate])} within {100 * NEAR:g} %, the worst "
             f"{100 * max(off[rate], default=0.0):.2f} %; {spent[rate]:.1f} s of processor time"
         )
     print(f"default: {constants()['step_rate']:g} Hz; load average {os.getloadavg()[0]:.1f}")
