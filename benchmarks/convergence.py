@@ -4,7 +4,7 @@ at movement and throwing (spec 2.1).
     python benchmarks/convergence.py [--rates 60 120 240 480]
 
 The default rate is the cheapest whose scores are within 3 % of 480 Hz for machines that do not
-break at it. A score of 0 has no relative difference; the greatest reach of the boulder stands in for it.
+break at it. A score of 0 has no relative difference; the boulder's greatest reach stands in for it.
 """
 
 from __future__ import annotations
