@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from agentflow.agents.replies import Representation, machine_text
-from agentflow.machine.blocks import BlockType, Face, library
+from agentflow.machine.blocks import library
+from agentflow.machine.blocktype import BlockType, Face
 from agentflow.machine.brief import Brief
 from agentflow.machine.describe import describe_text
 from agentflow.machine.tree import Machine

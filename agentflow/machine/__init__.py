@@ -4,7 +4,8 @@ Pure Python and NumPy. Never imports an engine or a model, so a machine can be r
 edited in well under a millisecond.
 """
 
-from agentflow.machine.blocks import BlockType, Face, Library, library
+from agentflow.machine.blocks import Library, library
+from agentflow.machine.blocktype import BlockType, Face
 from agentflow.machine.brief import SIZE_LIMIT, Brief
 from agentflow.machine.describe import describe, describe_text, tree_text
 from agentflow.machine.edits import EditOutcome, StepVerdict, apply_script

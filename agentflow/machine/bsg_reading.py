@@ -10,7 +10,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
 
-from agentflow.machine.blocks import STARTING_BLOCK, Vec3, library
+from agentflow.machine.blocks import STARTING_BLOCK, library
+from agentflow.machine.blocktype import Vec3
 from agentflow.machine.connect import Located, Spot, add_floats, connect, facing_of
 from agentflow.machine.parse import MAX_BLOCKS, MAX_COORDINATE
 from agentflow.machine.pose import Quat

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
-from agentflow.machine.blocks import Vec3
+from agentflow.machine.blocktype import Vec3
 from agentflow.machine.geometry import place_step
 from agentflow.machine.pose import FACINGS, UNITS, Placed, Quat, Units3, add, to_metres
 from agentflow.machine.problems import Problem, named

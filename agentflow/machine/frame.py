@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from agentflow.machine.balance import HALF_UNITS, moments
-from agentflow.machine.blocks import Vec3
+from agentflow.machine.blocktype import Vec3
 from agentflow.machine.geometry import Geometry, Placed
 from agentflow.machine.pose import UNITS, Units3
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from agentflow.machine.blocks import CONTAINER, Vec3, library
+from agentflow.machine.blocks import CONTAINER, library
+from agentflow.machine.blocktype import Vec3
 from agentflow.machine.pose import (
     FACINGS,
     UNITS,

@@ -10,7 +10,7 @@ from functools import lru_cache
 from random import Random
 
 from agentflow.errors import ConfigError
-from agentflow.machine.blocks import BlockType, Face
+from agentflow.machine.blocktype import BlockType, Face
 
 GRID = 0.5
 """Distance of neighbouring faces, m (spec 3.1)."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import NamedTuple
 
-from agentflow.machine.blocks import DIRECTIONS, Vec3, library
+from agentflow.machine.blocks import library
+from agentflow.machine.blocktype import DIRECTIONS, Vec3
 from agentflow.machine.tree import Step
 
 UNITS = 20

@@ -9,7 +9,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from agentflow.machine.blocks import Vec3, library
+from agentflow.machine.blocks import library
+from agentflow.machine.blocktype import Vec3
 from agentflow.machine.brief import SIZE_LIMIT, Brief
 from agentflow.machine.connect import Located
 from agentflow.machine.geometry import Geometry, bounds, overlap_of, place

@@ -5,7 +5,8 @@ import pytest
 
 import agentflow.machine
 from agentflow.errors import UnknownNameError
-from agentflow.machine.blocks import Blade, Face, library, load_library
+from agentflow.machine.blocks import library, load_library
+from agentflow.machine.blocktype import Blade, Face
 
 ENTRIES = json.loads(
     Path(agentflow.machine.__file__).with_name("blocks.json").read_text(encoding="utf-8")

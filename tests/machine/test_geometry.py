@@ -1,7 +1,7 @@
 import pytest
 
 from agentflow.machine import AutoConnection, library, place
-from agentflow.machine.blocks import DIRECTIONS
+from agentflow.machine.blocktype import DIRECTIONS
 from agentflow.machine.geometry import overlap_of
 from tests.machine.builders import CAR, CATAPULT, Spec, build
 

@@ -11,7 +11,8 @@ from agentflow.env.engines.blockforms import caster_parts, drive_of, end_parts, 
 from agentflow.env.engines.fittings import WINCH, fit
 from agentflow.env.engines.vectors import add
 from agentflow.env.scene import Vec3
-from agentflow.machine.blocks import BOULDER, BlockType, library
+from agentflow.machine.blocks import BOULDER, library
+from agentflow.machine.blocktype import BlockType
 from agentflow.machine.geometry import Geometry, Placed
 from agentflow.machine.tree import Machine
 

@@ -13,7 +13,8 @@ from agentflow.env.constants import Constants
 from agentflow.env.engines.base import Color, Drive, JointKind, Part, Shape
 from agentflow.env.engines.vectors import add, length, scale, subtract, upright_to
 from agentflow.env.scene import Vec3
-from agentflow.machine.blocks import CONTAINER, GRABBER, BlockType
+from agentflow.machine.blocks import CONTAINER, GRABBER
+from agentflow.machine.blocktype import BlockType
 from agentflow.machine.geometry import Placed
 from agentflow.machine.plates import HOLE, Plate, plate_of
 

@@ -12,7 +12,8 @@ from agentflow.env.constants import Constants
 from agentflow.env.engines.actors import Actors, Grip, Lift, Mesh, Rope, Thrust
 from agentflow.env.engines.base import Joint
 from agentflow.env.engines.vectors import add, length, scale, subtract
-from agentflow.machine.blocks import GRABBER, BlockType, library
+from agentflow.machine.blocks import GRABBER, library
+from agentflow.machine.blocktype import BlockType
 from agentflow.machine.gears import meshing
 from agentflow.machine.geometry import Placed
 
