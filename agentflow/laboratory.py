@@ -13,6 +13,7 @@ import numpy as np
 
 from agentflow.env.query import answer
 from agentflow.env.render import png_url
+from agentflow.env.rollouts import Rollouts
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Rollout, Trace
 from agentflow.machine.tree import Machine
@@ -38,14 +39,24 @@ class PhysicsLaboratory:
         self._task = task
         self._pool = pool
         self._seed = seed
-        self.rollouts: dict[str, Rollout] = {}
+        self.rollouts = Rollouts()
         """Every finished rollout by machine digest."""
+        self.simulated_seconds = 0.0
+        """Of the machines' own time, all rollouts together."""
+        self.worker_seconds = 0.0
+        """Of the time that workers took for them."""
         self._pictures: dict[str, asyncio.Task[str]] = {}
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:  # noqa: ARG002
-        """Simulate a machine."""
+        """Simulate a machine.
+
+        Raises:
+            RunError: There is no room for the states that it went through.
+        """
         rollout = await self._pool.run(machine, self._task, seed=self._seed)
-        self.rollouts[machine.digest] = rollout
+        self.rollouts.put(machine.digest, rollout)
+        self.simulated_seconds += rollout.sim_seconds or 0.0
+        self.worker_seconds += rollout.wall_seconds or 0.0
         trial = Trial(
             score=rollout.score,
             status=rollout.status,

@@ -21,7 +21,7 @@ from agentflow.errors import (
     InterruptedRunError,
     RunError,
 )
-from agentflow.laboratory import PhysicsLaboratory, Simulator
+from agentflow.laboratory import Simulator
 from agentflow.llm.budget import Budget
 from agentflow.llm.client import Client
 from agentflow.llm.limits import Limiter
@@ -223,7 +223,8 @@ class _Work:
             "tokens": budget.usage.total,
             "cost": None if budget.cost is None else round(budget.cost, 6),
             "seconds": round(self.run.seconds, 2),
-            **_simulated(conducted.laboratory),
+            "simulated_seconds": round(conducted.laboratory.simulated_seconds, 3),
+            "worker_seconds": round(conducted.laboratory.worker_seconds, 3),
             "run": str(self.run.path),
         }
         self.run.finish(result)
@@ -252,12 +253,3 @@ def _count(tape: Tape, budget: Budget, plan: Plan) -> None:
     prices = prices_of(plan.config.model)
     for entry in tape.entries():
         budget.count(entry.request, entry.reply, prices.get(entry.model))
-
-
-def _simulated(laboratory: PhysicsLaboratory) -> dict[str, float]:
-    """Seconds of the machines' own time and of the workers' time, all rollouts together."""
-    rollouts = laboratory.rollouts.values()
-    return {
-        "simulated_seconds": round(sum(r.sim_seconds or 0.0 for r in rollouts), 3),
-        "worker_seconds": round(sum(r.wall_seconds or 0.0 for r in rollouts), 3),
-    }

@@ -1,0 +1,61 @@
+"""Owns the rollouts of one run while it lasts: in memory as long as they are few, else in a file.
+
+Which of them outlive the run, and how files that are kept look, is others' to say.
+"""
+
+from __future__ import annotations
+
+import pickle
+import tempfile
+import weakref
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+
+from agentflow.env.trace import Rollout
+from agentflow.errors import RunError
+
+IN_MEMORY = 32 * 2**20
+"""Bytes of rollouts that stay in memory; chosen: some 400 of machines of 20 blocks."""
+
+
+class Rollouts(Mapping[str, Rollout]):
+    """Rollouts by key, in the order in which they came.
+
+    The file is a temporary one without a name: it is gone with this process, however that ends.
+    """
+
+    def __init__(self, in_memory: int = IN_MEMORY) -> None:
+        """At most `in_memory` bytes stay in memory; what is more lies in the file."""
+        self._file = tempfile.SpooledTemporaryFile(in_memory)  # noqa: SIM115 - closed below
+        weakref.finalize(self, self._file.close)
+        self._places: dict[str, int] = {}
+
+    def put(self, key: str, rollout: Rollout) -> None:
+        """Remember a rollout.
+
+        Raises:
+            RunError: There is no room for temporary files.
+        """
+        try:
+            place = self._file.seek(0, 2)
+            pickle.dump(rollout, self._file)
+            self._file.flush()
+        except OSError as error:
+            with suppress(OSError):  # what could not be written cannot be now either
+                self._file.close()
+            raise RunError(
+                f"cannot write a temporary file: {error.strerror or error}; "
+                "let TMPDIR name a folder with room"
+            ) from None
+        self._places[key] = place
+
+    def __getitem__(self, key: str) -> Rollout:
+        self._file.seek(self._places[key])
+        rollout: Rollout = pickle.load(self._file)
+        return rollout
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
