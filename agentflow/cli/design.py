@@ -51,14 +51,17 @@ def design(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Design a machine: from a task to the best machine found, and pictures of it."""
+    """Design a machine: from a task to the best machine found, and pictures of it.
+
+    A finished run that is resumed gives its result and changes no file.
+    """
     from agentflow.app.pages.pictures import render_run
     from agentflow.app.runs.design import design as start
     from agentflow.app.runs.design import resume as go_on
     from agentflow.app.runs.models import configured
     from agentflow.cli.live import DRAWING, watch
     from agentflow.cli.show import show_result
-    from agentflow.runs import Event
+    from agentflow.runs import Event, state_of
 
     options = {
         "task": task,
@@ -74,14 +77,16 @@ def design(
     given = [name for name, value in options.items() if value is not None]
     if resume is not None and (given or config or settings):
         raise UsageError("--resume continues a run as it was begun; leave out the other options")
+    finished = resume is not None and state_of(resume) == "done"
     with watch(quiet) as (listener, say):
         if resume is not None:
             result = go_on(resume, say, listener)
         else:
             result = start(configured(config, settings or (), options), out, say, listener)
-        if listener is not None and result["valid"]:
+        drawn = result["valid"] and not finished
+        if drawn and listener is not None:
             listener(Event(DRAWING, "best", {}))
-        pictures = render_run(Path(result["run"])) if result["valid"] else {}
+        pictures = render_run(Path(result["run"])) if drawn else {}
     if as_json:
         print_json(result)
     else:

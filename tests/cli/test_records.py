@@ -23,6 +23,11 @@ def shown(capsys: Captured, *arguments: str) -> str:
     return captured.out
 
 
+def contents(folder: Path) -> dict[Path, bytes]:
+    """Every file and what it holds."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def test_runs_are_one_line_each_however_long_the_path(tmp_path: Path, capsys: Captured) -> None:
     run = tmp_path / ("a" * 100) / "run"
     shutil.copytree(RECORDED, run)
@@ -46,6 +51,15 @@ def test_a_damaged_run_does_not_hide_the_others(tmp_path: Path, capsys: Captured
     assert why == f"{tmp_path / 'bad' / 'result.json'} is damaged: expected a JSON object"
     assert bad.split()[1:] == ["damaged", "-", "-", "-", "-", "-", "-"]
     assert good.split()[1] == "done"
+
+
+def test_a_finished_run_that_is_resumed_keeps_every_byte(tmp_path: Path, capsys: Captured) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(RECORDED, run)
+    before = contents(run)
+    out = shown(capsys, "design", "--resume", str(run), "--json", "--quiet")
+    assert json.loads(out) == {**read_result(RECORDED), "run": str(run)}
+    assert contents(run) == before
 
 
 def test_show_tells_stages_costs_and_failures(capsys: Captured) -> None:
