@@ -15,14 +15,11 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 
 import pytest
-import typer
 
-from agentflow.cli import MODULES, main
-from agentflow.cli.commands import commands
+from agentflow.cli import group, main
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import check
 from agentflow.machine.formats import read_any
@@ -94,15 +91,13 @@ def test_there_is_something_to_test() -> None:
 
 def parse(words: list[str]) -> None:
     """Have the command line read arguments, and do nothing."""
-    for module in MODULES:
-        import_module(f"agentflow.cli.{module}")
-    group = typer.main.get_command(commands)
-    context = group.make_context("agentflow", words)
-    while hasattr(group, "resolve_command"):
+    command = group()
+    context = command.make_context("agentflow", words)
+    while hasattr(command, "resolve_command"):
         rest = [*context._protected_args, *context.args]
-        name, group, rest = group.resolve_command(context, rest)  # type: ignore[assignment]
-        assert group is not None
-        context = group.make_context(name, rest, parent=context)
+        name, command, rest = command.resolve_command(context, rest)
+        assert command is not None
+        context = command.make_context(name, rest, parent=context)
 
 
 @pytest.mark.parametrize(("page", "command"), ALL, ids=lambda value: getattr(value, "line", value))

@@ -8,7 +8,9 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from functools import cache
 from importlib import import_module
+from typing import Any
 
 from agentflow.cli.text import harmless
 from agentflow.errors import AgentflowError
@@ -31,14 +33,25 @@ def main(arguments: list[str] | None = None) -> int:
     return _say("interrupted", INTERRUPTED) if status is None else status
 
 
-def _run(given: list[str]) -> int | None:
-    """The exit status; None when the command was interrupted and has said nothing of it."""
+@cache
+def group() -> Any:
+    """Every command as the one object that runs them, of click or of typer's copy of it.
+
+    Made once in a process: making it takes longer than most commands.
+    """
     import typer
 
     from agentflow.cli.commands import commands
 
     for name in MODULES:
         import_module(f"agentflow.cli.{name}")
+    return typer.main.get_command(commands)
+
+
+def _run(given: list[str]) -> int | None:
+    """The exit status; None when the command was interrupted and has said nothing of it."""
+    import typer
+
     # Typer carries its own copy of click in some versions and depends on click in others; the
     # base of its public BadParameter is click's UsageError in both.
     usage_error: type[BaseException] = typer.BadParameter.__mro__[1]
@@ -47,7 +60,7 @@ def _run(given: list[str]) -> int | None:
     debug = "--debug" in given
     try:
         rest = [item for item in given if item != "--debug"]
-        status = commands(args=rest, prog_name="agentflow", standalone_mode=False)
+        status = group()(args=rest, prog_name="agentflow", standalone_mode=False)
         sys.stdout.flush()
         if status == INTERRUPTED:  # some versions of typer make it of Ctrl-C, others Abort
             return None

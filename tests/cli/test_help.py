@@ -7,15 +7,12 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
-from importlib import import_module
 from typing import Any
 
 import pytest
-import typer
 
 from agentflow import __version__
-from agentflow.cli import MODULES, main
-from agentflow.cli.commands import commands
+from agentflow.cli import group, main
 from tests.test_documented import parse
 
 MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
@@ -23,9 +20,7 @@ Captured = pytest.CaptureFixture[str]
 
 
 def every_command() -> Iterator[tuple[str, Any]]:
-    for module in MODULES:
-        import_module(f"agentflow.cli.{module}")
-    waiting = [("", typer.main.get_command(commands))]
+    waiting = [("", group())]
     for name, command in waiting:
         inner = getattr(command, "commands", {})
         waiting += [(f"{name} {key}".strip(), item) for key, item in inner.items()]
