@@ -15,12 +15,13 @@ from agentflow.agents.base import Role
 from agentflow.agents.designer import Designer, DesignerInput
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
+from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import Machine, read_machine
-from agentflow.machine.brief import Brief
+from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
 
 FIT = 3440
@@ -51,8 +52,11 @@ def ten_blocks(brief: Brief) -> Machine:
 
 
 def questions(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
-    """Every role's question about a task."""
+    """Every role's question about a task; placing is all there is to ask where blocks are given."""
     task = get_task(name)
+    if task.brief.given != LONE_ROOT:
+        yield "placement", Placer(), PlacerInput(task.brief)
+        return
     brief, machine = task.brief, ten_blocks(task.brief)
     told = simulate(machine, task).feedback.text
     history = "1. Success, score 4.00 -> 5.00\n   Add 15 to 3 in 2\n" * 3
