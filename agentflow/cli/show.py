@@ -54,7 +54,7 @@ def _passes(attempts: Data) -> str:
 
 
 def ending_of(result: Data) -> str:
-    """Why a run ended before its time, in one line; "" when it went all the way."""
+    """What kept a run from going all the way, in one line; "" when nothing did."""
     if result["stopped"] == "budget":
         after = "the result is the best so far" if result["valid"] else "no machine was found"
         return f"stopped early: the budget is spent; {after}"
@@ -63,6 +63,8 @@ def ending_of(result: Data) -> str:
     last = result["stages"][-1]
     if last["valid"] == 0:
         return f"ended early: no machine of stage {last['name']} was valid"
+    if last["attempts"] and not last["children"]:
+        return f"none of the {last['attempts']} refinements of stage {last['name']} was valid"
     return ""
 
 

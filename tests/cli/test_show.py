@@ -9,8 +9,12 @@ import pytest
 from agentflow.cli.show import ending_of
 
 
+def _stage(name: str, valid: int, attempts: int = 0, children: int = 0) -> dict[str, Any]:
+    return {"name": name, "valid": valid, "attempts": attempts, "children": children}
+
+
 def _result(**changes: Any) -> dict[str, Any]:
-    stages = [{"name": "initial", "valid": 2}, {"name": "blind_refinement", "valid": 1}]
+    stages = [_stage("initial", 2), _stage("env_feedback", 1, 4, 1)]
     return {"valid": True, "stopped": None, "reason": "", "stages": stages, **changes}
 
 
@@ -31,8 +35,12 @@ def _result(**changes: Any) -> dict[str, Any]:
             "no valid machine: no valid blueprint: - it lacks a key",
         ),
         (
-            {"stages": [{"name": "initial", "valid": 2}, {"name": "blind_refinement", "valid": 0}]},
+            {"stages": [_stage("initial", 2), _stage("blind_refinement", 0)]},
             "ended early: no machine of stage blind_refinement was valid",
+        ),
+        (
+            {"stages": [_stage("initial", 2), _stage("env_feedback", 2, 40)]},
+            "none of the 40 refinements of stage env_feedback was valid",
         ),
     ],
 )
