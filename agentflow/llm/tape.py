@@ -43,7 +43,8 @@ class Tape:
 
     Args:
         path: The file; made when it is missing and `writable`.
-        notice: Called with one line of text when a half-written last line is dropped.
+        notice: Called with one line of text when a half-written last line is passed over, which
+            is dropped when `writable`. One that lacks its line break alone counts.
         writable: Whether lines will be appended.
 
     Raises:
@@ -54,6 +55,8 @@ class Tape:
         self.path = path
         self._offsets: dict[str, int] = {}
         self._end = 0
+        self._missing = b""
+        """The line break that the last whole line lacks."""
         try:
             self._file: BinaryIO = open(path, "a+b" if writable else "rb", buffering=0)  # noqa: SIM115
         except OSError as problem:
@@ -62,6 +65,7 @@ class Tape:
             self._read_index(notice)
             if writable:
                 self._file.truncate(self._end)
+                self._end += self._file.write(self._missing)
         except BaseException:
             self._file.close()
             raise
@@ -130,8 +134,10 @@ class Tape:
         with open(self.path, "rb") as file:
             for number, line in enumerate(file, start=1):
                 if not line.endswith(b"\n"):
-                    notice(f"{self.path}: dropped a half-written last line ({len(line)} bytes)")
-                    return
+                    if not _is_whole(line):
+                        notice(f"{self.path}: dropped a half-written last line ({len(line)} bytes)")
+                        return
+                    self._missing = b"\n"
                 self._offsets.setdefault(self._key_in(line, number), self._end)
                 self._end += len(line)
 
@@ -143,3 +149,11 @@ class Tape:
             raise RunError(
                 f"{self.path}, line {number} is damaged ({where or 'no JSON'})"
             ) from None
+
+
+def _is_whole(line: bytes) -> bool:
+    """Whether a line is whole but for its line break: no part of an object is one."""
+    try:
+        return isinstance(json.loads(line), dict)
+    except (ValueError, RecursionError):
+        return False

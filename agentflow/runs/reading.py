@@ -6,7 +6,6 @@ Nothing here holds a run's lines in memory, nor changes a file.
 from __future__ import annotations
 
 import fcntl
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any, Literal
 
 from agentflow.errors import RunError
 from agentflow.runs.document import NAME
+from agentflow.runs.lines import is_whole, object_in
 
 EVENTS, CALLS, RESULT = "events.jsonl", "calls.jsonl", "result.json"
 AGAIN = b'{"again": true, '
@@ -60,7 +60,7 @@ def read_calls(path: Path) -> Iterator[dict[str, Any]]:
         RunError: A line before the last is damaged.
     """
     for number, line in whole_lines(path / CALLS):
-        item = _data(line)
+        item = object_in(line)
         if item is None or not _is_call(item):
             raise RunError(f"{path / CALLS} is damaged in line {number}")
         yield item
@@ -92,7 +92,7 @@ def read_result(path: Path) -> dict[str, Any]:
             f"{path} has no {RESULT}: the run is unfinished; continue it with "
             f"agentflow design --resume {path}"
         ) from None
-    result = _data(text)
+    result = object_in(text)
     if result is None:
         raise RunError(f"{path / RESULT} is damaged: expected a JSON object")
     return result
@@ -139,30 +139,21 @@ def find_runs(folder: Path) -> Iterator[Path]:
 
 
 def whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Number (from 1) and content of every line that ends; none where there is no file."""
+    """Number (from 1) and content of every whole line; none where there is no file."""
     if not path.exists():
         return
     if not path.is_file():
         raise RunError(f"{path} is damaged: expected a file")
     with path.open("rb") as lines:
         for number, line in enumerate(lines, start=1):
-            if line.endswith(b"\n"):
+            if is_whole(line):
                 yield number, line
 
 
 def _event(line: bytes, path: Path, number: int) -> Event:
-    item = _data(line)
+    item = object_in(line)
     if item is not None:
         kind, label, data = item.get("kind"), item.get("label"), item.get("data")
         if isinstance(kind, str) and isinstance(label, str) and isinstance(data, dict):
             return Event(kind, label, data, item.get("at", 0.0))
     raise RunError(f"{path / EVENTS} is damaged in line {number}")
-
-
-def _data(text: bytes) -> dict[str, Any] | None:
-    """The JSON object in a text; None where there is none."""
-    try:
-        item = json.loads(text)
-    except (ValueError, RecursionError):
-        return None
-    return item if isinstance(item, dict) else None

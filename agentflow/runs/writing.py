@@ -9,7 +9,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -41,11 +41,15 @@ class RunDirectory:
         self.listeners: list[Listener] = []
         self.replaced: list[Event] = []
         """Events that came out otherwise than an earlier process had recorded them."""
+        self.resumed = True
+        """Whether an earlier process began it."""
         self._made: list[Path] = []
         """Folders that were made to hold this run, the deepest first."""
         self._held = held
         self._known: dict[bytes, bytes] = {}
         """Hash of kind and label -> hash of the data, of what an earlier process recorded."""
+        self._again: set[bytes] = set()
+        """Those of them that have happened again."""
         worked = 0.0
         for event in read_events(path):
             self._known[_hash(event.kind, event.label)] = _hash(event.data)
@@ -69,6 +73,7 @@ class RunDirectory:
             path = _fresh(out, name)
             _write(path / NAME, document_text(document))
             run = cls(path, _hold(path))
+            run.resumed = False
         except OSError as error:
             _remove(path, made)
             raise RunError(
@@ -116,7 +121,7 @@ class RunDirectory:
             RunError: The line could not be written.
         """
         event = Event(kind, label, data, round(self.seconds, 3))
-        recorded = self._known.get(_hash(kind, label)) if self._known else None
+        recorded = self._recorded(_hash(kind, label)) if self._known else None
         if recorded is None or recorded != _hash(data):
             item = {"kind": kind, "label": label, "at": event.at, "data": data}
             line = json.dumps(item).encode()
@@ -128,6 +133,24 @@ class RunDirectory:
                 self.replaced.append(event)
         for listener in self.listeners:
             listener(event)
+
+    def _recorded(self, key: bytes) -> bytes | None:
+        recorded = self._known.get(key)
+        if recorded is not None:
+            self._again.add(key)
+        return recorded
+
+    @property
+    def dropped(self) -> int:
+        """Bytes of a half-written last event that an earlier process left."""
+        return self._events.dropped
+
+    def not_again(self) -> Iterator[Event]:
+        """Events of an earlier process that have not happened again so far; they stay recorded."""
+        for event in read_events(self.path) if self._known else ():
+            key = _hash(event.kind, event.label)
+            if key in self._known and key not in self._again:
+                yield event
 
     def save_machine(self, digest: str, text: str) -> None:
         """Keep a machine once, by content hash."""

@@ -74,7 +74,7 @@ def test_a_half_written_last_line_is_dropped_wherever_it_breaks(tmp_path: Path) 
     entries = filled(path, 2)
     whole = path.read_bytes()
     first = whole.index(b"\n") + 1
-    for size in range(first + 1, len(whole), 37):
+    for size in range(first + 1, len(whole) - 1, 37):
         path.write_bytes(whole[:size])
         notices: list[str] = []
         with Tape(path, notices.append, writable=False) as tape:
@@ -86,6 +86,20 @@ def test_a_half_written_last_line_is_dropped_wherever_it_breaks(tmp_path: Path) 
         dropped = f"{path}: dropped a half-written last line ({size - first} bytes)"
         assert notices == [dropped, dropped]
         assert path.read_bytes() == whole
+
+
+def test_a_last_line_that_lacks_its_line_break_alone_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "calls.jsonl"
+    entries = filled(path, 3)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: whole.index(entries[2].key.encode())].rpartition(b"\n")[0])
+    assert not path.read_bytes().endswith(b"\n")
+    with Tape(path, no_notice, writable=False) as tape:
+        assert list(tape.entries()) == entries[:2]
+    with Tape(path, no_notice) as tape:
+        tape.append(entries[2])
+        assert list(tape.entries()) == entries
+    assert path.read_bytes() == whole
 
 
 def test_a_tape_is_never_whole_in_memory(tmp_path: Path) -> None:

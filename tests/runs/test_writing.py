@@ -57,12 +57,43 @@ def test_resume_drops_the_half_line_and_repeats_nothing(tmp_path: Path) -> None:
     with (run.path / "events.jsonl").open("a") as file:
         file.write('{"kind": "att')
     again = RunDirectory.resume(run.path)
+    assert again.dropped == len('{"kind": "att')
     again.event("attempt", "designer/1", code="")
     again.event("attempt", "designer/2", code="overlap")
     again.close()
     lines = (run.path / "events.jsonl").read_text().splitlines()
     labels = [json.loads(line)["label"] for line in lines]
     assert labels == ["designer/1", "designer/2"]
+
+
+def test_resume_keeps_a_whole_line_without_its_break(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    run.event("attempt", "designer/1", code="")
+    run.close()
+    recorded = (run.path / "events.jsonl").read_bytes()
+    (run.path / "events.jsonl").write_bytes(recorded[:-1])
+    assert [event.label for event in read_events(run.path)] == ["designer/1"]
+    again = RunDirectory.resume(run.path)
+    assert again.dropped == 0
+    again.event("attempt", "designer/1", code="")
+    again.close()
+    assert (run.path / "events.jsonl").read_bytes() == recorded
+
+
+def test_resume_keeps_what_does_not_happen_again(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "demo", {})
+    assert (run.resumed, list(run.not_again())) == (False, [])
+    for label in "abc":
+        run.event("attempt", label, code="")
+    assert list(run.not_again()) == []
+    run.close()
+    again = RunDirectory.resume(run.path)
+    again.event("attempt", "b", code="overlap")
+    again.event("attempt", "d", code="")
+    assert [event.label for event in again.not_again()] == ["a", "c"]
+    assert again.resumed
+    again.close()
+    assert [event.label for event in read_events(run.path)] == ["a", "c", "b", "d"]
 
 
 def test_an_unwritable_folder_names_the_flag(tmp_path: Path) -> None:

@@ -183,6 +183,10 @@ class _Work:
     def how_to_go_on(self) -> str:
         return f"continue with: agentflow design --resume {self.run.path}"
 
+    def _goes_on(self, tape: Tape) -> bool:
+        """Whether there is a run to go on with: an answer, or whatever an earlier process left."""
+        return self.run.resumed or bool(len(tape))
+
     async def carry_out(self) -> dict[str, Any]:
         """Do what is left to do, and close the run."""
         remarks, budget = Remarks(self.run, self.say), Budget(self.plan.config.model.budget)
@@ -192,13 +196,13 @@ class _Work:
                 try:
                     return await self._carry_out(tape, budget, remarks)
                 except EndpointError as error:
-                    if len(tape):
+                    if self._goes_on(tape):
                         remarks.keep(str(error))
                         raise type(error)(f"{error}; {self.how_to_go_on}") from error
                     self.run.discard()
                     raise
                 except ConfigError:  # a key that is missing, for instance
-                    if not len(tape):
+                    if not self._goes_on(tape):
                         self.run.discard()
                     raise
                 except RunError as error:
@@ -210,11 +214,7 @@ class _Work:
         plan = self.plan
         models = watched(self._models(tape, budget, remarks), budget, self._tell)
         conducted = await conduct(plan, models, self.run, self.pool)
-        if other := self.run.replaced:
-            remarks.tell(
-                f"{len(other)} recorded events came out otherwise this time, first "
-                f"{other[0].kind} {other[0].label}: a rollout had been cut off, or a file edited"
-            )
+        remarks.tell_differences()
         keep_rollouts(self.run.path, plan.config, conducted)
         result = {
             **answer(plan, conducted),

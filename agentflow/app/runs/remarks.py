@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
-from agentflow.runs import RunDirectory, read_events
+from agentflow.runs import Event, RunDirectory, read_events
+from agentflow.runs.reading import EVENTS
 
 Say = Callable[[str], None]
 """Takes one line of text for the user: waits, refused parameters, dropped half lines."""
 REMARK = "remark"
 """Kind of the events that `Remarks` keeps; replays pass over them."""
+WHY = "a rollout had been cut off, or a file edited"
 
 
 class Remarks:
@@ -31,3 +33,28 @@ class Remarks:
         """Keep a line that the user sees by another way."""
         self._count += 1
         self._run.event(REMARK, str(self._count), text=line)
+
+    def tell_differences(self) -> None:
+        """Say what of the record of an earlier process this one has not repeated, if anything."""
+        for line in _differences(self._run):
+            self.tell(line)
+
+
+def _differences(run: RunDirectory) -> Iterator[str]:
+    if run.dropped:
+        yield f"{run.path / EVENTS}: dropped a half-written last line ({run.dropped} bytes)"
+    if run.replaced:
+        yield (
+            f"{len(run.replaced)} of the recorded events came out otherwise this time, first "
+            f"{_name(run.replaced[0])}: {WHY}; both are kept, the later one holds"
+        )
+    left = [event for event in run.not_again() if event.kind != REMARK]
+    if left:
+        yield (
+            f"{len(left)} of the recorded events did not happen this time, first {_name(left[0])}: "
+            f"{WHY}; they are kept"
+        )
+
+
+def _name(event: Event) -> str:
+    return f"{event.kind} {event.label}"

@@ -166,12 +166,14 @@ def test_an_edited_record_is_told_of_and_set_right(run: Path, tmp_path: Path) ->
     event = next(e for e in read_events(run) if e.kind == "evaluation")
     score = json.dumps(event.data["score"])
     (other / "events.jsonl").write_text(text.replace(f'"score": {score}', '"score": 1234.5', 1))
+    edited = (other / "events.jsonl").read_bytes()
     said: list[str] = []
     assert resume(other, said.append)["score"] == read_result(run)["score"]
     assert said == [
-        f"1 recorded events came out otherwise this time, first evaluation {event.label}: a "
-        "rollout had been cut off, or a file edited"
+        f"1 of the recorded events came out otherwise this time, first evaluation {event.label}: a "
+        "rollout had been cut off, or a file edited; both are kept, the later one holds"
     ]
+    assert (other / "events.jsonl").read_bytes().startswith(edited)
     assert replay(other, ignore) is None
 
 
