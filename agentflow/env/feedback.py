@@ -24,6 +24,8 @@ MAX_SAMPLES = 26
 """Most samples of a series, whatever the window (spec 3.2)."""
 MAX_LINES = 8
 """Most breakages that the text tells one by one; the data holds all."""
+MAX_STALLS = 4
+"""The same of stalls."""
 STALL_SPEED = 0.5
 """rad/s: a motor that turns slower against its carrier stands still. A twentieth of the speed of a
 wheel, above the jitter of a loaded joint."""
@@ -203,6 +205,14 @@ def _broken_lines(machine: Machine, broken: Sequence[Broken]) -> list[str]:
     return lines
 
 
+def _stall_lines(stalls: Sequence[Event]) -> list[str]:
+    lines = [f"Motor stalled: {event.text}" for event in stalls[:MAX_STALLS]]
+    rest = sorted({block for event in stalls[MAX_STALLS:] for block in event.blocks})
+    if rest:
+        lines.append(f"Motors stalled as well: blocks {', '.join(map(str, rest))}")
+    return lines
+
+
 def compose(
     machine: Machine,
     trace: Trace,
@@ -230,7 +240,7 @@ def compose(
         *_broken_lines(machine, broken),
         "Orientation of block 0: " + _orientation_text(runs, interval),
         "Most loaded connections (load 1 breaks): " + _loads_text(loads),
-        *(f"Motor stalled: {event.text}" for event in stalls[:MAX_LINES]),
+        *_stall_lines(stalls),
         *(path.text for path in paths),
     ]
     return Feedback("\n".join(text), _data(trace, broken, verdict, runs, loads, data, paths))

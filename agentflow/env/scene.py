@@ -35,6 +35,9 @@ class Thing:
     """None: as the physical constants have it; so is the ground's."""
     restitution: float | None = None
     """The same."""
+    balance: Vec3 = (0.0, 0.0, 0.0)
+    """From its centre to its centre of mass, along its own axes, m. Where that is not 0 its inertia
+    about its centre of mass is that of an even box of its size about the middle."""
     color: tuple[float, float, float, float] = (0.55, 0.57, 0.6, 1.0)
 
 

@@ -67,13 +67,13 @@ def _outcome(rollout: Rollout) -> str:
 
 
 def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
-    """Every trial in a line, then what its own feedback says of the one that is shown."""
+    """Every trial in a line, then what its own feedback says beyond that of the one shown."""
     shown = played[index].feedback
     text = [
         f"Score: {score:.2f} successful trials of {len(played)}",
         *(f"Trial {n}: {_outcome(rollout)}" for n, rollout in enumerate(played, start=1)),
         f"All that follows is of trial {index + 1}.",
-        *(line for line in shown.text.splitlines() if not line.startswith("Score:")),
+        *(line for line in shown.text.splitlines() if not line.startswith(("Score:", "Result:"))),
     ]
     trials: list[dict[str, Any]] = [
         {**rollout.terms, OUTCOME: _outcome(rollout)} for rollout in played

@@ -14,7 +14,7 @@ from agentflow.env.engines.bullet import pybullet
 from agentflow.env.engines.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.engines.layout import Built
 from agentflow.env.engines.tree import Body, Link
-from agentflow.env.engines.vectors import add, scale, subtract
+from agentflow.env.engines.vectors import add, scale, subtract, turned
 from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
 
 MOST_LINKS = 127
@@ -23,6 +23,7 @@ FASTEST = 1e6
 """Where PyBullet cuts a body's speeds, m/s and rad/s. Its own 100 would hold machines that explode;
 they are to diverge. Told to a link instead of the base, the same setting changes contacts."""
 CONE_SIDES = 24
+MIDDLE: Vec3 = (0.0, 0.0, 0.0)
 LONE_RADIUS = 0.1
 """Of the ball that stands for a body without any solid shape, m."""
 
@@ -55,8 +56,9 @@ class Workshop:
         if thing.shape == "cone":
             solid = self._cone(thing)
         else:
-            solid = self._shapes((Shape(thing.shape, thing.size),), (0.0, 0.0, 0.0))
-        uid = self._single(thing.mass, solid, swap(thing.position), swap_quaternion(thing.rotation))
+            solid = self._shapes((Shape(thing.shape, thing.size),), subtract(MIDDLE, thing.balance))
+        place = add(thing.position, turned(thing.rotation, thing.balance))
+        uid = self._single(thing.mass, solid, swap(place), swap_quaternion(thing.rotation))
         friction, restitution = self._usual
         if thing.friction is not None:
             friction = thing.friction
@@ -201,11 +203,11 @@ class Workshop:
         """A cone along y as the hull of its rim and its tip."""
         x, y, z = scale(thing.size, 0.5)
         turns = [2 * pi * i / CONE_SIDES for i in range(CONE_SIDES)]
-        rim = [swap((x * cos(turn), -y, z * sin(turn))) for turn in turns]
+        edge = [(x * cos(turn), -y, z * sin(turn)) for turn in turns] + [(0.0, y, 0.0)]
         return int(
             pybullet.createCollisionShape(
                 pybullet.GEOM_MESH,
-                vertices=[*rim, swap((0.0, y, 0.0))],
+                vertices=[swap(subtract(corner, thing.balance)) for corner in edge],
                 physicsClientId=self.client,
             )
         )

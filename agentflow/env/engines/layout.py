@@ -16,6 +16,7 @@ from agentflow.env.engines.frames import swap
 from agentflow.env.engines.tree import Body, Skeleton
 from agentflow.env.engines.vectors import cross, length, subtract
 from agentflow.env.scene import Thing
+from agentflow.env.trace import Array
 
 NO_ARM = 1e-9
 """m; places at rest are exact but for rounding."""
@@ -46,6 +47,8 @@ class Layout:
     """Leading part of each cluster's row."""
     things: tuple[str, ...]
     """Names of the moving things; their rows come last."""
+    thing_arms: Array
+    """(M, 3) from the centre of mass of each, where its row is, to its centre; engine frame, m."""
     bodies: tuple[tuple[int, tuple[int, ...]], ...]
     """Of each body: its number, and the links that lead clusters, in row order."""
 
@@ -96,6 +99,7 @@ def lay_out(
         tuple(handles),
         tuple(leading),
         tuple(thing.name for thing in moving),
+        0.0 - np.array([swap(thing.balance) for thing in moving]).reshape(-1, 3),
         tuple(bodies),
     )
 

@@ -141,7 +141,7 @@ def wind_of(
     wind = Wind(
         Members(
             np.concatenate([members.row, rows]),
-            np.concatenate([members.offset, np.zeros((len(rows), 3))]),
+            np.concatenate([members.offset, layout.thing_arms]),
         ),
         swap_all(np.array(boxes)),
         np.array(swap(scene.wind)),

@@ -31,6 +31,7 @@ from agentflow.env.engines.ropes import Ropes
 from agentflow.env.engines.rows import Rows, top_speeds
 from agentflow.env.engines.sensing import Sensors
 from agentflow.env.engines.tree import Skeleton, skeleton
+from agentflow.env.engines.vectors import subtract, turned
 from agentflow.env.scene import Quat, Scene, Vec3
 from agentflow.env.tasks.base import Body
 from agentflow.env.trace import Array
@@ -72,6 +73,7 @@ class PyBulletEngine:
         self._workshop = Workshop(self.client, self._constants)
         self._ground = self._workshop.ground(scene.friction)
         self._things = {thing.name: self._workshop.thing(thing) for thing in scene.things}
+        self._balance = {thing.name: thing.balance for thing in scene.things}
         self._moving = tuple(thing for thing in scene.things if thing.mass > 0)
         moving = {thing.name: self._things[thing.name] for thing in self._moving}
         still = [uid for name, uid in self._things.items() if name not in moving]
@@ -176,7 +178,9 @@ class PyBulletEngine:
         """Centre of a block or a thing."""
         if isinstance(body, int):
             return self._readings.centre(self._row(body), body)
-        return swap(pybullet.getBasePositionAndOrientation(self._things[body], self.client)[0])
+        uid = self._things[body]
+        place, turn = pybullet.getBasePositionAndOrientation(uid, self.client)
+        return swap(subtract(place, turned(turn, swap(self._balance[body]))))
 
     def rotation(self, body: Body) -> Quat:
         """Orientation of a block or a thing."""

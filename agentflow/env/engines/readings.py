@@ -90,7 +90,7 @@ class Readings:
         velocity[:, self._spanning] = swap_all((one + other)[:, :, VELOCITY] * 0.5)
         line = (one - other)[:, :, POSITION]
         square = line * line
-        things = tables[:, self._layout.thing_rows]
+        things = self._things(tables)
         return State(
             position=position,
             centre=middle,
@@ -102,6 +102,15 @@ class Readings:
             thing_rotation=swap_quaternions(things[:, :, ROTATION]),
             thing_velocity=swap_all(things[:, :, VELOCITY]),
         )
+
+    def _things(self, tables: Array) -> Array:
+        """(T, M, 13) rows of the moving things, at their centres."""
+        rows = tables[:, self._layout.thing_rows]
+        arms = self._layout.thing_arms
+        if not arms.any():
+            return rows
+        moved = carried(rows.reshape(-1, WIDTH), np.tile(arms, (len(tables), 1)))
+        return moved.reshape(rows.shape)
 
     def centres(self, rows: Array) -> Array:
         """(N, 3) block centres, m: the same as in `state`, for those who need nothing else."""

@@ -9,7 +9,7 @@ import random
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from agentflow.env.feedback import compose, number, series
 from agentflow.env.scene import Scene, Thing
@@ -23,6 +23,7 @@ from agentflow.env.tasks.family import (
 )
 from agentflow.env.tasks.knobs import knob
 from agentflow.env.trace import Broken, Event, Feedback, Trace, Verdict
+from agentflow.errors import ConfigError
 from agentflow.machine.brief import Brief
 from agentflow.machine.geometry import place
 from agentflow.machine.tree import Machine
@@ -33,6 +34,8 @@ RISE = 1.0
 """Metres above its settled height from which on the object counts as lifted (spec 3)."""
 HOLD = 1.0
 """Seconds that it has to stay there (spec 3)."""
+LOOSE = 0.2
+"""Seconds without contact after which the machine does not hold it any more: as a boulder's."""
 ROUNDING = 1e-6
 """Seconds by which summed steps may miss a limit."""
 COLOR = (0.2, 0.45, 0.7, 1.0)
@@ -50,9 +53,19 @@ class Object(Parameters):
     width: float = knob(2, 0.5, 5, "m", "size along x and z; a ball's diameter")
     height: float = knob(1, 0.5, 5, "m", "size along y; a ball has its width")
     mass: float = knob(5, 0.5, 50, "", "mass")
+    balance: float = knob(0, -2, 2, "m", "how far x+ of its centre its centre of mass lies")
     offset: float = knob(0, -2, 2, "m", "how far beside x = 0 its centre is set down, towards x+")
     forward: float = knob(0, -2, 2, "m", "how far beside z = 0 its centre is set down, towards z+")
     friction: float = knob(0.8, 0, 2, "", "friction coefficient")
+
+    @model_validator(mode="after")
+    def _balanced(self) -> Object:
+        if abs(self.balance) > self.width / 2:
+            raise ConfigError(
+                f"object.balance must be within {-self.width / 2:g} to {self.width / 2:g} for an "
+                f"object {self.width:g} m wide, not {self.balance:g}"
+            )
+        return self
 
     @property
     def extents(self) -> tuple[float, float, float]:
@@ -80,7 +93,8 @@ class Lifting(TrialFamily):
     """Score: successful trials out of ten.
 
     A trial succeeds when the object's centre is at least 1 m above its height at t = 0 for one
-    second together, and at the end.
+    second together, and at the end, with the machine then holding it: what is thrown and still
+    flies, or came down on something else, has not been lifted.
     """
 
     family: ClassVar[str] = "lifting"
@@ -111,16 +125,16 @@ class Lifting(TrialFamily):
                 *_object_sentences(self.parameters.object),
                 *self.parameters.wind.sentences(),
                 f"{self.count} trials differ by chance: the object's mass changes by up to "
-                f"{by.mass:.0%}, its friction by up to {by.friction:.0%}, and it is set down up to "
-                f"{by.offset:g} m aside along x and z.",
+                f"{by.mass:.0%}, its friction by up to {by.friction:.0%}, its place by up to "
+                f"{by.offset:g} m along x and z.",
             ),
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
                 f"A trial succeeds when the object's centre is at least {RISE:g} m above its "
-                f"settled height (at t = 0) for at least {HOLD:g} s together, and at "
-                "the end as well.",
+                f"height at t = 0 for {HOLD:g} s together, and at the end as well; it must then "
+                f"have touched the machine within the last {LOOSE:g} s.",
             ),
             blocks=BLOCKS,
         )
@@ -137,6 +151,7 @@ class Lifting(TrialFamily):
             (x, base + knobs.extents[1] / 2, z),
             mass=knobs.mass,
             friction=knobs.friction,
+            balance=(knobs.balance, 0.0, 0.0),
             color=COLOR,
         )
         return Scene((thing,), self.parameters.wind.velocity)
@@ -168,6 +183,8 @@ class LiftReferee:
         """Since when it is up; None while it is not."""
         self._held = 0.0
         """Longest time together that it has been up."""
+        self._touched = self._now = 0.0
+        """When it last touched the machine, and the time of the last look."""
         self._first: float | None = None
 
     def start(self, world: World) -> None:
@@ -175,7 +192,10 @@ class LiftReferee:
         self._settled = world.centre(OBJECT)[1]
 
     def watch(self, world: World) -> None:
-        """Keep the greatest rise and the longest time that it is up."""
+        """Keep the greatest rise, the longest time that it is up, and the last touch."""
+        self._now = world.time
+        if any(isinstance(body, int) for body in world.touching(OBJECT)):
+            self._touched = world.time
         self._rise = world.centre(OBJECT)[1] - self._settled
         if self._rise > self._best:
             self._best, self._best_time = self._rise, world.time
@@ -192,29 +212,32 @@ class LiftReferee:
         """Whether the trial succeeded, and how it went."""
         if self._since is not None:
             self._held = max(self._held, self._window - self._since)
-        success = self._since is not None and self._held >= HOLD - ROUNDING
+        carried = self._now - self._touched <= LOOSE + ROUNDING
+        success = self._since is not None and self._held >= HOLD - ROUNDING and carried
         terms: dict[str, float | bool | str | None] = {
             "success": success,
-            "outcome": self._outcome(success),
+            "outcome": self._outcome(success, carried),
             "miss": None if self._since is not None else RISE - self._rise,
             "settled_height": self._settled,
             "greatest_rise": self._best,
             "final_rise": self._rise,
             "held": self._held,
+            "carried": carried,
         }
         return Verdict(float(success), terms, self._events())
 
-    def _outcome(self, success: bool) -> str:
-        best = f"greatest rise {number(self._best)} m at {number(self._best_time)} s"
+    def _outcome(self, success: bool, carried: bool) -> str:
+        best = f"highest {number(self._best)} m at {number(self._best_time)} s"
         if success:
             return f"success, {best}, ends {number(self._rise)} m up"
+        if self._since is not None and not carried:
+            away = number(self._now - self._touched)
+            return f"failed, up but off the machine for the last {away} s, {best}"
         if self._since is not None:
             return f"failed, up for only {number(self._held)} s, {best}"
         if self._first is None:
             return f"failed, never {RISE:g} m up, {best}, ends {number(self._rise)} m up"
-        return (
-            f"failed, was up for {number(self._held)} s but ends {number(self._rise)} m up, {best}"
-        )
+        return f"failed, up for {number(self._held)} s but ends {number(self._rise)} m up, {best}"
 
     def _events(self) -> tuple[Event, ...]:
         if self._first is None:
@@ -256,6 +279,17 @@ def _object_sentences(knobs: Object) -> tuple[str, ...]:
     place = f"x = {knobs.offset:g}, z = {knobs.forward:g} m"
     return (
         f"The object is {size}, of mass {knobs.mass:g} and friction {knobs.friction:g}.",
+        *_balance_sentences(knobs.balance),
         f"Before t = 0 it is set down with its centre over {place}, on the highest point that the "
-        "machine has under it, and settles there with the machine; give it a level place to stand.",
+        "machine has under it, and settles there with the machine.",
+    )
+
+
+def _balance_sentences(balance: float) -> tuple[str, ...]:
+    if not balance:
+        return ()
+    side = "x+" if balance > 0 else "x-"
+    return (
+        f"It is heavier on one side: its centre of mass lies {abs(balance):g} m towards {side} of "
+        "its centre.",
     )

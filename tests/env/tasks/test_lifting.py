@@ -6,11 +6,14 @@ import pytest
 
 from agentflow.env.rollout import simulate
 from agentflow.env.scene import Vec3
+from agentflow.env.tasks.base import Body
 from agentflow.env.tasks.lifting import OBJECT, Lifting, LiftingKnobs, highest
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Verdict
+from agentflow.errors import ConfigError
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.prompts.text import token_estimate
+from benchmarks.shelf import load
 
 from ..fakes import LONE_ROOT, FakeWorld, make_trace
 
@@ -26,13 +29,19 @@ def level(name: str, **knobs: object) -> Lifting:
     return task
 
 
-def judge(*heights: tuple[float, float], window: float = 5.0) -> Verdict:
-    """The verdict over an object that is so high at these times; it starts at 2 m."""
+def judge(
+    *heights: tuple[float, float], window: float = 5.0, left: float = 9.0, on: Body = 1
+) -> Verdict:
+    """The verdict over an object that is so high at these times; it starts at 2 m.
+
+    Until `left` (s) it touches block 0, from then on `on`.
+    """
     referee = level("lifting", window=window).referee(LONE_ROOT)
     world = FakeWorld(centres={OBJECT: (0.0, 2.0, 0.0)})
     referee.start(world)
     for time, height in heights:
         world.time, world.centres[OBJECT] = time, (0.0, height, 0.0)
+        world.contacts[OBJECT] = frozenset({0 if time < left else on})
         referee.watch(world)
     return referee.verdict(make_trace(1))
 
@@ -41,16 +50,14 @@ def test_up_for_a_second_and_at_the_end_is_a_success() -> None:
     verdict = judge((3.9, 3.0), (4.5, 3.5), (5.0, 3.0))
     assert (verdict.score, verdict.terms["success"], verdict.terms["miss"]) == (1.0, True, None)
     assert verdict.terms["held"] == pytest.approx(1.1)
-    assert verdict.terms["outcome"] == ("success, greatest rise 1.50 m at 4.50 s, ends 1.00 m up")
+    assert verdict.terms["outcome"] == "success, highest 1.50 m at 4.50 s, ends 1.00 m up"
     assert [(event.time, event.kind) for event in verdict.events] == [(3.9, "lifted")]
 
 
 def test_less_than_a_second_is_not_enough() -> None:
     verdict = judge((4.1, 3.0), (5.0, 3.2))
     assert (verdict.score, verdict.terms["success"]) == (0.0, False)
-    assert verdict.terms["outcome"] == (
-        "failed, up for only 0.90 s, greatest rise 1.20 m at 5.00 s"
-    )
+    assert verdict.terms["outcome"] == ("failed, up for only 0.90 s, highest 1.20 m at 5.00 s")
 
 
 def test_a_second_in_two_pieces_is_not_enough() -> None:
@@ -63,7 +70,7 @@ def test_what_comes_down_again_has_not_been_lifted() -> None:
     verdict = judge((1.0, 8.0), (3.0, 8.0), (5.0, 2.4))
     assert verdict.score == 0.0
     assert verdict.terms["outcome"] == (
-        "failed, was up for 2.00 s but ends 0.40 m up, greatest rise 6.00 m at 1.00 s"
+        "failed, up for 2.00 s but ends 0.40 m up, highest 6.00 m at 1.00 s"
     )
     assert verdict.terms["miss"] == pytest.approx(0.6)
 
@@ -71,13 +78,36 @@ def test_what_comes_down_again_has_not_been_lifted() -> None:
 def test_what_never_rises_a_metre_is_told_how_far_it_rose() -> None:
     verdict = judge((1.0, 2.75), (5.0, 2.5))
     assert verdict.terms["outcome"] == (
-        "failed, never 1 m up, greatest rise 0.75 m at 1.00 s, ends 0.50 m up"
+        "failed, never 1 m up, highest 0.75 m at 1.00 s, ends 0.50 m up"
     )
     assert verdict.events == ()
 
 
 def test_what_rests_up_when_a_rollout_ends_early_stays_up() -> None:
     assert judge((0.5, 3.5), (1.2, 3.5)).terms["held"] == 4.5
+
+
+def test_what_is_still_in_the_air_or_lies_on_something_else_is_not_lifted() -> None:
+    for on in ("ground", "object of the scene"):
+        verdict = judge((3.0, 4.0), (4.5, 5.0), (5.0, 3.2), left=4.6, on=on)
+        assert (verdict.score, verdict.terms["carried"]) == (0.0, False)
+        assert verdict.terms["miss"] is None
+        assert verdict.terms["outcome"] == (
+            "failed, up but off the machine for the last 0.50 s, highest 3.00 m at 4.50 s"
+        )
+
+
+def test_a_moment_without_contact_at_the_end_does_not_matter() -> None:
+    verdict = judge((3.0, 4.0), (4.8, 4.0), (5.0, 4.0), left=4.9, on="ground")
+    assert (verdict.score, verdict.terms["carried"]) == (1.0, True)
+
+
+@pytest.mark.slow
+def test_a_throw_that_is_in_the_air_for_over_a_second_is_no_lift_however_late_it_comes() -> None:
+    task = level("lifting", **{"schedule.springs": 3.7}).trials(0)[0]
+    rollout = simulate(load("lifting/thrower.json"), task)
+    assert rollout.terms["held"] == pytest.approx(1.2, abs=0.05)
+    assert (rollout.score, rollout.terms["carried"]) == (0.0, False)
 
 
 @pytest.mark.parametrize(
@@ -97,12 +127,39 @@ def test_the_highest_point_is_looked_for_under_the_object(
 
 
 def test_the_object_stands_on_the_machine_and_on_the_ground_without_one() -> None:
-    task = level("lifting/4")
+    task = level("lifting/4", **{"object.offset": 0.5})
     (there,) = task.scene(TOWER).things
     (alone,) = task.scene().things
-    assert there.position == pytest.approx((0.4, 4.5, 0.0))
-    assert alone.position == pytest.approx((0.4, 0.5, 0.0))
+    assert there.position == pytest.approx((0.5, 4.5, 0.0))
+    assert alone.position == pytest.approx((0.5, 0.5, 0.0))
     assert (there.mass, there.friction, there.size) == (10.0, 0.2, (2.0, 1.0, 2.0))
+    assert there.balance == (0.4, 0.0, 0.0)
+
+
+def test_designers_are_told_where_the_object_is_heavier() -> None:
+    for balance, side in ((0.4, "x+"), (-0.25, "x-")):
+        told = level("lifting/4", **{"object.balance": balance}).brief.scene
+        assert (
+            f"It is heavier on one side: its centre of mass lies {abs(balance):g} m towards {side} "
+            "of its centre."
+        ) in told
+    assert not any("heavier" in line for line in level("lifting").brief.scene)
+
+
+def test_no_object_is_heaviest_outside_itself() -> None:
+    with pytest.raises(
+        ConfigError, match=r"object\.balance must be within -1 to 1 for an object 2"
+    ):
+        level("lifting/4", **{"object.balance": 1.2})
+
+
+def test_a_box_tips_off_the_root_when_its_centre_of_mass_lies_beside_it() -> None:
+    """The root is 1 m wide; the box is set down with its middle over it."""
+    settled = {}
+    for balance in (0.0, 0.9):
+        task = level("lifting/4", **{"object.balance": balance, "window": 1}).trials(0)[0]
+        settled[balance] = simulate(LONE_ROOT, task).terms["settled_height"]
+    assert settled == {0.0: pytest.approx(1.45, abs=0.05), 0.9: pytest.approx(1.0, abs=0.1)}
 
 
 @pytest.mark.parametrize(
