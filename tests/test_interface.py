@@ -127,6 +127,7 @@ def test_a_design_by_a_function(tmp_path: Path) -> None:
         answer=car,
         settings={**TINY, "window": 1},
         seed=3,
+        workers=1,
         out=tmp_path,
         listener=lambda event: heard.append(event.kind),
     )

@@ -49,7 +49,7 @@ def test_an_edited_one_is_refused(run: Path, old: str, new: str) -> None:
     assert file.read_text() == text.replace(old, new)
 
 
-@pytest.mark.parametrize("text", ["", "- a", "a: [", "schem: 1", "a: 2001-99-99", "[" * 1200])
+@pytest.mark.parametrize("text", ["", "- a", "a: [", "schem: 1", "a: 2001-99-99", "[\n" * 1200])
 def test_a_damaged_one_is_refused(run: Path, text: str) -> None:
     (run / "run.yaml").write_text(text)
     with pytest.raises(RunError, match=r"run\.yaml is damaged: expected a mapping with `schema`"):

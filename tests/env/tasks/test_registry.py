@@ -158,7 +158,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     [
         (b"\xb0\xff", "the level {} is no text in UTF-8"),
         (b"just text", "{} must be a mapping with family, title, good and parameters"),
-        (b"[" * 5000, "{} is not YAML: maximum recursion depth exceeded"),
+        (b"[\n" * 5000, "{} is not YAML: maximum recursion depth exceeded"),
         (b"family: gearng\ntitle: t\ngood: 1\n", "unknown family 'gearng'; known: gearing, "),
     ],
 )
