@@ -5,18 +5,32 @@ Which machines a page shows is its own module's; the packing of motion is report
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from agentflow.env.engines.base import Color
 from agentflow.env.figures import Figures
 from agentflow.env.film import hero_of, interval_of
 from agentflow.env.scene import IDENTITY, Scene, Thing
-from agentflow.env.trace import Broken, Rollout, Trace
+from agentflow.env.trace import Broken, Event, Rollout, Trace
 from agentflow.machine.blocks import library
+from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine
 from agentflow.report.film import Motion, packed
 
+GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
+    ("source", (0.80, 0.33, 0.20, 1.0)),
+    ("target", (0.13, 0.50, 0.66, 1.0)),
+)
+"""What given blocks are called and how they are coloured: those with a motor, and the others."""
+POWERED_COG = 39
+STALLED, SHOWN_TRIAL = "motor_stalled", "shown_trial"
+THINNED = 3
+"""One of so many samples is kept of the trials that are not shown first."""
+MOST_TRACES = 4
 NO_PLACE = (0.0, 0.0, 0.0)
 MOST_EVENTS = 40
 """Events of one film that are listed."""
@@ -40,7 +54,13 @@ class Shapes:
 
 
 def exhibit(
-    machine: Machine, rollout: Rollout | None, shapes: Shapes, remark: str = ""
+    machine: Machine,
+    rollout: Rollout | None,
+    shapes: Shapes,
+    remark: str = "",
+    *,
+    given: Machine = LONE_ROOT,
+    played: Sequence[Rollout] = (),
 ) -> dict[str, Any]:
     """A machine as the page shows it: at work where there is a trace, else as built.
 
@@ -49,33 +69,106 @@ def exhibit(
         rollout: What came of it; None when it was not simulated.
         shapes: Takes in the machine's solids.
         remark: Shown below the film.
+        given: What its task gave it to begin with, which is told apart by colours.
+        played: All its trials in order, where each has a film of its own.
     """
-    figures = Figures(machine)
+    figures, marked = Figures(machine), _marked(given)
+    solids = [
+        [
+            shapes.number(replace(solid, color=marked.get(block, ("", solid.color))[1]))
+            for solid in s
+        ]
+        for block, s in enumerate(figures.solids)
+    ]
+    return {
+        "solids": solids,
+        "rods": [_rod(step.id, machine, figures) for step in machine if step.two_ended],
+        "hero": hero_of(machine),
+        "given": [[name, list(color[:3])] for name, color in dict(marked.values()).items()],
+        "feedback": rollout.feedback.text if rollout is not None else "",
+        "remark": remark,
+        "trials": _trials(machine, figures, rollout, played),
+        **_filmed(machine, figures, rollout),
+    }
+
+
+def _filmed(
+    machine: Machine, figures: Figures, rollout: Rollout | None, every: int = 1
+) -> dict[str, Any]:
+    """What one rollout shows: what stood around, what moved how, what happened."""
     trace = rollout.trace if rollout is not None else None
     scene = rollout.scene if rollout is not None and rollout.scene is not None else Scene()
     moving = trace.things if trace is not None else ()
     columns = {name: len(machine) + index for index, name in enumerate(moving)}
-    hero = hero_of(machine)
     return {
-        "solids": [[shapes.number(solid) for solid in solids] for solids in figures.solids],
-        "rods": [_rod(step.id, machine, figures) for step in machine if step.two_ended],
         "things": [
             [*_row(_local(thing, columns)), columns.get(thing.name)] for thing in scene.things
         ],
-        "hero": hero,
-        "traces": sorted({0, hero, *columns.values()})[:4],
+        "wind": _wind(scene),
+        "traces": _traces(machine, columns),
         "connections": [block for block, _ in trace.connections] if trace is not None else [],
         "gone": _gone(trace, machine) if trace is not None else {},
         "breaks": {item.block: item.time for item in reversed(rollout.broken)} if rollout else {},
         "events": _events(rollout, machine) if rollout is not None else [],
-        "feedback": rollout.feedback.text if rollout is not None else "",
-        "remark": remark,
-        "film": packed(_motion(figures, trace, machine)),
+        "film": packed(_motion(figures, trace, machine, every)),
     }
 
 
-def _motion(figures: Figures, trace: Trace | None, machine: Machine) -> Motion:
-    """Blocks, then moving things; two-ended blocks stretch between others and are left at rest."""
+def _trials(
+    machine: Machine, figures: Figures, whole: Rollout | None, played: Sequence[Rollout]
+) -> list[dict[str, Any]]:
+    """Every trial for the page to choose from; the one that the whole shows has no second film.
+
+    None where a trial was not played to its end, so that the whole has no outcomes.
+    """
+    if whole is None or SHOWN_TRIAL not in whole.terms:
+        return []
+    found = []
+    for number, rollout in enumerate(played, start=1):
+        shown = number == whole.terms[SHOWN_TRIAL]
+        own = not shown and rollout.trace is not None
+        told = {
+            "number": number,
+            "success": whole.terms[f"trial_{number}"],
+            "outcome": whole.terms[f"outcome_{number}"],
+            "shown": shown,
+        }
+        found.append(told | (_filmed(machine, figures, rollout, THINNED) if own else {}))
+    return found
+
+
+def _marked(given: Machine) -> dict[int, tuple[str, Color]]:
+    """Given block -> what it is and its colour; the root is no such block."""
+    return {
+        step.id: GIVEN[0] if step.type == POWERED_COG else GIVEN[1]
+        for step in given
+        if step.parent >= 0
+    }
+
+
+def _wind(scene: Scene) -> str:
+    """The wind in words; "" where the air is still."""
+    parts = [
+        f"{abs(speed):g} m/s towards {axis}{'+' if speed > 0 else '-'}"
+        for axis, speed in zip("xyz", scene.wind, strict=True)
+        if speed
+    ]
+    return " and ".join(parts) + (", in gusts" if parts and scene.gusts else "")
+
+
+def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]]:
+    """Bodies that leave a trace: the root, the boulder, what moves in the scene."""
+    hero = hero_of(machine)
+    boulder = {"boulder": hero} if hero else {}
+    named = {"root block": 0, **boulder, **columns}
+    return [{"body": body, "name": name} for name, body in named.items()][:MOST_TRACES]
+
+
+def _motion(figures: Figures, trace: Trace | None, machine: Machine, every: int) -> Motion:
+    """Blocks, then moving things, in one of so many samples.
+
+    Two-ended blocks stretch between others and are left at rest.
+    """
     if trace is None:
         rest = figures.rest
         return Motion(0.0, rest.centre[None], rest.rotation[None], np.zeros((1, 0)))
@@ -85,7 +178,10 @@ def _motion(figures: Figures, trace: Trace | None, machine: Machine) -> Motion:
         if step.two_ended:
             position[:, step.id] = position[:, 0]
             rotation[:, step.id] = IDENTITY
-    return Motion(interval_of(trace), position, rotation, trace.utilisation)
+    load = trace.utilisation
+    return Motion(
+        every * interval_of(trace), *(part[::every] for part in (position, rotation, load))
+    )
 
 
 def _row(solid: Thing) -> Row:
@@ -123,11 +219,14 @@ def _events(rollout: Rollout, machine: Machine) -> list[dict[str, Any]]:
         {"time": item.time, "kind": "broke", "text": _broke(item, machine)}
         for item in rollout.broken
     ]
-    found += [
-        {"time": item.time, "kind": "told", "text": item.text or item.kind}
-        for item in rollout.events
-    ]
+    found += [{"time": item.time, "kind": "told", "text": _told(item)} for item in rollout.events]
     return sorted(found, key=lambda item: float(str(item["time"])))[:MOST_EVENTS]
+
+
+def _told(event: Event) -> str:
+    """An event in words; of a stalled motor the record says only which one, and when."""
+    text = event.text or event.kind.replace("_", " ")
+    return f"motor stands still: {text}" if event.kind == STALLED else text
 
 
 def _broke(item: Broken, machine: Machine) -> str:

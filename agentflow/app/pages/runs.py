@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +19,9 @@ from agentflow.env.archive import load_npz
 from agentflow.env.constants import constants
 from agentflow.env.pool import RolloutPool
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.registry import get_task
+from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.env.trace import Rollout
+from agentflow.env.trials import joined
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.report.page import check_bundle, page
@@ -75,10 +76,22 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
     data = story.to_json(cost_by(config.model), priced) | {
         "machines": machines,
         "shapes": shapes.rows,
+        "task": _asked(config),
         "failures": count_failures(path)["kinds"],
     }
     write(out, page(f"{config.task} · agentflow", data))
     return out
+
+
+def _asked(config: DesignConfig) -> dict[str, Any]:
+    """What the machines were to do, as their designers were told."""
+    brief = get_task(config.task, config.knobs).brief
+    return {
+        "title": get_level(config.task).file.title,
+        "objective": brief.objective,
+        "score": list(brief.score),
+        "scene": [*brief.scene, *brief.schedule],
+    }
 
 
 def ready(out: Path) -> None:
@@ -110,11 +123,14 @@ async def exhibits(
 
     async def shown(key: str, item: Shown) -> tuple[str, dict[str, Any]]:
         nonlocal done
-        rollout = await _rollout(item, pool)
+        played = await _played(item, pool)
+        rollout = _kept(item) if item.kept is not None else joined(played) if played else None
         if key in filmed:
             done += 1
             say(done, len(filmed))
-        return key, exhibit(item.machine, rollout, shapes, _remark(item, rollout))
+        trials = played if item.interval == FINE else ()
+        given, remark = item.task.brief.given, _remark(item, rollout)
+        return key, exhibit(item.machine, rollout, shapes, remark, given=given, played=trials)
 
     async with RolloutPool(max(1, min(workers, len(filmed)))) as pool:
         found = dict(await asyncio.gather(*(shown(key, item) for key, item in chosen.items())))
@@ -158,12 +174,25 @@ def kept_rollout(path: Path, document: Mapping[str, Any], digest: str) -> Path |
     return file if changed and file.exists() else None
 
 
-async def _rollout(item: Shown, pool: RolloutPool) -> Rollout | None:
-    if item.kept is not None:
-        return replace(load_npz(item.kept), scene=item.task.scene(item.machine))
-    if item.interval is None:
-        return None
-    return await pool.run(item.machine, item.task, seed=item.seed, interval=item.interval)
+async def _played(item: Shown, pool: RolloutPool) -> Sequence[Rollout]:
+    """Its trials, simulated again; none where none is to be."""
+    if item.kept is not None or item.interval is None:
+        return ()
+    trials = item.task.trials(item.seed)
+    runs = (
+        pool.run(item.machine, trial, seed=item.seed, interval=item.interval) for trial in trials
+    )
+    return await asyncio.gather(*runs)
+
+
+def _kept(item: Shown) -> Rollout:
+    """The recorded rollout, with what stood around the machine in the trial that it shows."""
+    assert item.kept is not None
+    rollout = load_npz(item.kept)
+    number = rollout.terms.get("shown_trial")
+    trials = item.task.trials(item.seed)
+    shown = item.task if number is None else trials[int(number) - 1]
+    return replace(rollout, scene=shown.scene(item.machine))
 
 
 def _remark(item: Shown, rollout: Rollout | None) -> str:
@@ -173,9 +202,18 @@ def _remark(item: Shown, rollout: Rollout | None) -> str:
         return "As recorded: the physical constants have changed since."
     if rollout.trace is None:
         return f"Shown as built: its simulation ended as {rollout.status}."
+    told = []
+    if "shown_trial" in rollout.terms and item.interval != FINE:
+        told.append(_trial(rollout))
     if rollout.score != item.score and item.score is not None:
-        return (
+        told.append(
             f"Simulated again with today's physics: {rollout.score:.2f}, "
             f"recorded were {item.score:.2f}."
         )
-    return ""
+    return " ".join(told)
+
+
+def _trial(rollout: Rollout) -> str:
+    """Which trial a film of many shows."""
+    number, count = int(rollout.terms["shown_trial"] or 1), int(rollout.terms["trials"] or 1)
+    return f"Trial {number} of {count}: {rollout.terms[f'outcome_{number}']}."

@@ -3,13 +3,16 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 
-const SIDE = new THREE.Vector3(-0.86, 0.36, -0.42); // from the right, a little behind and above
+const SIDE = new THREE.Vector3(-0.86, 0.36, -0.42).normalize(); // from the right, a little behind and above
+const ABOVE = new THREE.Vector3(-0.5, 0.85, -0.25).normalize(); // for what lies flat
+const FLAT = 0.2; // height over width
 const EVERY = 0.1; // seconds between the points of the path
 const SMOOTHING = 8; // points on either side that are averaged
 const NEAR = 12; // metres around the root that stay in the picture
 const FAR = 30; // metres, of what leaves a trace
-const MARGIN = 1.3; // metres around the middles of blocks
-const FILL = 0.92; // share of the picture that they may take
+const WIDEST = 40; // metres, of things that the wide view takes in
+const MARGIN = 0.4; // metres
+const FILL = 0.88; // share of the picture that they may take
 const NEAREST = 7; // metres
 
 export class Eye {
@@ -27,18 +30,30 @@ export class Eye {
     });
   }
 
-  /** Look at another film from the usual side. */
-  begin(film, hero, traced) {
-    this.path = path(film, hero, traced);
-    this.reset();
+  /** Look at another film; whoever has turned the picture keeps that view. */
+  begin(film, machine, shapes) {
+    const found = corners(machine, shapes);
+    this.side = flat(film, found) ? ABOVE : SIDE;
+    const frame = new THREE.Matrix4().lookAt(this.side, new THREE.Vector3(), new THREE.Vector3(0, 1, 0));
+    const boxes = seen(film, machine, found, frame.clone().transpose());
+    this.path = smoothed(boxes, frame);
+    this.whole = middle(around(boxes, machine, frame.clone().transpose()), frame);
+    if (!this.way) this.reset();
   }
 
   reset() {
     this.following = true;
-    this.way = SIDE.clone().normalize();
+    this.way = this.side.clone();
     this.zoom = 1;
     this.shift = new THREE.Vector3();
     this.at(this.time ?? 0);
+  }
+
+  /** Take in the whole way and what stands along it, or what happens now. */
+  setWide(on) {
+    this.wide = on;
+    this.zoom = 1;
+    this.shift = new THREE.Vector3();
   }
 
   /** Go along with the film. */
@@ -73,36 +88,108 @@ export class Eye {
     this.shift = this.controls.target.clone().sub(target);
   }
 
+  /** What to look at, and from how far. */
   wanted() {
-    const exact = Math.min(Math.max(this.time / EVERY, 0), this.path.length - 1);
-    const index = Math.min(Math.floor(exact), this.path.length - 1);
-    const next = Math.min(index + 1, this.path.length - 1);
-    const at = this.path[index].map((value, i) => value + (exact - index) * (this.path[next][i] - value));
+    const at = this.wide ? this.whole : this.now();
     const slope = FILL * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2));
     const distance = Math.max(at[3] / (slope * this.camera.aspect), at[4] / slope) + at[5];
     return [new THREE.Vector3(at[0], at[1], at[2]), Math.max(distance, NEAREST)];
   }
+
+  now() {
+    const exact = Math.min(Math.max(this.time / EVERY, 0), this.path.length - 1);
+    const index = Math.min(Math.floor(exact), this.path.length - 1);
+    const next = Math.min(index + 1, this.path.length - 1);
+    return this.path[index].map((value, i) => value + (exact - index) * (this.path[next][i] - value));
+  }
 }
 
-/** Over time, the box around the machine, what is near it, and its hero, as seen from the usual side: its middle, and
- *  half its width, height and depth. */
-function path(film, hero, traced) {
-  const bodies = Array.from({ length: film.bodies }, (_, body) => body);
-  const view = new THREE.Matrix4().lookAt(SIDE, new THREE.Vector3(), new THREE.Vector3(0, 1, 0));
-  const back = view.clone().transpose();
-  const points = [];
+/** The corners of every body's own box: a list per block, then of what moves in the scene. */
+function corners(machine, shapes) {
+  const found = machine.solids.map((solids) => solids.flatMap((index) => boxed(shapes[index])));
+  for (const thing of machine.things) if (thing[BODY] !== null) found[thing[BODY]] = boxed(thing);
+  return found;
+}
+
+const BODY = 14; // of a thing's row
+
+function boxed([, sx, sy, sz, x, y, z, i, j, k, w]) {
+  const turn = new THREE.Quaternion(i, -j, -k, w);
+  return EIGHT.map(([a, b, c]) => new THREE.Vector3(a * sx, b * sy, c * sz).applyQuaternion(turn).add(new THREE.Vector3(-x, y, z)));
+}
+
+const EIGHT = [-0.5, 0.5].flatMap((a) => [-0.5, 0.5].flatMap((b) => [-0.5, 0.5].map((c) => [a, b, c])));
+
+/** Whether all lies flat as it begins. */
+function flat(film, found) {
+  film.sample(0);
+  const size = new THREE.Box3();
+  found.forEach((points, body) => widen(size, film, body, points, new THREE.Matrix4()));
+  const { x, y, z } = size.getSize(new THREE.Vector3());
+  return y < FLAT * Math.min(x, z);
+}
+
+/** Over time, the box around the machine, what is near it, and its hero, in the frame of the eye. */
+function seen(film, { hero, traces }, found, back) {
+  const traced = traces.map(({ body }) => body);
+  const boxes = [];
   for (let time = 0; time <= film.duration + EVERY; time += EVERY) {
     film.sample(time);
     const place = (body) => new THREE.Vector3().fromArray(film.position, 3 * body);
     const root = place(0);
-    const near = bodies.filter((body) => place(body).distanceTo(root) < (traced.includes(body) ? FAR : NEAR)).map(place);
-    const box = new THREE.Box3().setFromPoints([...near, place(hero)].map((point) => point.applyMatrix4(back)));
-    const middle = box.getCenter(new THREE.Vector3()).applyMatrix4(view);
-    const size = box.expandByScalar(MARGIN).getSize(new THREE.Vector3());
-    points.push([...middle.toArray(), size.x / 2, size.y / 2, size.z / 2]);
+    const box = new THREE.Box3();
+    found.forEach((points, body) => {
+      const near = place(body).distanceTo(root) < (traced.includes(body) ? FAR : NEAR);
+      if (near || body === hero) widen(box, film, body, points, back);
+    });
+    boxes.push(box);
   }
-  return points.map((_, index) => {
-    const near = points.slice(Math.max(0, index - SMOOTHING), index + SMOOTHING + 1);
-    return points[index].map((_, i) => near.reduce((sum, point) => sum + point[i], 0) / near.length);
+  return boxes;
+}
+
+function widen(box, film, body, points, back) {
+  const place = new THREE.Vector3().fromArray(film.position, 3 * body);
+  const turn = new THREE.Quaternion().fromArray(film.rotation, 4 * body);
+  const whole = new THREE.Matrix4().compose(place, turn, new THREE.Vector3(1, 1, 1)).premultiply(back);
+  for (const point of points) box.expandByPoint(point.clone().applyMatrix4(whole));
+}
+
+/** Everything that is ever in a box, and the things that are not too wide. */
+function around(boxes, machine, back) {
+  const all = boxes.reduce((sum, box) => sum.union(box), new THREE.Box3());
+  for (const thing of machine.things) {
+    if (thing[BODY] !== null || Math.max(thing[1], thing[3]) > WIDEST) continue;
+    for (const point of boxed(thing)) all.expandByPoint(point.applyMatrix4(back));
+  }
+  return all;
+}
+
+/** A box as its middle in the world and half its width, height and depth as the eye sees it. */
+function middle(box, frame) {
+  const at = box.getCenter(new THREE.Vector3()).applyMatrix4(frame);
+  return [...at, ...box.clone().expandByScalar(MARGIN).getSize(new THREE.Vector3()).multiplyScalar(0.5)];
+}
+
+/** A calm path: middles are averaged, and sizes large enough for what then lies off the middle. */
+function smoothed(boxes, frame) {
+  const exact = boxes.map((box) => box.getCenter(new THREE.Vector3()));
+  const middles = exact.map((_, index) => {
+    const reach = Math.min(SMOOTHING, index, exact.length - 1 - index); // as far back as ahead: it must not lag
+    const near = exact.slice(index - reach, index + reach + 1);
+    return near.reduce((sum, point) => sum.add(point), new THREE.Vector3()).divideScalar(near.length);
+  });
+  const needed = boxes.map((box, index) => {
+    const size = box.clone().expandByScalar(MARGIN).getSize(new THREE.Vector3()).multiplyScalar(0.5);
+    return ["x", "y", "z"].map((axis) => size[axis] + Math.abs(middles[index][axis] - exact[index][axis]));
+  });
+  const sizes = over(over(needed, (values) => Math.max(...values)), (values) => values.reduce((a, b) => a + b) / values.length);
+  return middles.map((point, index) => [...point.applyMatrix4(frame), ...sizes[index]]);
+}
+
+/** Each number made anew from those around it in time. */
+function over(rows, make) {
+  return rows.map((row, index) => {
+    const near = rows.slice(Math.max(0, index - SMOOTHING), index + SMOOTHING + 1);
+    return row.map((_, axis) => make(near.map((other) => other[axis])));
   });
 }

@@ -86,9 +86,10 @@ export function ground() {
 }
 
 const DOTS = 1 / 60; // seconds between the dots of a trace
+const STILL = 0.1; // metres within which a body stays where it is
 
 /** Where a body has been, dotted; `until` shows it up to a moment. */
-export function paths(film, body, hero) {
+export function paths(film, body, index) {
   const count = Math.min(Math.ceil(film.duration / DOTS), 6000) + 1;
   const places = new Float32Array(3 * count);
   for (let i = 0; i < count; i++) {
@@ -97,25 +98,31 @@ export function paths(film, body, hero) {
   }
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
-  const dots = new THREE.Points(geometry, hero ? TRACE : ROOT_TRACE);
+  geometry.computeBoundingSphere();
+  const dots = new THREE.Points(geometry, TRACES[index]);
   dots.frustumCulled = false;
+  dots.moved = geometry.boundingSphere.radius > STILL;
   dots.until = (time) => geometry.setDrawRange(0, Math.min(Math.floor(time / DOTS) + 1, count));
   return dots;
 }
 
-const dotted = (color, size) =>
-  new THREE.ShaderMaterial({
-    vertexShader: `void main() {
-      gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
-      gl_PointSize = ${size.toFixed(1)};
-    }`,
-    fragmentShader: `void main() {
-      if (length(gl_PointCoord - 0.5) > 0.5) discard;
-      gl_FragColor = vec4(${color}, 1.0);
-    }`,
-  });
-const TRACE = dotted("0.80, 0.20, 0.13", 4);
-const ROOT_TRACE = dotted("0.20, 0.45, 0.70", 3);
+/** The colour of a film's trace by its place in the list: the root's, then what it moves. */
+export const traceColor = (index) => COLORS[index];
+
+const COLORS = [[0.2, 0.45, 0.7], [0.8, 0.2, 0.13], [0.85, 0.55, 0.05], [0.5, 0.3, 0.65]];
+const TRACES = COLORS.map(
+  (color, index) =>
+    new THREE.ShaderMaterial({
+      vertexShader: `void main() {
+        gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+        gl_PointSize = ${index ? "4.0" : "3.0"};
+      }`,
+      fragmentShader: `void main() {
+        if (length(gl_PointCoord - 0.5) > 0.5) discard;
+        gl_FragColor = vec4(${color.join(", ")}, 1.0);
+      }`,
+    }),
+);
 
 /** Distances along z+, every 5 or 10 metres as far as the body comes. */
 export function labels(film, body) {

@@ -3,6 +3,7 @@
 import { el } from "./dom.js";
 import { Eye } from "./camera.js";
 import { Film } from "./film.js";
+import { traceColor } from "./materials.js";
 import { Picture } from "./scene.js";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
@@ -30,16 +31,47 @@ export class Player {
     this.element.querySelector(".remark").textContent = remark;
     this.element.classList.toggle("empty", !machine || !this.picture);
     if (!machine || !this.picture) return;
+    if (!(await this.load(machine, asked))) return;
+    this.choices(machine);
+    this.eye.reset();
+  }
+
+  /** Show one film of a machine, unless another one has been asked for meanwhile. */
+  async load(machine, asked) {
     const film = await Film.of(machine.film);
-    if (this.asked !== asked) return; // another one has been asked for meanwhile
+    if (this.asked !== asked) return false;
     this.film = film;
     this.machine = machine;
     this.picture.show(machine, this.shapes, film);
-    this.eye.begin(film, machine.hero, machine.traces);
+    this.eye.begin(film, machine, this.shapes);
     this.slider.max = film.duration;
     this.element.classList.toggle("still", film.samples < 2);
     this.mark();
+    this.key();
     this.seek(0);
+    return true;
+  }
+
+  /** The trials of a machine to choose from, where it has several films. */
+  choices(machine) {
+    const { trials } = machine;
+    this.trials.parentElement.hidden = !trials.length;
+    this.trials.replaceChildren(...trials.map((trial) =>
+      el("option", { value: trial.number, selected: trial.shown ? "" : null, disabled: trial.shown || trial.film ? null : "" },
+        `${trial.number} of ${trials.length} ${trial.success ? "✓" : "✗"} ${trial.outcome}`)));
+    this.chosen = () => {
+      this.pause();
+      this.load({ ...machine, ...trials[this.trials.selectedIndex] }, (this.asked = {}));
+    };
+  }
+
+  /** What the colours in the picture stand for. */
+  key() {
+    const { traces, given, wind } = this.machine;
+    const moved = traces.map(({ name }, index) => this.picture.traces[index].moved && entry("dots", traceColor(index), name));
+    const dots = moved.filter(Boolean);
+    const blocks = given.map(([name, color]) => entry("block", color, name));
+    this.keys.replaceChildren(...blocks, ...dots, ...(wind ? [el("span", {}, `wind: ${wind}`)] : []));
   }
 
   play() {
@@ -161,6 +193,7 @@ export class Player {
       ",": () => this.setSpeed(SPEEDS[Math.max(SPEEDS.indexOf(this.speed) - 1, 0)]),
       ".": () => this.setSpeed(SPEEDS[Math.min(SPEEDS.indexOf(this.speed) + 1, SPEEDS.length - 1)]),
       l: () => this.setLoads(!this.byLoad),
+      w: () => this.setWide(!this.eye.wide),
       r: () => this.again(),
       Home: () => this.seek(0),
       End: () => this.seek(this.film.duration),
@@ -178,7 +211,15 @@ export class Player {
     if (this.film) act();
   }
 
+  /** The whole way and what stands along it, or what happens now. */
+  setWide(on) {
+    this.wide.setAttribute("aria-pressed", on);
+    this.eye.setWide(on);
+    this.ask();
+  }
+
   again() {
+    this.setWide(false);
     this.eye.reset();
     this.ask();
   }
@@ -192,14 +233,19 @@ export class Player {
     this.chooser = el("select", { "aria-label": "Speed", change: () => this.setSpeed(Number(this.chooser.value)) },
       ...SPEEDS.map((speed) => el("option", { value: speed, selected: speed === 1 ? "" : null }, `${speed}×`)));
     this.loads = el("button", { "aria-pressed": "false", title: "Colour by load (L)", click: () => this.setLoads(!this.byLoad) }, "Loads");
+    this.wide = el("button", { "aria-pressed": "false", title: "See the whole way (W)", click: () => this.setWide(!this.eye.wide) }, "Wide");
+    this.trials = el("select", { change: () => this.chosen() });
+    this.keys = el("span", { class: "keys" });
     this.list = el("ol", { class: "events", "aria-label": "What happens" });
     return el("div", { class: "player", role: "group", "aria-label": "Film", keydown: (event) => this.press(event) },
       el("div", { class: "view" }, this.canvas,
-        el("p", { class: "title", "aria-live": "polite" }),
-        el("p", { class: "legend" }, el("span", {}, "no load"), el("i", {}), el("span", {}, "breaks")),
+        el("div", { class: "over" }, el("p", { class: "title", "aria-live": "polite" }),
+          el("label", { class: "trials", hidden: "" }, "Trial ", this.trials)),
+        el("p", { class: "under" }, this.keys,
+          el("span", { class: "legend" }, el("span", {}, "no load"), el("i", {}), el("span", {}, "breaks"))),
         el("p", { class: "nothing" })),
       el("div", { class: "transport" }, this.button,
-        el("div", { class: "track" }, this.slider, this.ticks), this.clock, this.chooser, this.loads,
+        el("div", { class: "track" }, this.slider, this.ticks), this.clock, this.chooser, this.loads, this.wide,
         el("button", { title: "Look from the usual side again (R)", click: () => this.again() }, "Reset")),
       el("p", { class: "remark" }), this.list);
   }
@@ -223,4 +269,11 @@ export class Player {
       this.sharpen(1);
     }).observe(this.canvas);
   }
+}
+
+/** One thing of the key: a mark in its colour and its name. */
+function entry(kind, color, name) {
+  const mark = el("i", { class: kind });
+  mark.style.color = `rgb(${color.map((part) => Math.round(255 * part)).join(" ")})`;
+  return el("span", {}, mark, name);
 }

@@ -31,7 +31,7 @@ export class Picture {
   /** Colours as the page's style has them. */
   dress(style) {
     const color = (name) => new THREE.Color().setStyle(style.getPropertyValue(name).trim(), THREE.LinearSRGBColorSpace);
-    this.renderer.setClearColor(color("--sky"), 1);
+    this.renderer.setClearColor(new THREE.Color().setStyle(style.getPropertyValue("--sky").trim()), 1);
     this.ground.material.uniforms.sky.value = surface.uniforms.sky.value = color("--sky");
     this.ground.material.uniforms.land.value = color("--land");
     this.ground.material.uniforms.line.value = color("--line");
@@ -49,7 +49,7 @@ export class Picture {
     this.rods = machine.rods.map((rod) => ({ block: rod.block, color: rod.color, ends: rod.ends }));
     this.groups = grouped(this.parts, this.rods.length);
     for (const group of this.groups) this.stage.add(group.mesh, group.shadow);
-    this.traces = machine.traces.map((body) => paths(film, body, body === machine.hero));
+    this.traces = machine.traces.map(({ body }, index) => paths(film, body, index));
     this.stage.add(...this.traces, labels(film, machine.hero));
   }
 

@@ -73,7 +73,10 @@ def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> N
             machines[digest]["remark"] == "As recorded: the physical constants have changed since."
         )
     best = machines[best_of(read_result(run))]
-    assert best["traces"] == [0, best["hero"]]
+    assert best["traces"] == [
+        {"body": 0, "name": "root block"},
+        {"body": best["hero"], "name": "boulder"},
+    ]
     assert len(best["solids"]) == len(read_result(run)["machine"])
     assert told[-1] == (2, 2)
 
