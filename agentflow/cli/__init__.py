@@ -12,7 +12,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from agentflow.cli.text import harmless
+from agentflow.cli.text import harmless, refusal
 from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
@@ -72,7 +72,7 @@ def _run(given: list[str]) -> int | None:
     except OSError as error:
         if debug:
             raise
-        _say(f"cannot write the output: {error.strerror or error}", USAGE)
+        _say(refusal(error), USAGE)
         return _give_up_output(USAGE)
     except usage_error as error:
         return _refuse(error)

@@ -24,6 +24,7 @@ class LineFile:
         Raises:
             OSError: It cannot be opened for writing.
         """
+        self.path = path
         self._file = path.open("ab", buffering=0)
         self.dropped = 0
         """Bytes of a half-written last line."""

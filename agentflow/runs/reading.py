@@ -87,11 +87,13 @@ def read_result(path: Path) -> dict[str, Any]:
     """
     try:
         text = (path / RESULT).read_bytes()
-    except OSError:
+    except FileNotFoundError:
         raise RunError(
             f"{path} has no {RESULT}: the run is unfinished; continue it with "
             f"agentflow design --resume {path}"
         ) from None
+    except OSError as error:
+        raise RunError(f"cannot read {path / RESULT}: {error.strerror}") from None
     result = object_in(text)
     if result is None:
         raise RunError(f"{path / RESULT} is damaged: expected a JSON object")
@@ -104,9 +106,9 @@ def state_of(path: Path) -> State:
     Raises:
         RunError: It is no run, or cannot be read.
     """
-    if (path / RESULT).exists():
-        return "done"
     try:
+        if (path / RESULT).exists():
+            return "done"
         file = (path / NAME).open("rb")
     except OSError:
         raise RunError(f"{path} is no run: it has no readable {NAME}") from None
@@ -139,15 +141,22 @@ def find_runs(folder: Path) -> Iterator[Path]:
 
 
 def whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Number (from 1) and content of every whole line; none where there is no file."""
-    if not path.exists():
-        return
-    if not path.is_file():
-        raise RunError(f"{path} is damaged: expected a file")
-    with path.open("rb") as lines:
-        for number, line in enumerate(lines, start=1):
-            if is_whole(line):
-                yield number, line
+    """Number (from 1) and content of every whole line; none where there is no file.
+
+    Raises:
+        RunError: There is something that cannot be read.
+    """
+    try:
+        if not path.exists():
+            return
+        if not path.is_file():
+            raise RunError(f"{path} is damaged: expected a file")
+        with path.open("rb") as lines:
+            for number, line in enumerate(lines, start=1):
+                if is_whole(line):
+                    yield number, line
+    except OSError as error:
+        raise RunError(f"cannot read {path}: {error.strerror}") from None
 
 
 def _event(line: bytes, path: Path, number: int) -> Event:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 
 import pytest
+
+from agentflow.cli.text import refusal
 
 AGENTFLOW = f'"{sys.executable}" -c "import sys; from agentflow.cli import main; sys.exit(main())"'
 INTERRUPTED = """
@@ -29,6 +32,31 @@ sys.exit(main(["check", "-"]))
 def test_nobody_need_read(command: str, status: int) -> None:
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (status, "", "")
+
+
+def test_output_that_cannot_be_written_is_told() -> None:
+    command = f"{AGENTFLOW} blocks >/dev/full"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    told = "agentflow: cannot write the output: No space left on device\n"
+    assert (done.returncode, done.stderr) == (2, told)
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "cannot write the output: No space"),
+        (OSError(errno.EROFS, "Read-only file system", "a"), "cannot write a: Read-only file"),
+        (
+            PermissionError(errno.EACCES, "Permission denied", "a"),
+            "cannot use a: Permission denied",
+        ),
+        (OSError(errno.EXDEV, "Invalid link", "a", None, "b"), "cannot use b: Invalid link"),
+        (OSError(errno.EMFILE, "Too many open files"), "the system refuses: Too many open files"),
+        (TimeoutError("slow"), "the system refuses: slow"),
+    ],
+)
+def test_what_the_system_refuses_is_said_of_what_it_refused(error: OSError, words: str) -> None:
+    assert refusal(error).startswith(words)
 
 
 def test_a_group_alone_says_what_it_holds() -> None:

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import pytest
 
 from agentflow.cli import main
 from agentflow.errors import RunError
-from agentflow.runs import RunDirectory, read_events
+from agentflow.runs import RunDirectory, read_events, read_result, state_of
 
 NOBODY = 65534
 SMALL = Path(__file__).parents[2] / "configs" / "small.yaml"
@@ -99,6 +99,26 @@ def test_a_folder_that_is_read_only_is_said(open_folder: Path) -> None:
         )
         assert [event.data for event in read_events(run.path)] == [{"valid": 1}]
     RunDirectory.resume(run.path).close()
+
+
+def test_what_cannot_be_read_is_named(open_folder: Path) -> None:
+    run = RunDirectory.create(open_folder, "demo", {})
+    run.event("stage", "initial", valid=1)
+    run.finish({})
+    run.close()
+    files = [run.path / name for name in ("events.jsonl", "result.json")]
+    for file in files:
+        file.chmod(0)
+    readers: list[Callable[[Path], object]] = [lambda path: list(read_events(path)), read_result]
+    with unprivileged():
+        for file, read in zip(files, readers, strict=True):
+            with pytest.raises(RunError) as caught:
+                read(run.path)
+            assert str(caught.value) == f"cannot read {file}: Permission denied"
+    run.path.chmod(0)
+    with unprivileged(), pytest.raises(RunError, match="it has no readable run"):
+        state_of(run.path)
+    run.path.chmod(0o755)
 
 
 def test_a_second_process_is_refused(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from agentflow.llm.budget import Budget
 from agentflow.llm.client import Client
 from agentflow.llm.limits import Limiter
 from agentflow.llm.tape import Tape
-from agentflow.runs import Event, Listener, RunDirectory, read_document, read_result
+from agentflow.runs import Event, Listener, RunDirectory, read_document, read_result, state_of
 
 RESULT = ("score", "valid", "machine", "stages", "model", "stopped", "run")
 """Keys without which a result is none."""
@@ -88,7 +88,7 @@ def resume(
     Raises:
         InterruptedRunError: Ctrl-C; the run can be resumed again.
     """
-    if (path / "result.json").exists():
+    if state_of(path) == "done":
         return {**finished(path), "run": str(path)}
     return _to_end(_Work.go_on(path, say, listener, client))
 
@@ -107,7 +107,7 @@ async def resume_async(
         RunError: The run is damaged or in use, or prompts or physics have changed since.
         EndpointError: The model cannot be used.
     """
-    if (path / "result.json").exists():
+    if state_of(path) == "done":
         return {**finished(path), "run": str(path)}
     return await _Work.go_on(path, say, listener, client, pool, limiters).carry_out()
 

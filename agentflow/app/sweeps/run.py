@@ -16,7 +16,7 @@ from agentflow.app.sweeps.folder import LOG, RUNS, STORE, document_of, held
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config import build
 from agentflow.env.pool import RolloutPool
-from agentflow.errors import AgentflowError, EndpointError, InterruptedRunError
+from agentflow.errors import AgentflowError, EndpointError, InterruptedRunError, RunError
 from agentflow.laboratory import Simulator
 from agentflow.llm.limits import Limiter
 from agentflow.runs import Event
@@ -192,4 +192,7 @@ def _begun(path: Path) -> bool:
 
 
 def _note(log: LineFile, item: Mapping[str, Any]) -> None:
-    log.append(json.dumps(item).encode())
+    try:
+        log.append(json.dumps(item).encode())
+    except OSError as error:
+        raise RunError(f"cannot write {log.path}: {error.strerror}") from None
