@@ -15,9 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.budget import BudgetSettings
-from agentflow.llm.build import EndpointSettings
 from agentflow.llm.messages import Sampling
 from agentflow.llm.prices import Price
+from agentflow.llm.settings import EndpointSettings
 from agentflow.workflows.settings import WorkflowSettings
 
 NOT_YAML = (yaml.YAMLError, ValueError, RecursionError)

@@ -8,27 +8,16 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 
-from pydantic import BaseModel, ConfigDict
-
 from agentflow.llm.budget import Budget, BudgetClient
 from agentflow.llm.client import Client
 from agentflow.llm.endpoint import Endpoint
-from agentflow.llm.http import HttpSettings, OpenAIClient
-from agentflow.llm.limits import LimitedClient, Limiter, LimitSettings
+from agentflow.llm.http import OpenAIClient
+from agentflow.llm.limits import LimitedClient, Limiter
 from agentflow.llm.prices import Price
 from agentflow.llm.record import RecordingClient
-from agentflow.llm.retry import RetryClient, RetrySettings
+from agentflow.llm.retry import RetryClient
+from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.tape import Tape
-
-
-class EndpointSettings(BaseModel):
-    """How an endpoint is asked; none of it changes an answer."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    http: HttpSettings = HttpSettings()
-    retry: RetrySettings = RetrySettings()
-    limits: LimitSettings = LimitSettings()
 
 
 def open_client(

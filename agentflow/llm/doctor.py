@@ -14,8 +14,9 @@ from agentflow.errors import (
 )
 from agentflow.llm.endpoint import Endpoint
 from agentflow.llm.faults import TransientFault
-from agentflow.llm.http import HttpSettings, OpenAIClient
+from agentflow.llm.http import OpenAIClient
 from agentflow.llm.messages import JsonSchema, Message, Reply, Request, Sampling
+from agentflow.llm.settings import HttpSettings
 
 _FORM = JsonSchema(
     name="answer",

@@ -12,7 +12,6 @@ from contextlib import aclosing
 from dataclasses import replace
 
 import httpx
-from pydantic import BaseModel, ConfigDict, Field
 
 from agentflow.errors import ConfigError, EndpointError
 from agentflow.llm import faults, wire
@@ -20,25 +19,13 @@ from agentflow.llm.endpoint import Endpoint
 from agentflow.llm.lanes import Lanes
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.quirks import Quirks
+from agentflow.llm.settings import HttpSettings
 from agentflow.llm.sse import Framing
 
 _LARGEST_ANSWER = 64 * 2**20
 _LARGEST_REFUSAL = 2**16
 _DRAIN_S = 1.0
 """How long a stream may take to end after `[DONE]`, so that its connection can be used again."""
-
-
-class HttpSettings(BaseModel):
-    """How long to wait for an endpoint."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    connect_s: float = Field(default=10.0, gt=0)
-    """Longest wait for a connection."""
-    idle_s: float = Field(default=300.0, gt=0)
-    """Longest silence inside an answer; servers that do not stream are silent until it is ready."""
-    total_s: float = Field(default=1800.0, gt=0)
-    """Longest duration of one attempt, against servers that trickle for ever."""
 
 
 class OpenAIClient:

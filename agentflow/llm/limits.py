@@ -8,23 +8,9 @@ from collections import deque
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 
-from pydantic import BaseModel, ConfigDict, Field
-
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Reply, Request
-
-
-class LimitSettings(BaseModel):
-    """Limits of one endpoint over the whole run; None is no limit."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    concurrent: int | None = Field(default=None, ge=1)
-    """Most calls in flight."""
-    rpm: int | None = Field(default=None, ge=1)
-    """Most calls begun per minute."""
-    tpm: int | None = Field(default=None, ge=1)
-    """Most tokens (prompt and completion) per minute, estimated before a call, true after it."""
+from agentflow.llm.settings import LimitSettings
 
 
 @dataclass

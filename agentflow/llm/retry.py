@@ -6,25 +6,12 @@ import asyncio
 import random
 from collections.abc import Callable
 
-from pydantic import BaseModel, ConfigDict, Field
 from tenacity import AsyncRetrying, RetryCallState, retry_if_exception_type, stop_after_attempt
 
 from agentflow.llm.client import Client
 from agentflow.llm.faults import TransientFault
 from agentflow.llm.messages import Reply, Request
-
-
-class RetrySettings(BaseModel):
-    """Exponential back-off with full jitter: a wait is uniform in [0, min(cap, base * 2^n)]."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    attempts: int = Field(default=6, ge=1)
-    """Most attempts per call, the first one included."""
-    base_s: float = Field(default=0.5, ge=0)
-    cap_s: float = Field(default=30.0, ge=0)
-    retry_after_cap_s: float = Field(default=120.0, ge=0)
-    """A server that asks for a longer wait than this gets this one."""
+from agentflow.llm.settings import RetrySettings
 
 
 class RetryClient:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from agentflow.llm.endpoint import Endpoint
-from agentflow.llm.http import HttpSettings, OpenAIClient
+from agentflow.llm.http import OpenAIClient
 from agentflow.llm.messages import Message, Reply, Request, Sampling
+from agentflow.llm.settings import HttpSettings
 
 KEY = "sk-test-4f1c77d09a"
 

@@ -14,8 +14,9 @@ import pytest
 from agentflow.errors import ModelNotFoundError
 from agentflow.llm.doctor import diagnose
 from agentflow.llm.endpoint import Endpoint
-from agentflow.llm.http import HttpSettings, OpenAIClient
+from agentflow.llm.http import OpenAIClient
 from agentflow.llm.messages import Reply, Usage
+from agentflow.llm.settings import HttpSettings
 from tests.llm.foreign import ROOT, foreign
 from tests.llm.helpers import ask
 

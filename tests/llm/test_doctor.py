@@ -6,7 +6,7 @@ import time
 
 from agentflow.llm.doctor import Diagnosis, diagnose
 from agentflow.llm.endpoint import Endpoint
-from agentflow.llm.http import HttpSettings
+from agentflow.llm.settings import HttpSettings
 from tests.llm.helpers import KEY
 from tests.llm.hostile import body, reply, serving
 

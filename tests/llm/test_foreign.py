@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import EndpointError, ModelNotFoundError, RefusedError, UnauthorisedError
-from agentflow.llm.build import EndpointSettings, open_client
+from agentflow.llm.build import open_client
 from agentflow.llm.client import Client
 from agentflow.llm.doctor import diagnose
 from agentflow.llm.endpoint import Endpoint
-from agentflow.llm.http import HttpSettings
 from agentflow.llm.messages import JsonSchema, Usage
+from agentflow.llm.settings import EndpointSettings, HttpSettings
 from agentflow.llm.tape import Tape
 from tests.llm.foreign import foreign
 from tests.llm.helpers import ask

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import time
 
-from agentflow.llm.limits import LimitedClient, Limiter, LimitSettings
+from agentflow.llm.limits import LimitedClient, Limiter
 from agentflow.llm.messages import Reply, Request, Usage
+from agentflow.llm.settings import LimitSettings
 from tests.llm.helpers import ask
 
 

@@ -13,9 +13,10 @@ import pytest
 from agentflow.app.runs.remarks import REMARK, Remarks
 from agentflow.errors import EndpointError, RefusedError, UnreachableError
 from agentflow.llm.budget import Budget
-from agentflow.llm.build import EndpointSettings, open_client
+from agentflow.llm.build import open_client
 from agentflow.llm.endpoint import Endpoint
 from agentflow.llm.messages import Reply
+from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.tape import Tape
 from agentflow.runs import RunDirectory, read_events
 from tests.llm.helpers import KEY, ask

@@ -16,9 +16,10 @@ from agentflow.agents.base import Desk
 from agentflow.llm.budget import Budget
 from agentflow.llm.build import wrap
 from agentflow.llm.client import Client
-from agentflow.llm.limits import LimitedClient, Limiter, LimitSettings
+from agentflow.llm.limits import LimitedClient, Limiter
 from agentflow.llm.record import ReplayClient
 from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.settings import LimitSettings
 from agentflow.llm.tape import Tape
 from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
