@@ -98,7 +98,8 @@ def failures(
 ) -> None:
     """Count what went wrong, by one rule for each kind of failure.
 
-    A refused reply is of one kind alone; a simulated machine, counted once, may be of several.
+    A reply is of one kind alone; a simulated machine, counted once, may be of several. All
+    but `rationale not followed` are of replies that were refused.
 
     \b
     Format, of replies
@@ -109,6 +110,10 @@ def failures(
       plan not followed  a design changes or drops given blocks, adds none, or uses a type
                          that its part of the blueprint does not list; a blueprint
                          contradicts itself
+      rationale not followed
+                         an accepted design of a whole machine has fewer blocks of a type than
+                         its own rationale counts by name ("four Small Wheels"); nothing else
+                         that a rationale says is judged
       block not allowed  a block type is unknown or not in the task's list
       no motion          (machines) no block gets farther than 0.1 m from where it was when
                          power came on; not counted in gearing, where cogs turn in

@@ -1,12 +1,13 @@
 """Owns what went wrong in runs, counted by one stated rule for each kind of failure (spec 6.3).
 
-Which block of a machine faces the wrong way takes geometry, and is asked of the caller.
+Which block of a machine faces the wrong way takes geometry, what a rationale says takes the calls:
+both are asked of the caller.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -20,13 +21,16 @@ STILL = 0.1
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of failure. A refused reply is of one kind alone, a machine may be of several."""
+    """One kind of failure. A refused reply is of one kind alone, a machine may be of several.
+
+    An accepted reply can be of `RATIONALE` alone.
+    """
 
     name: str
     level: Level
     """planning: what was to be built is wrong; construction: it was put together wrongly."""
     unit: Unit
-    """What is counted: refused replies, or simulated machines, each machine once."""
+    """What is counted: replies, or simulated machines, each machine once."""
     rule: str
     codes: frozenset[str] = frozenset()
     """Codes of refused replies that are of this kind."""
@@ -63,6 +67,13 @@ PLAN = Kind(
             "missing_key",
         }
     ),
+)
+RATIONALE = Kind(
+    "rationale not followed",
+    "planning",
+    "reply",
+    "an accepted design of a whole machine has fewer blocks of a type than its own rationale "
+    'counts by name ("four Small Wheels"); nothing else that a rationale says is judged',
 )
 FORBIDDEN = Kind(
     "block not allowed",
@@ -124,6 +135,7 @@ KINDS = (
     UNPARSABLE,
     MISSING,
     PLAN,
+    RATIONALE,
     FORBIDDEN,
     MOTIONLESS,
     FACING,
@@ -145,7 +157,7 @@ class Failures:
     machines: int = 0
     """Machines simulated."""
     kinds: Counter[str] = field(default_factory=Counter)
-    """Name of a kind -> refused replies or machines of it."""
+    """Name of a kind -> replies or machines of it."""
     codes: Counter[str] = field(default_factory=Counter)
     """Code of refused replies -> how many; `unparsable` where there is none."""
 
@@ -160,13 +172,18 @@ class Failures:
 
 
 def failures(
-    events: Iterable[Event], misfaced: Callable[[str], bool], *, in_place: bool = False
+    events: Iterable[Event],
+    misfaced: Callable[[str], bool],
+    unkept: Collection[str] = (),
+    *,
+    in_place: bool = False,
 ) -> Failures:
     """Count what went wrong in a run.
 
     Args:
         events: of the run, one at a time.
         misfaced: whether the machine of a content hash has a block that faces the wrong way.
+        unkept: labels of the accepted replies that do not follow their own rationale.
         in_place: whether machines of the run's task are to stay where they are.
     """
     found = Failures()
@@ -175,6 +192,7 @@ def failures(
         data = event.data
         if event.kind == "attempt":
             found.replies += 1
+            found.kinds[RATIONALE.name] += event.label in unkept
             if not data["valid"]:
                 found.refused += 1
                 found.kinds[kind_of(event).name] += 1

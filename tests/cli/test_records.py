@@ -84,7 +84,7 @@ def test_failures_are_a_table(capsys: Captured) -> None:
     machines = str(read_result(RECORDED)["rollouts"])
     (row,) = (line.split() for line in lines if line.startswith("planning      no motion"))
     assert (row[:3], row[-2:]) == (["planning", "no", "motion"], [machines, "machines"])
-    assert len(lines) == 2 + 11
+    assert len(lines) == 2 + 12
 
 
 def test_a_configuration_is_shown_as_one(capsys: Captured, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.records.rationales import unkept
 from agentflow.app.records.reading import recorded_machine, sound
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, place
@@ -37,7 +38,7 @@ def count_failures(path: Path) -> dict[str, Any]:
         with sound(run):
             family = _family_of(run)
             judge = _misfaced_in(run, family)
-            total += failures(read_events(run), judge, in_place=family in STAYING)
+            total += failures(read_events(run), judge, unkept(run), in_place=family in STAYING)
     return {
         "runs": len(runs),
         "replies": total.replies,
