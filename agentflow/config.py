@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
 from agentflow.llm.budget import BudgetSettings
 from agentflow.llm.messages import Sampling
 from agentflow.llm.prices import Price
@@ -103,8 +103,8 @@ def load(path: Path) -> dict[str, Any]:
         document = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from None
-    except NOT_YAML:
-        raise ConfigError(f"{path} is not YAML") from None
+    except NOT_YAML as error:
+        raise ConfigError(f"{path} is not YAML: {yaml_problem(error)}") from None
     if not isinstance(document, dict):
         raise ConfigError(f"{path} must hold a mapping of configuration keys")
     config = document.get("config")

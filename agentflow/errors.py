@@ -98,3 +98,10 @@ class InterruptedRunError(AgentflowError):
     """The user stopped a run; the message says how to continue it."""
 
     exit_status = 130
+
+
+def yaml_problem(error: Exception) -> str:
+    """What is wrong with a YAML text, in one line and with the number of its line if known."""
+    mark = getattr(error, "problem_mark", None)
+    why = getattr(error, "problem", None) or str(error).partition("\n")[0]
+    return f"line {mark.line + 1}: {why}" if mark else why

@@ -74,6 +74,9 @@ def test_wrong_settings_are_refused(setting: str, message: str) -> None:
 def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot read"):
         load(tmp_path / "none.yaml")
+    (tmp_path / "tab.yaml").write_text("task: throwing\n\tseed: 1\n")
+    with pytest.raises(ConfigError, match=r"tab.yaml is not YAML: line 2: found character '\\t'"):
+        load(tmp_path / "tab.yaml")
     (tmp_path / "bad.yaml").write_text("- a\n")
     with pytest.raises(ConfigError, match="must hold a mapping of configuration keys"):
         load(tmp_path / "bad.yaml")

@@ -23,7 +23,7 @@ from agentflow.env.tasks.knobs import (
     nested,
     read_knobs,
 )
-from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
 
 
 class LevelFile(BaseModel):
@@ -67,8 +67,7 @@ def _read(text: str, source: str) -> LevelFile:
     try:
         document = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        why = str(error).partition("\n")[0]
-        raise ConfigError(f"{source} is not YAML: {why}") from None
+        raise ConfigError(f"{source} is not YAML: {yaml_problem(error)}") from None
     if not isinstance(document, dict):
         raise ConfigError(f"{source} must be a mapping with family, title, good and parameters")
     try:
