@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import traceback
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
@@ -71,14 +72,14 @@ def _run(given: list[str]) -> int | None:
         return _give_up_output(0)
     except OSError as error:
         if debug:
-            raise
+            traceback.print_exc()
         _say(refusal(error), USAGE)
         return _give_up_output(USAGE)
     except usage_error as error:
         return _refuse(error)
     except AgentflowError as error:
         if debug:
-            raise
+            traceback.print_exc()
         return _say(str(error), error.exit_status)
 
 

@@ -222,6 +222,8 @@ def test_wrong_input_is_one_line_and_leaves_nothing(
     assert os.listdir(tmp_path) == ["words"]
 
 
-def test_debug_shows_the_traceback() -> None:
-    with pytest.raises(Exception, match="unknown task"):
-        main(["tasks", "thowing", "--debug"])
+def test_debug_shows_the_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tasks", "thowing", "--debug"]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("Traceback")
+    assert "\nagentflow: unknown task" in told
