@@ -87,7 +87,9 @@ def read_swept(path: Path) -> Swept:
         else:
             missing.append(member.name)
     if not done:
-        raise RunError(f"no run of {path} is done; carry it out with agentflow sweep --resume")
+        raise RunError(
+            f"no run of {path} is done; carry it out with agentflow sweep {path} --resume"
+        )
     return Swept(path, sweep, tuple(done), tuple(missing), failures(path))
 
 

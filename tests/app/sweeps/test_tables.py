@@ -275,7 +275,7 @@ def test_what_is_no_sweep_or_has_nothing_done_is_refused(tmp_path: Path) -> None
     with pytest.raises(RunError, match=r"is no sweep: it has no readable sweep.yaml"):
         read_swept(tmp_path)
     path = sweep(tmp_path, {})
-    with pytest.raises(RunError, match=r"no run of .*hand is done; carry it out with agentflow sw"):
+    with pytest.raises(RunError, match=r"; carry it out with agentflow sweep .*hand --resume"):
         read_swept(path)
     (path / "sweep.yaml").write_text("[")
     with pytest.raises(RunError, match=r"sweep.yaml is damaged: expected a mapping with schema"):
