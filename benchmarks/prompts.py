@@ -13,11 +13,13 @@ from typing import Any
 
 from agentflow.agents.base import Role
 from agentflow.agents.designer import Designer, DesignerInput
+from agentflow.agents.history import Entry, History
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
+from agentflow.env.query import answer
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import Machine, read_machine
@@ -58,8 +60,13 @@ def questions(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
         yield "placement", Placer(), PlacerInput(task.brief)
         return
     brief, machine = task.brief, ten_blocks(task.brief)
-    told = simulate(machine, task).feedback.text
-    history = "1. Success, score 4.00 -> 5.00\n   Add 15 to 3 in 2\n" * 3
+    rollout = simulate(machine, task)
+    told = rollout.feedback.text
+    wanted = {"duration": [0.0, 3.0], "properties": ["position", "rotation", "velocity"]}
+    states = answer(machine, rollout, [{"id": block, **wanted} for block in (0, 3, 9)]).text
+    history = History()
+    for score in range(20):
+        history = history.add(Entry("Add 15 to 3 in 2\nRemove 7", "Success", "", score, score + 1))
     yield "plan", MetaDesigner(), MetaDesignerInput(brief)
     yield "detailed plan", MetaDesigner(), MetaDesignerInput(brief, detailed=True)
     yield "whole machine", Designer(), DesignerInput(brief)
@@ -67,7 +74,7 @@ def questions(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
     yield "inspection", Inspector(), InspectorInput(brief, machine)
     yield "queries", Querier(), QuerierInput(brief, machine, 4.5, told)
     yield "blind", Refiner(), RefinerInput(brief, machine, critique="word " * 150)
-    yield "feedback", Refiner(), RefinerInput(brief, machine, None, "", history, 4.5, told)
+    yield "feedback", Refiner(), RefinerInput(brief, machine, None, "", history, 4.5, told, states)
 
 
 def main(names: list[str]) -> None:

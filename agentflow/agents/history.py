@@ -13,6 +13,8 @@ MAX_LINES = 20
 """Most lines shown of one script or reason."""
 MAX_WIDTH = 300
 """Most characters shown of a line."""
+SHORT_LIMIT, SHORT_LINES, SHORT_WIDTH = 4, 3, 100
+"""The same three where few tokens are to be had."""
 
 
 @dataclass(frozen=True)
@@ -48,25 +50,34 @@ class History:
     def add(self, entry: Entry) -> History:
         """The history with one more entry, the oldest dispensable one gone if it is too long."""
         number = self.entries[-1].number + 1 if self.entries else 1
-        entries = [*self.entries, replace(entry, number=number)]
-        if len(entries) > self.limit:
-            kept = {item.number for item in _extremes(entries)}
-            entries.remove(next(item for item in entries if item.number not in kept))
-        return replace(self, entries=tuple(entries))
+        entries = (*self.entries, replace(entry, number=number))
+        return replace(self, entries=_bounded(entries, self.limit))
 
     def to_text(self) -> str:
         """One paragraph per entry, oldest first; "" for an empty history."""
-        best, worst = _marks(self.entries)
-        return "\n".join(_entry_text(item, best, worst) for item in self.entries)
+        return _text(self.entries, MAX_LINES, MAX_WIDTH)
+
+    def to_short_text(self) -> str:
+        """The same of the best, the worst and the newest entries only, and less of each."""
+        return _text(_bounded(self.entries, SHORT_LIMIT), SHORT_LINES, SHORT_WIDTH)
 
 
-def _scored(entries: tuple[Entry, ...] | list[Entry]) -> list[Entry]:
-    return [item for item in entries if item.after is not None]
+def _bounded(entries: tuple[Entry, ...], limit: int) -> tuple[Entry, ...]:
+    """As many entries, the oldest gone first, the best and the worst never."""
+    kept = {item.number for item in _extremes(entries)}
+    gone = [item.number for item in entries if item.number not in kept]
+    gone = gone[: max(0, len(entries) - limit)]
+    return tuple(item for item in entries if item.number not in gone)
 
 
-def _extremes(entries: tuple[Entry, ...] | list[Entry]) -> tuple[Entry, ...]:
+def _text(entries: tuple[Entry, ...], lines: int, width: int) -> str:
+    best, worst = _marks(entries)
+    return "\n".join(_entry_text(item, best, worst, lines, width) for item in entries)
+
+
+def _extremes(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
     """The entries with the greatest and the least score after; the earlier one among equals."""
-    scored = _scored(entries)
+    scored = [item for item in entries if item.after is not None]
     if not scored:
         return ()
     return max(scored, key=_after), min(scored, key=_after)
@@ -84,16 +95,18 @@ def _marks(entries: tuple[Entry, ...]) -> tuple[int, int]:
     return extremes[0].number, extremes[1].number
 
 
-def _entry_text(entry: Entry, best: int, worst: int) -> str:
+def _entry_text(entry: Entry, best: int, worst: int, lines: int, width: int) -> str:
     mark = {best: ", best so far", worst: ", worst so far"}.get(entry.number, "")
     head = f"{entry.number}. {entry.verdict}, score {_score(entry.before)} -> {_score(entry.after)}"
-    return "\n".join([head + mark, *_indented(entry.script), *_indented(entry.reason)])
+    told = (line for text in (entry.script, entry.reason) for line in _cut(text, lines, width))
+    return "\n".join([head + mark, *told])
 
 
-def _indented(text: str) -> list[str]:
+def _cut(text: str, most: int, width: int) -> list[str]:
+    """The first lines of a text and of each the first characters, indented."""
     lines = text.strip().splitlines()
-    shown = [f"   {line.strip()[:MAX_WIDTH]}" for line in lines[:MAX_LINES]]
-    return [*shown, "   ..."] if len(lines) > MAX_LINES else shown
+    shown = [f"   {line.strip()[:width]}" for line in lines[:most]]
+    return [*shown, "   ..."] if len(lines) > most else shown
 
 
 def _score(score: float | None) -> str:

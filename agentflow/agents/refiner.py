@@ -6,11 +6,12 @@ Applying the edit commands is agentflow.machine's; trying the result is the sear
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, report_context, task_context
+from agentflow.agents.history import History
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.replies import Representation, read_reply
 from agentflow.agents.sections import sections
@@ -42,8 +43,8 @@ class RefinerInput:
     blueprint: Blueprint | None = None
     critique: str = ""
     """An inspector's report."""
-    history: str = ""
-    """Summary of the edits that led to the machine (history.py)."""
+    history: History = field(default=History())
+    """The edits that led to the machine."""
     score: float | None = None
     feedback: str = ""
     """The default feedback of the machine's simulation."""
@@ -89,7 +90,8 @@ class Refiner(Role[RefinerInput, Refinement]):
             **report_context(given.score, given.feedback),
             "blueprint": given.blueprint and given.blueprint.to_json(),
             "critique": given.critique,
-            "history": given.history,
+            "history": given.history.to_text(),
+            "history_short": given.history.to_short_text(),
             "queried": given.queried,
             "earlier": given.earlier,
             "format": given.format,

@@ -16,12 +16,15 @@ import jinja2
 import yaml
 
 from agentflow.errors import PromptError, UnknownNameError
-from agentflow.prompts.text import as_json, clip, guard, oneline, quote, token_estimate
+from agentflow.prompts.text import CL100K, as_json, clip, guard, oneline, quote, token_estimate
 
 __all__ = ["PromptSet", "block_functions", "prompt_sets", "token_estimate"]
 
 _ABOUT = "set.yaml"
-"""What a set is for (`about`), and the set whose templates it takes where it has none (`base`)."""
+"""What a set is for (`about`), the set whose templates it takes where it has none (`base`), and the
+tokens that system and user prompt together should fit into (`fits`)."""
+_ROOM = (1.0, 0.5, 0.25, 0.0)
+"""Shares of the room for what can be long, tried in turn until a prompt fits."""
 _FUNCTIONS = "block_functions.yaml"
 _RETRY = "_parts/retry.j2"
 
@@ -62,12 +65,15 @@ class PromptSet:
         self._files = dict(_walk(_home().joinpath(name), ""))
         if base := about.get("base"):
             self._files = {**PromptSet(base)._files, **self._files}
+        self.fits: int | None = about.get("fits")
+        """Most tokens of a prompt, as far as leaving out can achieve it; None for no limit."""
         self._environment = _environment(self._files)
 
     @cached_property
     def digest(self) -> str:
-        """Content hash, 16 hex digits, over all files of the set and the block functions."""
+        """Content hash, 16 hex digits, over all that a prompt of the set depends on."""
         files = {**self._files, _FUNCTIONS: _home().joinpath(_FUNCTIONS).read_text("utf-8")}
+        files |= {_ABOUT: str(self.fits)} if self.fits else {}
         digest = hashlib.sha256()
         for path in sorted(files):
             digest.update(f"{path}\0{files[path]}\0".encode())
@@ -82,16 +88,22 @@ class PromptSet:
     def render(self, role: str, variables: Mapping[str, object]) -> tuple[str, str]:
         """Render the system and the user prompt of a role.
 
+        A set that has a limit gets `room`, the share of the usual room that its templates give to
+        what can be long; it is lowered until the prompts fit.
+
         Raises:
             UnknownNameError: The set has no prompts for this role.
             PromptError: A template uses a variable that is missing; names both.
         """
         if role not in self.roles:
             raise UnknownNameError("role", role, self.roles)
-        return (
-            self._render(f"{role}/system.j2", variables),
-            self._render(f"{role}/user.j2", variables),
-        )
+        for room in _ROOM:
+            given = {**variables, "room": room}
+            system = self._render(f"{role}/system.j2", given)
+            user = self._render(f"{role}/user.j2", given)
+            if not self.fits or CL100K * (token_estimate(system + user)) <= self.fits:
+                break
+        return system, user
 
     def source(self, template: str) -> str:
         """The text of a template; "" for one that the set does not have."""

@@ -8,6 +8,8 @@ import re
 from collections.abc import Mapping
 
 _PIECES = re.compile(r"[^\W\d_]+|\d{1,3}|[^\w\s]{1,3}|_|\n+", re.UNICODE)
+CL100K = 1.06
+"""Most tokens of cl100k_base per estimated token, over all prompts (benchmarks/prompts.py)."""
 _UNSAFE = {"`": "\\u0060", "\x85": "\\u0085", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
 
@@ -26,7 +28,7 @@ def guard(text: str) -> str:
 
 def clip(text: str, width: int, lines: int) -> str:
     """Keep the newest `lines` lines of a text, and of each the first `width` characters."""
-    kept = text.strip().splitlines()[-lines:]
+    kept = text.strip().splitlines()[-lines:] if lines else []
     return "\n".join(line if len(line) <= width else f"{line[:width]} ..." for line in kept)
 
 

@@ -78,8 +78,10 @@ class Trajectory:
         self._bench, self._name, self._blueprint, self._desk = bench, name, blueprint, desk
         self._queried: dict[int, str] = {}
         """Node id -> answers to its querier: one interaction per node."""
-        self._refused: dict[str, tuple[Entry, ...]] = {}
-        """Label of a version -> refused refinements of it, of all its expansions."""
+        self._tried: dict[str, list[Attempt[Version]]] = {}
+        """Label of a version -> refinements of it, of all its expansions."""
+        self._scores: dict[Machine, float | None] = {}
+        """Of every machine that was simulated."""
         self._history = History()
         """Of the node under expansion."""
         self._views: tuple[str, ...] = ()
@@ -87,7 +89,9 @@ class Trajectory:
 
     async def evaluate(self, version: Version, label: str) -> Evaluation:
         """Simulate a version."""
-        return await self._bench.evaluate(version.machine, STAGE, f"{self._name}/{label}")
+        found = await self._bench.evaluate(version.machine, STAGE, f"{self._name}/{label}")
+        self._scores[version.machine] = found.score
+        return found
 
     async def expand(
         self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
@@ -97,6 +101,7 @@ class Trajectory:
         Raises:
             BudgetSpentError: The budget ran out before any of them answered.
         """
+        self._scores[node.candidate.machine] = node.evaluation.score
         if not earlier:
             self._history = self._history_of(node)
             self._views = await self._bench.views(node.candidate.machine)
@@ -107,13 +112,7 @@ class Trajectory:
         attempts = [answer for answer in answers if answer is not None]
         if not attempts:
             raise self._bench.spent or BudgetSpentError("the budget has run out")
-        refused = [
-            Entry("", "Error", a.note, before=node.evaluation.score)
-            for a in attempts
-            if a.candidate is None
-        ]
-        known = self._refused.get(node.candidate.label, ())
-        self._refused[node.candidate.label] = (*known, *refused)
+        self._tried.setdefault(node.candidate.label, []).extend(attempts)
         return attempts
 
     async def _refine(
@@ -139,11 +138,11 @@ class Trajectory:
             brief=self._bench.brief,
             machine=node.candidate.machine,
             blueprint=self._blueprint,
-            history=self._history.to_text() if settings.history else "",
+            history=self._history if settings.history else History(),
             score=node.evaluation.score,
             feedback="" if settings.feedback == "score_only" else _feedback(node),
             queried=self._queried.get(node.id, ""),
-            earlier=tuple(attempt.note for attempt in earlier if attempt.candidate is None),
+            earlier=tuple(_verdict(attempt) for attempt in earlier),
             spatial=settings.spatial,
             format=settings.refinement,
             representation=settings.representation,
@@ -151,13 +150,18 @@ class Trajectory:
         )
 
     def _history_of(self, node: Node[Version]) -> History:
-        """What was tried on the way to the node, and what was refused at it before."""
-        version = node.candidate
+        """What was tried on the way to the node, and what was tried at it before."""
+        version, score = node.candidate, node.evaluation.score
         history = version.history
         if version.edit is not None:
-            history = history.add(replace(version.edit, after=node.evaluation.score))
-        for entry in self._refused.get(version.label, ()):
-            history = history.add(entry)
+            history = history.add(replace(version.edit, after=score))
+        for attempt in self._tried.get(version.label, ()):
+            child = attempt.candidate
+            if child is None:
+                history = history.add(Entry("", "Error", attempt.note, before=score))
+            elif child.edit is not None:
+                after = self._scores[child.machine]
+                history = history.add(replace(child.edit, after=after))
         return history
 
     async def _inquire(self, node: Node[Version]) -> str:
@@ -176,6 +180,13 @@ class Trajectory:
         if outcome is None or outcome.output is None or not outcome.output.queries:
             return ""
         return await bench.query(machine, outcome.output.queries, label)
+
+
+def _verdict(attempt: Attempt[Version]) -> str:
+    """What later attempts of the same expansion are told of this one."""
+    if attempt.candidate is None:
+        return attempt.note
+    return f"{attempt.note}\n(accepted: make another change than this one)"
 
 
 def _feedback(node: Node[Version]) -> str:

@@ -1,6 +1,7 @@
 """What all workflows have in common: order does not matter, budgets stop, machines run once."""
 
 import random
+import re
 
 import pytest
 
@@ -143,6 +144,41 @@ async def test_a_node_fallen_back_to_knows_what_was_refused() -> None:
     assert "1. Success, score 2.00 -> 3.00" in history
     assert "2. Error, score 3.00 -> none" in history
     assert "Remove 9: Error (block_not_found" in history
+
+
+async def test_a_node_expanded_again_knows_what_became_of_its_children() -> None:
+    """Both children are worse than the best so far: the next round is told their scores, the
+    second wave of the first round that the first reply was accepted and the second was not."""
+    refiner = "refiner/feedback/traj-1"
+    replies = {
+        "designer/traj-1/attempt-1": fenced(steps((2, 0, 2))),
+        "inspector/traj-1/attempt-1": CRITIQUE,
+        "refiner/blind/traj-1/attempt-1": edit("Add 1 to 0 in 0"),
+        "querier/traj-1/node-0/attempt-1": INQUIRY,
+        f"{refiner}/round-1/node-0/try-1/attempt-1": edit("Add 1 to 0 in 1"),
+        f"{refiner}/round-1/node-0/try-2/attempt-1": edit("Remove 9"),
+        f"{refiner}/round-1/node-0/try-3/attempt-1": edit("Add 1 to 0 in 3"),
+        f"{refiner}/round-2/node-0/try-1/attempt-1": edit("Add 1 to 0 in 4"),
+        f"{refiner}/round-2/node-0/try-2/attempt-1": edit("Add 1 to 0 in 5"),
+    }
+    search = {"strategy": "best_of_n", "rounds": 2, "width": 2, "waves": 2}
+    shelf = Shelf(lambda found: -float(len(found)))
+    run = Run(Script(replies), {"trajectories": 1, "search": search}, shelf=shelf)
+    await run("iterative")
+    assert run.labels == list(replies)
+    second = run.prompt(f"{refiner}/round-1/node-0/try-3/attempt-1")
+    earlier = second.partition("## Earlier attempts")[2].partition("## Your reply")[0]
+    assert "1.\n> Add 1 to 0 in 1\n> (accepted: make another change than this one)\n" in earlier
+    assert "2.\n> The script fails" in earlier
+    history = run.prompt(f"{refiner}/round-2/node-0/try-1/attempt-1").partition("## Edit history")[
+        2
+    ]
+    assert re.findall(r"^> (\d\..*)", history, re.MULTILINE) == [
+        "1. Success, score -2.00 -> -3.00, best so far",
+        "2. Success, score -3.00 -> -4.00, worst so far",
+        "3. Error, score -3.00 -> none",
+        "4. Success, score -3.00 -> -4.00",
+    ]
 
 
 async def test_no_valid_initial_machine_is_a_result() -> None:
