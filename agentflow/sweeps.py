@@ -81,10 +81,12 @@ class SweepConfig(BaseModel):
 
     @field_validator("axes")
     @classmethod
-    def _never_empty(cls, axes: dict[str, Axis]) -> dict[str, Axis]:
+    def _neither_empty_nor_of_seeds(cls, axes: dict[str, Axis]) -> dict[str, Axis]:
         for name, axis in axes.items():
             if not axis:
                 raise ValueError(f"axis {name} has no values")
+            if any("seed" in settings for settings in axis.values()):
+                raise ValueError(f"axis {name} sets seed, which the list of seeds does")
         return axes
 
 

@@ -115,6 +115,10 @@ def test_keys_and_the_axes_that_set_them() -> None:
         ({"table": {"metric": ["mean"]}}, "x.yaml: unknown key 'table.metric'; known: table.metr"),
         ({"table": {"metrics": []}}, "x.yaml: table.metrics: tuple should have at least 1 item"),
         ({"axes": {"task": []}}, "x.yaml: axes: axis task has no values"),
+        (
+            {"axes": {"seed": [1]}},
+            "x.yaml: axes: axis seed sets seed, which the list of seeds does",
+        ),
         ({"axes": {"task": "throwing"}}, "x.yaml: axes.task: input should be a valid dictionary"),
         ({"axes": [1]}, "x.yaml: axes: input should be a valid dictionary"),
         (
