@@ -15,8 +15,10 @@ from agentflow.metrics.progress import progress
 from agentflow.metrics.usage import Cost, Spent, bill
 from agentflow.report.film import deflated_json
 from agentflow.report.lineage import Lineage, Node
-from agentflow.runs import Event, read_calls, read_document, read_events
+from agentflow.runs import Event, read_calls, read_document, read_events, state_of
 
+UNFINISHED = {"running": "under way", "stopped": "unfinished", "done": "finishing"}
+"""What the page says of a run without a result, by its state; it may end while it is read."""
 EXAMPLE = 200
 """Characters of a refusal that are shown with its count."""
 
@@ -108,18 +110,26 @@ class RunStory:
 
     def _sentence(self) -> str:
         if self.result is None:
-            return "is the best so far: the run is unfinished"
+            known = any(node.best for node in self.nodes)
+            return f"{'is the best so far: ' * known}the run is {UNFINISHED[state_of(self.path)]}"
+        end = "; its budget was used up" * (self.result.get("stopped") == "budget")
         if not self.result["valid"]:
-            return str(self.result.get("reason") or "no valid machine was found")
+            return str(self.result.get("reason") or "no valid machine was found") + end
         stage = str(self.result.get("best_stage") or "").replace("_", " ")
-        return f"the best machine, found in the stage {stage}" if stage else "the best machine"
+        place = f" found in the stage {stage}" if stage else ""
+        if not self.result["score"]:
+            return f"is the most that any machine scored; shown is one{place}{end}"
+        return f"the best machine{',' * bool(place)}{place}{end}"
 
     def _facts(self) -> list[tuple[str, str]]:
         said = self.document
         config = said.get("config", {})
+        place = "/".join(self.path.resolve().parts[-2:])
+        again = "Continue it" if self.result is None else "Repeat it"
+        command = "design --resume" if self.result is None else "replay"
         facts = {
             "Run": str(self.path.name),
-            "Repeat it": f"agentflow replay {self.path.name}",
+            again: f"agentflow {command} {place}",
             "Knobs": ", ".join(f"{k} = {v}" for k, v in config.get("knobs", {}).items()) or "none",
             "Prompt set": f"{config.get('prompts', '')} {said.get('prompts', '')}",
             "Physical constants": str(said.get("constants", "")),

@@ -5,43 +5,57 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from agentflow.metrics.cells import Value
+from agentflow.metrics.records import STAGES
 from agentflow.metrics.scores import Scores
-from agentflow.metrics.tables import PUBLISHED, Row, Table, shown
+from agentflow.metrics.tables import PUBLISHED, Column, Row, Table, shown
 
 MOST_DOTS = 400
 """Scores of one variant that are drawn, evenly taken from all in order of size."""
+OURS = ("variant", "of")
+"""Heads of labels that are names of ours, with underscores for spaces; others are left as given."""
 
 
 def sweep_data(
-    title: str, about: str, spreads: Mapping[str, Scores], tables: Sequence[Table]
+    title: str,
+    about: str,
+    spreads: Mapping[tuple[str, str], Scores],
+    tables: Sequence[Table],
+    runs: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Everything that the page shows.
 
     Args:
         title: Of the sweep.
         about: What it asks.
-        spreads: The scores of each variant.
+        spreads: The scores of each task and variant.
         tables: In the order in which they are shown.
+        runs: Name, state and score of each run, and why it failed.
 
     Raises:
         UsageError: scipy, which makes the intervals, is missing.
     """
-    rows = [_spread(name, scores) for name, scores in spreads.items()]
+    shared = [note for note in tables[0].notes if all(note in t.notes for t in tables)]
     return {
         "kind": "sweep",
         "title": title,
         "about": about,
-        "spreads": rows,
-        "tables": [_table(table) for table in tables if table.columns],
+        "notes": shared,
+        "spreads": [_spread(task, name, scores) for (task, name), scores in spreads.items()],
+        "tables": [_table(table, title, shared) for table in tables if table.columns],
+        "runs": [dict(run) for run in runs],
     }
 
 
-def _spread(name: str, scores: Scores) -> dict[str, Any]:
+def _spread(task: str, name: str, scores: Scores) -> dict[str, Any]:
     interval = scores.mean_all_interval()
     ordered = sorted(scores.all)
     step = max(1, -(-len(ordered) // MOST_DOTS))
     return {
-        "name": name,
+        "task": task,
+        "name": name.replace("_", " "),
+        "count": len(ordered),
+        "invalid": scores.invalid,
         "values": ordered[::step],
         "mean": scores.mean_all,
         "low": interval and interval.low,
@@ -49,18 +63,46 @@ def _spread(name: str, scores: Scores) -> dict[str, Any]:
     }
 
 
-def _table(table: Table) -> dict[str, Any]:
+def _table(table: Table, title: str, shared: Sequence[str]) -> dict[str, Any]:
+    kept = [place for place in range(len(table.columns)) if _told(table, place)]
+    columns = [table.columns[place] for place in kept]
     return {
-        "title": table.title,
-        "head": [*table.heads, *(column.full for column in table.columns)],
-        "labels": len(table.heads),
-        "rows": [_cells(table, row) for row in table.rows],
-        "published": [_cells(table, row) for row in table.published],
+        "title": table.title.removeprefix(f"{title}: "),
+        "heads": list(table.heads),
+        "columns": [[_words(column.group), _words(column.name)] for column in columns],
+        "rows": [_cells(table, row, kept) for row in table.rows],
+        "published": [_cells(table, row, kept) for row in table.published],
         "publishedTitle": PUBLISHED,
-        "notes": list(table.notes),
+        "notes": [_plain(note, table.columns) for note in table.notes if note not in shared],
     }
 
 
-def _cells(table: Table, row: Row) -> list[str]:
-    pairs = zip(row.values, table.columns, strict=True)
-    return [*row.labels, *(shown(value, column.percent) for value, column in pairs)]
+def _told(table: Table, place: int) -> bool:
+    """Whether a column says anything: not where nothing was counted, spent or known."""
+    return any(_something(row.values[place]) for row in (*table.rows, *table.published))
+
+
+def _something(value: Value) -> bool:
+    return value is not None and (not isinstance(value, int | float) or value != 0)
+
+
+def _cells(table: Table, row: Row, kept: Sequence[int]) -> list[str]:
+    labels = [_label(head, label) for head, label in zip(table.heads, row.labels, strict=True)]
+    return labels + [shown(row.values[place], table.columns[place].percent) for place in kept]
+
+
+def _label(head: str, label: str) -> str:
+    if head not in OURS:
+        return label
+    return f"stage {_words(label)}" if label in STAGES else _words(label)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _plain(note: str, columns: Sequence[Column]) -> str:
+    """A note that calls columns as their heads do."""
+    for column in columns:
+        note = note.replace(column.name, _words(column.name))
+    return note

@@ -254,10 +254,12 @@ def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_
 
 
 def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_path: Path) -> None:
-    columns = tuple(Column("", name) for name in "abcdefghi")
-    values = tuple(float(value) for value in range(9))
+    columns = tuple(Column("", name) for name in "abcdefghijk")
+    values = tuple(float(value) for value in range(11))
     wide = Table(NASTY, ("task", "variant"), columns, (Row(("throwing", NASTY), values),))
-    data = sweep_data(NASTY, "about", {NASTY: Scores((1.0, 2.0), 1)}, [wide])
+    spreads = {("throwing", NASTY): Scores((1.0, 2.0), 1)}
+    failed = {"name": NASTY, "state": "failed", "score": None, "why": NASTY}
+    data = sweep_data(NASTY, "about", spreads, [wide], [failed])
     file = tmp_path / "sweep.html"
     file.write_text(whole_page("sweep", data), encoding="utf-8")
     complaints(browser)
@@ -265,6 +267,7 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .dot")) == 3)
     assert find(browser, "h1").get_property("textContent") == VISIBLE
     cells = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "td")]
-    assert cells[:4] == ["a", "0.00", "b", "1.00"]  # one row of nine numbers is turned
+    assert cells[:4] == ["b", "1.00", "c", "2.00"]  # one row of ten numbers is turned
+    assert "failed" in cells  # its reason is in sight
     assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []

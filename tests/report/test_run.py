@@ -93,9 +93,19 @@ def test_an_unfinished_run_shows_its_best_so_far(tmp_path: Path) -> None:
 
 def test_a_run_without_a_machine_says_why(tmp_path: Path) -> None:
     result = {"valid": False, "score": None, "reason": "no valid machine: overlap", "model": "m"}
+    run = hostile_run(tmp_path)
+    for stopped, end in ((None, ""), ("budget", "; its budget was used up")):
+        story = RunStory.read(run, {**result, "stopped": stopped}, None)
+        head = story.to_json(unpriced, priced=False)["run"]
+        assert (head["score"], head["sentence"]) == (None, f"no valid machine: overlap{end}")
+
+
+def test_a_run_in_which_nothing_scored_praises_no_machine(tmp_path: Path) -> None:
+    result = {"valid": True, "score": 0.0, "best_stage": "env_feedback", "model": "m"}
     story = RunStory.read(hostile_run(tmp_path), result, None)
-    head = story.to_json(unpriced, priced=False)["run"]
-    assert (head["score"], head["sentence"]) == (None, "no valid machine: overlap")
+    assert story.to_json(unpriced, priced=False)["run"]["sentence"] == (
+        "is the most that any machine scored; shown is one found in the stage env feedback"
+    )
 
 
 def test_reasons_are_counted_with_an_example() -> None:

@@ -20,6 +20,8 @@ from agentflow.runs import read_calls, read_result
 
 LAYOUT = "published"
 """The view in the layout of the published table."""
+PLAYERS = "players"
+"""The view over the means of experienced players."""
 CURVE = (0, 1, 2, 4, 8, 12, 16, 20, 30, 40)
 """Expansions at which strategies are compared, as far as searches go."""
 INTERVAL = "95 %"
@@ -145,7 +147,7 @@ VIEWS: Mapping[str, Callable[[Swept], Table]] = MappingProxyType(
         LAYOUT: layout,
         "scores": scores,
         "usage": usage,
-        "players": players,
+        PLAYERS: players,
         "expansions": expansions,
     }
 )

@@ -6,7 +6,7 @@ const LEFT = 44;
 const RIGHT = 12;
 const HEIGHT = 190;
 const BOTTOM = 34;
-const UPPER = 14;
+const UPPER = 24;
 
 /** Every score as a dot and the best so far as a line: points are [x, score]. */
 export function climb(title, across, points) {
@@ -40,25 +40,59 @@ export function bars(title, items) {
     }));
 }
 
-/** Rows of values as dots, with a mean and its interval: {name, values, mean, low, high}. */
+const BAND = 58; // of a row of dots with its name above and its interval below
+const DOT = 3;
+const NEAR = 0.6; // share of the greatest value above which all are close together
+const PILE = [0, -4, 4, -8, 8]; // where dots go that would lie on others
+
+/** Rows of values as dots, with a mean and its interval: {name, values, count, invalid, mean, low, high}. */
 export function intervals(title, unit, rows) {
   const every = rows.flatMap((row) => [...row.values, row.low, row.high]).filter(Number.isFinite);
-  const height = BOTTOM + 6 + 40 * rows.length;
+  const height = BOTTOM + 6 + BAND * rows.length;
   return drawn(title, (width) => {
-    const xs = scale([Math.min(0, ...every), Math.max(...every, 1e-9)], [LEFT / 2, width - RIGHT]);
+    const xs = scale(reach(every), [LEFT / 2, width - RIGHT]);
+    const lines = ticks(xs.low, xs.high, 5).map((value) => svg("path", { class: "grid", d: `M${xs(value)} 4V${height - BOTTOM + 8}` }));
     const marks = rows.flatMap((row, index) => {
-      const y = 26 + 40 * index;
+      const y = 34 + BAND * index;
+      const below = y + 16;
       return [
-        svg("text", { class: "name", x: xs.from, y: y - 10 }, `${row.name.replaceAll("_", " ")} · ${shown(row.mean)}`),
-        ...row.values.map((value) => svg("circle", { class: "dot", cx: xs(value), cy: y + 4, r: 3 })),
+        svg("text", { class: "name", x: xs.from, y: y - 15 }, [row.name, mean(row)].filter(Boolean).join(" · "), svg("tspan", { class: "tick", dx: 8 }, counted(row))),
+        ...piled(row.values.map(xs)).map(([x, off]) => svg("circle", { class: "dot", cx: x, cy: y + off, r: DOT })),
         Number.isFinite(row.low) && Number.isFinite(row.high)
-          ? svg("path", { class: "interval", d: `M${xs(row.low)} ${y + 4}H${xs(row.high)}` }) : null,
+          ? svg("path", { class: "interval", d: `M${xs(row.low)} ${below}H${xs(row.high)}M${xs(row.low)} ${below - 3}v6M${xs(row.high)} ${below - 3}v6` }) : null,
         Number.isFinite(row.mean)
-          ? svg("path", { class: "mean", d: `M${xs(row.mean)} ${y - 3}v14` }) : null,
+          ? svg("path", { class: "mean", d: `M${xs(row.mean)} ${below - 6}v12` }) : null,
       ];
     });
-    return [...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
+    return [...lines, ...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
   }, height);
+}
+
+/** From 0 to the greatest value; where all lie close together far from 0, as far as they reach. */
+function reach(values) {
+  const [low, high] = [Math.min(0, ...values), Math.max(...values, 1e-9)];
+  const least = Math.min(...values);
+  return least > NEAR * high ? [least - (high - least) / 10, high] : [low, high];
+}
+
+function mean({ mean: value, low, high }) {
+  const range = Number.isFinite(low) && Number.isFinite(high) ? ` (${shown(low)} to ${shown(high)})` : "";
+  return `mean ${shown(value)}${range}`;
+}
+
+function counted({ count, invalid }) {
+  return `${count === 1 ? "1 machine" : `${count} machines`}${invalid ? `, ${invalid} invalid` : ""}`;
+}
+
+/** Dots in order of x with their offsets, so that equal ones can be told apart as far as there is room. */
+function piled(places) {
+  const last = PILE.map(() => -Infinity);
+  return [...places].sort((a, b) => a - b).map((x) => {
+    const free = last.findIndex((other) => x - other >= 2 * DOT);
+    const row = free >= 0 ? free : last.indexOf(Math.min(...last));
+    last[row] = x;
+    return [x, PILE[row]];
+  });
 }
 
 function drawn(title, draw, height = HEIGHT) {

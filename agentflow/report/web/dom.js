@@ -27,24 +27,40 @@ export function shown(value, digits = 2) {
   return value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits });
 }
 
-/** A table; cells are strings, numbers or elements. Columns that hold numbers stand to the right:
- *  all from the column `labels` on, where that is given. */
+/** A table; cells are strings, numbers or elements. Heads are words, or [group, word]: a group stands
+ *  once above its columns. Columns that hold numbers stand to the right: all from the column `labels`
+ *  on, where that is given; labels that come again below each other stand once. */
 export function table(caption, head, rows, labels = Infinity) {
-  const numeric = head.map((_, column) => column >= labels || rows.some((row) => typeof row[column] === "number"));
+  const heads = head.map((text) => (typeof text === "string" ? ["", text] : text));
+  const numeric = heads.map((_, column) => column >= labels || rows.some((row) => typeof row[column] === "number"));
   const kind = (column) => (numeric[column] ? "number" : "");
-  const cell = (value, column) =>
-    el("td", { class: kind(column) }, typeof value === "number" || value === null ? shown(value) : value);
+  const again = (index, column) =>
+    labels !== Infinity && column < labels && rows[index - 1] && rows[index] && rows[index].slice(0, column + 1).every((text, i) => text === rows[index - 1][i]);
+  const cell = (value, column, index) =>
+    el("td", { class: [kind(column), again(index, column) && "again", again(index + 1, column) && "open"].filter(Boolean).join(" ") }, typeof value === "number" || value === null ? shown(value) : value);
   return el(
     "div",
-    { class: "table", role: "region", tabindex: "0", "aria-label": caption },
+    { class: "table", role: "region", tabindex: "0", "aria-label": caption || "Table" },
     el(
       "table",
       {},
-      el("caption", {}, caption),
-      el("thead", {}, el("tr", {}, ...head.map((text, i) => el("th", { scope: "col", class: kind(i) }, text)))),
-      el("tbody", {}, ...rows.map((row) => el("tr", {}, ...row.map(cell)))),
+      caption ? el("caption", {}, caption) : null,
+      el("thead", {}, grouping(heads), el("tr", {}, ...heads.map(([, text], i) => el("th", { scope: "col", class: kind(i) }, text)))),
+      el("tbody", {}, ...rows.map((row, index) => el("tr", {}, ...row.map((value, column) => cell(value, column, index))))),
     ),
   );
+}
+
+/** The line of groups above the heads, where there are any. */
+function grouping(heads) {
+  if (heads.every(([group]) => !group)) return null;
+  const cells = [];
+  for (const [group] of heads) {
+    if (cells.length && cells.at(-1).group === group) cells.at(-1).count += 1;
+    else cells.push({ group, count: 1 });
+  }
+  return el("tr", { class: "groups" }, ...cells.map(({ group, count }) =>
+    group ? el("th", { scope: "colgroup", colspan: count }, group) : el("td", { colspan: count })));
 }
 
 /** A headed part of the page. */

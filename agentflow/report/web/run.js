@@ -21,9 +21,10 @@ export function runPage(data) {
     tree.select(first.id);
     choose(first);
   } else player.show(null, "");
+  const bare = !Object.keys(data.machines).length; // then the record takes the whole page
   return [
-    el("aside", {}, player.element),
-    el("main", {},
+    bare ? "" : el("aside", {}, player.element),
+    el("main", { class: bare ? "alone" : null },
       header(data),
       chosen,
       data.nodes.length ? section("Search", el("div", { class: "tall" }, tree.element), legend()) : null,
@@ -41,8 +42,17 @@ function header(data) {
   return el("header", {},
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}`),
     el("h1", {}, run.task),
+    el("p", { class: "kind" }, data.task.title),
     el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : shown(run.score)), " ", run.sentence),
-    el("p", { class: "lede" }, run.about));
+    el("p", { class: "lede" }, run.about),
+    asked(data.task));
+}
+
+/** What the machines were to do, and how that is counted. */
+function asked({ objective, score, scene }) {
+  const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => el("li", {}, sentence)));
+  return el("details", { class: "task" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
+    list(score.slice(1)), el("h3", {}, "What stands there, and when"), list(scene));
 }
 
 function heading(node) {
@@ -55,7 +65,7 @@ async function tell(place, node, data, calls) {
   const talk = el("div", {}, node.calls.length ? el("p", { class: "quiet" }, "Reading the record …") : "");
   place.replaceChildren(
     el("h2", {}, heading(node)),
-    el("p", {}, [node.status, machine && `${machine.solids.length} blocks`, node.machine].filter(Boolean).join(" · ")),
+    el("p", {}, [STATUS[node.status] ?? node.status, node.broken && "broke", machine && `${machine.solids.length} blocks`, node.machine].filter(Boolean).join(" · ")),
     node.problem ? problem(node.problem) : "",
     node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), plain(node.edit)) : "",
     machine?.feedback ? el("details", {}, el("summary", {}, "What the simulation told"), plain(machine.feedback)) : "",
@@ -82,7 +92,7 @@ function curves({ progress }) {
 function stages({ stages: rows }) {
   if (!rows.length) return null;
   const costs = spent(rows, { Calls: "calls", Tokens: "tokens", Rollouts: "rollouts" });
-  const head = ["Stage", "Valid", "Mean", "Mean, invalid 0", "Best", "Std", ...costs.map(([name]) => name)];
+  const head = ["Stage", "Valid", "Mean", "Mean, invalid = 0", "Best", "Std", ...costs.map(([name]) => name)];
   return section("Stages", table("What each stage gave", head, rows.map((row) => [
     named(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
     ...costs.map(([, key]) => row[key])])));
@@ -135,6 +145,8 @@ function made({ facts }) {
   return section("How this was made", el("dl", { class: "facts" },
     ...facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
 }
+
+const STATUS = { ok: "simulated", diverged: "its simulation diverged", timeout: "its simulation took too long", crashed: "its simulation crashed" };
 
 const named = (name) => name.replaceAll("_", " ");
 

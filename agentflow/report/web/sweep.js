@@ -1,4 +1,4 @@
-// The page of a sweep: how the scores of its runs are spread, and its tables.
+// The page of a sweep: how the scores of its runs are spread, its tables, its runs.
 
 import { intervals } from "./charts.js";
 import { el, section, table } from "./dom.js";
@@ -6,31 +6,56 @@ import { el, section, table } from "./dom.js";
 export function sweepPage(data) {
   return [
     el("main", { class: "alone" },
-      el("header", {}, el("p", { class: "kind" }, "agentflow sweep"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about)),
-      data.spreads.length ? section("Scores", intervals("Each dot is a machine, invalid ones at 0; the line is the mean of all with its 95 % bootstrap interval", "score", data.spreads)) : null,
-      ...data.tables.map(shownTable)),
+      el("header", {}, el("p", { class: "kind" }, "agentflow sweep"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about),
+        ...data.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
+      data.spreads.length ? spreads(data.spreads) : null,
+      ...data.tables.map((item) => shownTable(item, item.title === data.title ? "Table" : item.title)),
+      data.runs.length ? runs(data.runs) : null),
   ];
 }
 
-const MOST_COLUMNS = 7; // of numbers, before a table is turned
+/** Each task has a chart of its own, because its scores have their own unit. */
+function spreads(rows) {
+  const tasks = [...new Set(rows.map((row) => row.task))];
+  return section("How scores are spread",
+    el("p", { class: "quiet" }, "Each dot is a machine, invalid ones at 0. Below them the mean of all, with its 95 % bootstrap interval."),
+    ...tasks.map((task) => intervals(task, "score", rows.filter((row) => row.task === task))));
+}
 
-function shownTable({ title, head, labels, rows, published, publishedTitle, notes }) {
-  return section(title, fitting("Measured", head, rows, labels),
-    published.length ? fitting(publishedTitle, head, published, labels) : null,
+const MOST_COLUMNS = 9; // of numbers, before a table is turned
+
+function shownTable({ heads, columns, rows, published, publishedTitle, notes }, title) {
+  return section(capital(title), fitting("Measured", heads, columns, rows),
+    published.length ? el("details", {}, el("summary", {}, capital(publishedTitle)), fitting("Published", heads, columns, published)) : null,
     ...notes.map((note) => el("p", { class: "quiet" }, note)));
 }
 
 /** A table that says once what all its rows share, turned where that makes it narrower. */
-function fitting(caption, head, rows, labels) {
-  const same = (column) => column < labels && rows.every((row) => row[column] === rows[0][column]);
-  const kept = head.map((_, column) => column).filter((column) => !same(column));
-  const shared = head.map((_, column) => column).filter(same).map((column) => rows[0]?.[column]).filter(Boolean);
-  const left = kept.filter((column) => column < labels).length;
-  const told = [caption, ...shared].join(" · ");
-  const words = kept.map((column) => head[column].replaceAll("_", " "));
-  const cells = rows.map((row) => kept.map((column) => row[column]));
-  if (kept.length - left <= MOST_COLUMNS || rows.length >= kept.length - left) return table(told, words, cells, left);
-  const names = cells.map((row) => row.slice(0, left).join(", "));
-  const turned = words.slice(left).map((word, index) => [word, ...cells.map((row) => row[left + index])]);
-  return table(told, ["", ...names], turned, 1);
+function fitting(caption, heads, columns, rows) {
+  const count = heads.length;
+  const same = (place) => rows.every((row) => row[place] === rows[0][place]);
+  const shared = heads.map((_, place) => place).filter(same);
+  const left = heads.map((_, place) => place).filter((place) => !same(place));
+  const told = [caption, ...shared.map((place) => rows[0]?.[place]).filter(Boolean)].join(" · ");
+  const labels = rows.map((row) => left.map((place) => row[place]));
+  const values = rows.map((row) => row.slice(count));
+  if (columns.length <= MOST_COLUMNS || rows.length >= columns.length) {
+    return table(told, [...left.map((place) => ["", heads[place]]), ...columns], rows.map((_, i) => [...labels[i], ...values[i]]), left.length);
+  }
+  const names = labels.map((parts) => ["", parts.join(", ")]);
+  const grouped = columns.some(([group]) => group);
+  const turned = columns.map(([group, name], i) => [...(grouped ? [group] : []), name, ...values.map((row) => row[i])]);
+  return table(told, [...(grouped ? [["", ""]] : []), ["", ""], ...names], turned, grouped ? 2 : 1);
 }
+
+function runs(rows) {
+  const failed = rows.filter((row) => row.state !== "done");
+  const list = table("", ["Run", "State", "Best score", ...(failed.length ? ["Why"] : [])],
+    rows.map((row) => [row.name, row.state, row.score, ...(failed.length ? [row.why ?? ""] : [])]));
+  const word = failed.length ? `${rows.length} runs, ${failed.length} of them not done` : `${rows.length} runs, all done`;
+  const details = el("details", {}, el("summary", {}, word), list);
+  details.open = failed.length > 0;
+  return section("Runs", details);
+}
+
+const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);

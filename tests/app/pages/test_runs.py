@@ -131,12 +131,12 @@ def test_a_sweep_is_reported_with_its_tables(
         ("chain", [2.0]),
         ("mcts", [4.0]),
     ]
-    assert [table["title"] for table in data["tables"]] == [
-        "Hand",
-        "Hand: scores",
-        "Hand: usage",
-        "Hand: best score over the experienced players' mean",
-    ]  # and none against expansions: nothing was searched
+    assert [table["title"] for table in data["tables"]] == ["Hand", "scores", "usage"]
+    # none against expansions, nothing was searched; none of players, none are published
+    assert data["runs"] == [
+        {"name": "chain.seed-0", "state": "done", "score": 2.0},
+        {"name": "mcts.seed-0", "state": "done", "score": 4.0},
+    ]
 
 
 def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
