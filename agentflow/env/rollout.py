@@ -167,6 +167,7 @@ class _Run:
         while (elapsed := self._elapsed) < last:
             while due and due[0][0] <= elapsed:
                 self._switch(*due.pop(0)[1:])
+                rest = 0
             status = self._step()
             if status != "ok":
                 return status

@@ -19,7 +19,7 @@ from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Event, Rollout
 from agentflow.errors import UsageError
-from tests.env.machines import BALLASTED, CAR, PRINTED, machine
+from tests.env.machines import BALLASTED, CAR, PRINTED, machine, shipped
 
 KEYS = [
     "status",
@@ -227,6 +227,14 @@ def test_a_rollout_ends_when_everything_rests() -> None:
     rollout = simulate(machine((0, -1, -1)), get_task("movement"))
     assert rollout.sim_seconds == 0.5
     assert rollout.score == pytest.approx(0.0, abs=1e-3)
+
+
+def test_what_is_switched_on_late_gets_the_time_to_move_what_rests() -> None:
+    """Springs that have to break a connection first do not move anything in their first step."""
+    task = get_task("jumping", {"walls.first": 50, "window": 1.5})
+    rollout = simulate(shipped("jumping/slingshot"), replace(task, trial=1))
+    assert rollout.sim_seconds == pytest.approx(1.5)
+    assert 1.0 < rollout.broken[0].time < 1.1
 
 
 def test_a_machine_too_large_for_the_engine_is_invalid() -> None:

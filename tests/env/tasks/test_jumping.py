@@ -98,8 +98,8 @@ def test_what_is_across_before_the_start_fails() -> None:
 
 def test_the_last_of_two_walls_counts_and_both_are_watched() -> None:
     task = level("jumping/4")
-    short = judge(task.referee(PAIR), FakeWorld(), (0.5, 17.0), (0.5, 17.0))
-    assert short.terms["far_side"] == 17.25
+    short = judge(task.referee(PAIR), FakeWorld(), (0.5, 24.0), (0.5, 24.0))
+    assert short.terms["far_side"] == 24.25
     assert short.score == 0.0
     for name in ("wall 1", "wall 2"):
         referee, world = task.referee(PAIR), FakeWorld(contacts={name: frozenset({0})})
@@ -114,7 +114,7 @@ def test_a_trench_forbids_its_floor_and_its_far_wall_only() -> None:
         referee.start(world)
         assert judge_on(referee, world).terms["success"] is success
     referee, world = task.referee(PAIR), FakeWorld(contacts={"far wall": frozenset({0})})
-    world.centres[0] = (0.0, 2.0, 15.5)
+    world.centres[0] = (0.0, 2.0, 17.5)
     referee.start(FakeWorld())
     referee.watch(world)
     assert str(judge_on(referee, world).terms["outcome"]).endswith("0.50 m short")
@@ -126,10 +126,10 @@ def test_the_trench_lies_between_banks_and_the_slope_before_it() -> None:
     assert set(things) == {"near bank", "far bank", "far wall", "slope"}
     near, far = things["near bank"], things["far bank"]
     assert near.position[2] + near.size[2] / 2 == pytest.approx(12.0)
-    assert far.position[2] - far.size[2] / 2 == pytest.approx(16.0)
+    assert far.position[2] - far.size[2] / 2 == pytest.approx(18.0)
     assert near.size[1] == far.size[1] == scene.start.height == 3.0
     wall = things["far wall"]
-    assert wall.position[2] - wall.size[2] / 2 < 16.0
+    assert wall.position[2] - wall.size[2] / 2 < 18.0
     assert wall.size[1] < 3.0
 
 
