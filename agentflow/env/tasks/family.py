@@ -59,17 +59,22 @@ class CommonKnobs(Parameters):
     wind: Wind = Wind()
 
 
+_TURNING = {2: "wheels", 46: "wheels", 22: "rotating blocks", 13: "steering blocks"}
+"""What turns by its own motor, by block type."""
 _STARTS = {
+    9: "At t = {springs:g} s springs start to contract.",
+    28: "At t = {steering_hinges:g} s steering hinges swing to their Left, once.",
     14: "At t = {motors:g} s flying blocks start to push along their facing and never stop.",
     39: "At t = {motors:g} s powered cogs start to turn and never stop.",
     45: "At t = {springs:g} s winches start to reel in.",
     26: "Propellers have no motor: they push when what they hang on turns them through the air.",
+    27: "Grabbers grip what their Front first touches, also before t = 0, and never let go.",
 }
-"""What is told of block types that only some tasks allow."""
+"""What is told of other block types where a task allows them."""
 
 
 def schedule_sentences(
-    schedule: Schedule, window: float, blocks: Collection[int] = ()
+    schedule: Schedule, window: float, blocks: Collection[int]
 ) -> tuple[str, ...]:
     """The control schedule (spec 3) in words.
 
@@ -78,18 +83,14 @@ def schedule_sentences(
         window: Length of the scored window, s.
         blocks: Types that the task allows.
     """
+    turning = list(dict.fromkeys(name for kind, name in _TURNING.items() if kind in blocks))
+    told = " and ".join(filter(None, (", ".join(turning[:-1]), *turning[-1:])))
+    times = vars(schedule)
     return (
         "Before t = 0 the machine settles with power off until it rests: motors hold still, "
         "springs exert nothing.",
-        f"At t = {schedule.motors:g} s wheels, rotating blocks and steering blocks start to turn "
-        "and never stop.",
-        f"At t = {schedule.springs:g} s springs start to contract.",
-        f"At t = {schedule.steering_hinges:g} s steering hinges swing to their Left, once.",
-        *(
-            text.format(motors=schedule.motors, springs=schedule.springs)
-            for kind, text in _STARTS.items()
-            if kind in blocks
-        ),
+        *([f"At t = {schedule.motors:g} s {told} start to turn and never stop."] if told else []),
+        *(text.format(**times) for kind, text in _STARTS.items() if kind in blocks),
         f"The window ends at t = {window:g} s; nothing can be switched or steered in between.",
     )
 

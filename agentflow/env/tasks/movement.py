@@ -84,7 +84,7 @@ class Movement(Family):
                 *stone_sentences(knobs.obstacles),
                 *knobs.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window),
+            schedule=schedule_sentences(self.schedule, self.window, blocks),
             score=(
                 f"Score: the greatest distance in metres of the Starting Block's centre {way} "
                 f"from its place at t = 0, within {self.window:g} s.",

@@ -102,7 +102,7 @@ class Throwing(Family):
                 *_ring_sentences(knobs.ring),
                 *knobs.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window),
+            schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(*_SCORES[knobs.score](knobs, self.window), *_reloads(knobs.reload), *RULES),
             blocks=BLOCKS,
             required={BOULDER: knobs.reload},

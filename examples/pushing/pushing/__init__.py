@@ -53,7 +53,7 @@ class Pushing(Family):
                 f"middle at z = {crate.distance:g} m.",
                 *self.parameters.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window),
+            schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
                 "Score: how many metres farther along z+ the crate's centre is at the end of the "
                 "window than at t = 0; never below 0.",

@@ -86,11 +86,19 @@ def test_a_first_level_has_two_names() -> None:
     assert get_task("throwing/1") == get_task("throwing")
 
 
+def test_the_schedule_tells_of_allowed_blocks_only() -> None:
+    """A task without steering hinges does not mention them."""
+    told = {name: "\n".join(get_task(name).brief.schedule) for name in ("movement", "lifting")}
+    assert "wheels, rotating blocks and steering blocks start to turn" in told["lifting"]
+    assert "steering hinges swing" in told["lifting"]
+    assert "steering" not in told["movement"].replace("switched or steered", "")
+
+
 def test_the_start_times_reach_the_schedule() -> None:
     task = get_task("movement", {"schedule.motors": 1.5})
     assert (task.schedule.motors, task.schedule.springs) == (1.5, 0.0)
     assert (
-        "At t = 1.5 s wheels, rotating blocks and steering blocks start to turn and never stop."
+        "At t = 1.5 s wheels and rotating blocks start to turn and never stop."
         in task.brief.schedule
     )
 
