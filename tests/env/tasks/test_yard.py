@@ -7,7 +7,9 @@ from math import cos, radians, sin
 import pytest
 
 from agentflow.env.raster import corners_of
+from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task
+from benchmarks.shelf import load
 
 
 def test_four_ramps_rise_outward_from_the_walls() -> None:
@@ -28,6 +30,18 @@ def test_the_ramps_are_told() -> None:
         "Ramps surround them on all four sides: from the ground at 11.4 m from x = z = 0 they rise "
         "outward by 20 degrees over 20 m, to a height of 6.8 m; to touch one is to land."
     ) in get_task("throwing/2").brief.scene
+
+
+@pytest.mark.slow
+def test_a_throw_that_meets_a_ramp_has_landed_there() -> None:
+    """Where the ground is lower it flies on: the ramp costs it a metre."""
+    flat, ramps = (
+        simulate(load("throwing/spring_arm.json"), get_task(name)).terms
+        for name in ("throwing", "throwing/2")
+    )
+    assert (flat["landed_on"], ramps["landed_on"]) == ("ground", "front ramp")
+    assert flat["distance"] == pytest.approx(21.66, rel=0.05)
+    assert 0.5 < float(flat["distance"] or 0.0) - float(ramps["distance"] or 0.0) < 2.0
 
 
 def test_a_hurdle_stands_across_the_way() -> None:
