@@ -24,7 +24,7 @@ from agentflow.laboratory import PhysicsLaboratory
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.prompts.render import PromptSet
-from agentflow.workflows.hierarchical import hierarchical
+from agentflow.workflows.registry import workflow
 from agentflow.workflows.settings import WorkflowSettings
 
 
@@ -102,7 +102,7 @@ async def measure(options: argparse.Namespace) -> None:
     async with RolloutPool(options.workers) as pool:
         laboratory = Timed(task, pool, options.seed)
         start = time.perf_counter()
-        result = await hierarchical(
+        result = await workflow("hierarchical")(
             task.brief, lambda _: desk, laboratory, WorkflowSettings(), notes, options.seed
         )
         wall = time.perf_counter() - start

@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
-from agentflow.machine.brief import Brief
-from agentflow.workflows.base import Candidate, Desks, Laboratory, Record, WorkflowResult
+from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.bench import Bench
 from agentflow.workflows.construction import build
 from agentflow.workflows.refinement import refined
-from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages import failure_of, whole_machines
 
 
-async def hierarchical(
-    brief: Brief,
-    desks: Desks,
-    laboratory: Laboratory,
-    settings: WorkflowSettings,
-    record: Record,
-    seed: int = 0,
-) -> WorkflowResult:
+async def hierarchical(bench: Bench) -> WorkflowResult:
     """Meta-designer, designers per structure, inspector, blind refinement, feedback loop.
 
-    With the meta-designer off, designers build whole machines. Arguments as for a `Workflow`.
+    With the meta-designer off, designers build whole machines.
     """
-    bench = Bench("hierarchical", brief, desks, laboratory, settings, record, seed)
+    settings = bench.settings
     bench.begin("initial")
     blueprint: Blueprint | None = None
     if settings.meta_designer == "off":

@@ -7,20 +7,15 @@ from __future__ import annotations
 
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.errors import UsageError
-from agentflow.machine.brief import Brief
 from agentflow.machine.random import random_machine
 from agentflow.search.concurrency import together
 from agentflow.workflows.base import (
     Candidate,
-    Desks,
     First,
-    Laboratory,
-    Record,
     StageName,
     WorkflowResult,
 )
 from agentflow.workflows.bench import Bench
-from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages import failure_of, first_of, tried
 
 STAGE: StageName = "initial"
@@ -28,53 +23,37 @@ MOST_PLACED = 10
 """Most blocks that a random placement adds; chosen: half as many again as the longest way needs."""
 
 
-async def placement(
-    brief: Brief,
-    desks: Desks,
-    laboratory: Laboratory,
-    settings: WorkflowSettings,
-    record: Record,
-    seed: int = 0,
-) -> WorkflowResult:
+async def placement(bench: Bench) -> WorkflowResult:
     """`settings.placements` placers, one call each; what is valid is simulated.
 
     Placers sit at the designer's desk: its model, its sampling.
-
-    Arguments as for a `Workflow`.
     """
-    bench = _bench("placement", brief, desks, laboratory, settings, record, seed)
+    attempts = _begin(bench)
 
     async def place(attempt: int) -> Candidate:
         label = f"placer/traj-{attempt}"
         outcome = await bench.ask(
-            Placer(), PlacerInput(brief), label, stage=STAGE, desk="designer", once=True
+            Placer(), PlacerInput(bench.brief), label, stage=STAGE, desk="designer", once=True
         )
         first = first_of(outcome)
         if outcome is None or outcome.output is None:
             return Candidate(attempt, first=first, reason=failure_of(outcome))
         return Candidate(attempt, outcome.output.machine, first=first)
 
-    placed = await together(place(attempt) for attempt in _attempts(settings))
+    placed = await together(place(attempt) for attempt in attempts)
     bench.end(STAGE, await tried(bench, STAGE, placed))
     return bench.result()
 
 
-async def random_placement(
-    brief: Brief,
-    desks: Desks,
-    laboratory: Laboratory,
-    settings: WorkflowSettings,
-    record: Record,
-    seed: int = 0,
-) -> WorkflowResult:
+async def random_placement(bench: Bench) -> WorkflowResult:
     """The baseline: blocks of allowed types on random free faces, 1 to 10 of them; all are valid.
 
-    Arguments as for a `Workflow`; no model is asked.
+    No model is asked.
     """
-    bench = _bench("random-placement", brief, desks, laboratory, settings, record, seed)
+    attempts, brief = _begin(bench), bench.brief
     size = len(brief.given) + 1, len(brief.given) + MOST_PLACED
     placed = []
-    for attempt in _attempts(settings):
+    for attempt in attempts:
         try:
             machine = random_machine(bench.stream(f"traj-{attempt}"), brief, size)
         except UsageError as error:
@@ -85,21 +64,9 @@ async def random_placement(
     return bench.result()
 
 
-def _attempts(settings: WorkflowSettings) -> range:
-    return range(1, settings.placements + 1)
-
-
-def _bench(
-    name: str,
-    brief: Brief,
-    desks: Desks,
-    laboratory: Laboratory,
-    settings: WorkflowSettings,
-    record: Record,
-    seed: int,
-) -> Bench:
-    """A bench with one trajectory per attempt, whose only stage has begun."""
-    counted = settings.model_copy(update={"trajectories": settings.placements})
-    bench = Bench(name, brief, desks, laboratory, counted, record, seed)
+def _begin(bench: Bench) -> range:
+    """Begin the only stage, with one trajectory per attempt; yields the attempts."""
+    count = bench.settings.placements
+    bench.settings = bench.settings.model_copy(update={"trajectories": count})
     bench.begin(STAGE)
-    return bench
+    return range(1, count + 1)

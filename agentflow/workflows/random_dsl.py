@@ -14,18 +14,9 @@ from agentflow.machine.tree import Machine
 from agentflow.search.concurrency import together
 from agentflow.search.node import Tally
 from agentflow.search.tree import better
-from agentflow.workflows.base import (
-    Candidate,
-    Desks,
-    First,
-    Laboratory,
-    Record,
-    Stage,
-    WorkflowResult,
-)
+from agentflow.workflows.base import Candidate, First, Stage, WorkflowResult
 from agentflow.workflows.bench import Bench
 from agentflow.workflows.feedback import STAGE
-from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages import BLIND, tried
 
 VALID = First(parsed=True, spatial=True, valid=True)
@@ -33,26 +24,18 @@ MAX_REPEATS = 20
 """Edits in a row that may lead to machines already tried before a search for new ones ends."""
 
 
-async def random_dsl(
-    brief: Brief,
-    desks: Desks,
-    laboratory: Laboratory,
-    settings: WorkflowSettings,
-    record: Record,
-    seed: int = 0,
-) -> WorkflowResult:
+async def random_dsl(bench: Bench) -> WorkflowResult:
     """Random machines, one random edit each, then edits of each trajectory's best machine.
 
     The stages are those of the other workflows and no model is asked. `settings.rollouts` are of
-    the whole run; without it every stage has one per trajectory, as published. Arguments as for a
-    `Workflow`.
+    the whole run; without it every stage has one per trajectory, as published.
     """
-    bench = Bench("random-dsl", brief, desks, laboratory, settings, record, seed)
+    settings = bench.settings
     chances = {t: bench.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
     per_stage = settings.trajectories
     total = settings.rollouts or 3 * per_stage
     bench.begin("initial")
-    drawn = [_drawn(brief, t, chances[t]) for t in list(chances)[:total]]
+    drawn = [_drawn(bench.brief, t, chances[t]) for t in list(chances)[:total]]
     initial = bench.end("initial", await tried(bench, "initial", drawn))
     left = total - initial.rollouts
     if bench.over(initial) or left <= 0:

@@ -1,20 +1,22 @@
-"""Owns the names of the workflows."""
+"""Owns the names of the workflows, and makes the bench that each of them works at."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from types import MappingProxyType
 
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.machine.brief import LONE_ROOT, Brief
-from agentflow.workflows.base import Workflow
+from agentflow.workflows.base import Desks, Laboratory, Record, Workflow, WorkflowResult
+from agentflow.workflows.bench import Bench
 from agentflow.workflows.hierarchical import hierarchical
 from agentflow.workflows.iterative import iterative
 from agentflow.workflows.placement import placement, random_placement
 from agentflow.workflows.random_dsl import random_dsl
+from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.single import single
 
-WORKFLOWS: Mapping[str, Workflow] = MappingProxyType(
+WORKFLOWS: Mapping[str, Callable[[Bench], Awaitable[WorkflowResult]]] = MappingProxyType(
     {
         "single": single,
         "iterative": iterative,
@@ -38,7 +40,19 @@ def workflow(name: str) -> Workflow:
     """
     if name not in WORKFLOWS:
         raise UnknownNameError("workflow", name, WORKFLOWS)
-    return WORKFLOWS[name]
+
+    async def carry_out(
+        brief: Brief,
+        desks: Desks,
+        laboratory: Laboratory,
+        settings: WorkflowSettings,
+        record: Record,
+        seed: int = 0,
+    ) -> WorkflowResult:
+        bench = Bench(name, brief, desks, laboratory, settings, record, seed)
+        return await WORKFLOWS[name](bench)
+
+    return carry_out
 
 
 def demand_fit(name: str, brief: Brief) -> None:

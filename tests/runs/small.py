@@ -17,7 +17,7 @@ from agentflow.llm.tape import Tape
 from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.bench import outline
-from agentflow.workflows.hierarchical import hierarchical
+from agentflow.workflows.registry import workflow
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import row
 from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
@@ -61,7 +61,9 @@ def _carry_out(run: RunDirectory, log: Path, seed: int) -> Path:
         inner = Delayed(ScriptedClient(Asked(log)), chance)
         desk = Desk(wrap(inner, tape=tape, budget=Budget()), PROMPTS, max_retry=3)
         result = asyncio.run(
-            hierarchical(BRIEF, lambda _role: desk, Shelf(delays=chance), SETTINGS, run, 0)
+            workflow("hierarchical")(
+                BRIEF, lambda _role: desk, Shelf(delays=chance), SETTINGS, run, 0
+            )
         )
     run.finish(_told(result))
     run.close()

@@ -20,8 +20,7 @@ from agentflow.machine.tree import Machine, Step
 from agentflow.prompts.render import PromptSet
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import Candidate, First, Stage, Trial, WorkflowResult
-from agentflow.workflows.placement import placement, random_placement
-from agentflow.workflows.registry import demand_fit
+from agentflow.workflows.registry import demand_fit, workflow
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import passes
 
@@ -70,7 +69,9 @@ def run(client: Any, count: int, record: Notes | None = None) -> WorkflowResult:
         return Desk(client, PromptSet())
 
     settings = WorkflowSettings(placements=count)
-    return asyncio.run(placement(BRIEF, desk, Teeth(), settings, record or Notes(), seed=1))
+    return asyncio.run(
+        workflow("placement")(BRIEF, desk, Teeth(), settings, record or Notes(), seed=1)
+    )
 
 
 def reply(machine: Machine) -> str:
@@ -119,7 +120,7 @@ def test_random_placements_are_valid_and_differ() -> None:
         raise AssertionError(role)
 
     settings = WorkflowSettings(placements=12)
-    work = random_placement(BRIEF, nobody, Teeth(), settings, Notes(), seed=1)
+    work = workflow("random-placement")(BRIEF, nobody, Teeth(), settings, Notes(), seed=1)
     (stage,) = asyncio.run(work).stages
     machines = {c.machine for c in stage.candidates}
     assert len(machines) == 12

@@ -23,7 +23,7 @@ from agentflow.llm.settings import LimitSettings
 from agentflow.llm.tape import Tape
 from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
-from agentflow.workflows.hierarchical import hierarchical
+from agentflow.workflows.registry import workflow
 from agentflow.workflows.settings import WorkflowSettings
 from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
 
@@ -45,7 +45,7 @@ def carry_out(folder: Path, chance: random.Random) -> tuple[WorkflowResult, RunD
 
 async def conduct(client: Client, run: RunDirectory, shelf: Shelf) -> WorkflowResult:
     desk = Desk(client, PROMPTS, max_retry=3)
-    return await hierarchical(BRIEF, lambda _role: desk, shelf, SETTINGS, run, 0)
+    return await workflow("hierarchical")(BRIEF, lambda _role: desk, shelf, SETTINGS, run, 0)
 
 
 def written(run: RunDirectory) -> Written:
