@@ -1,7 +1,6 @@
 """Owns the worker processes that run rollouts: start, ask, replace, close.
 
-A worker is a fresh interpreter at the other end of a socket; it keeps its engine between rollouts
-and ends by itself when the socket closes, so that no parent, however it ends, leaves one behind.
+A worker is a fresh interpreter at the other end of a socket; what it does there is worker.py's.
 """
 
 from __future__ import annotations
@@ -10,16 +9,14 @@ import asyncio
 import os
 import subprocess
 import sys
-import traceback
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from multiprocessing.connection import Connection, Pipe
+from multiprocessing.connection import Pipe
 from types import TracebackType
 
-from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.trace import Feedback, Rollout, Status
 from agentflow.env.trials import joined
+from agentflow.env.worker import Job
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
 
@@ -30,25 +27,12 @@ ATTEMPTS = 2
 _CHILD = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)
-from agentflow.env.pool import serve
+from agentflow.env.worker import serve
 serve(int(sys.argv[1]))
 """
 """Interrupts are the parent's to handle; a terminal sends them to the whole group."""
 _ALONE = {"OPENBLAS_NUM_THREADS": "1"}
 """Physics uses no BLAS; its threads would only cost start time and memory."""
-
-
-@dataclass(frozen=True)
-class Job:
-    """One trial to run; travels to the worker by pickle."""
-
-    machine: Machine
-    task: Task
-    seed: int
-    rate: float | None
-    power: bool
-    interval: float | None
-    wall_limit: float
 
 
 class RolloutPool:
@@ -199,34 +183,6 @@ class _Worker:
         """End the process and wait until it is gone; a pending `ask` then sees the end."""
         self._process.kill()
         self._process.wait()
-
-
-def serve(descriptor: int) -> None:
-    """A worker's life: answer jobs until the other end closes."""
-    with Connection(descriptor) as connection:
-        while True:
-            try:
-                job = connection.recv()
-            except (EOFError, ConnectionResetError):  # closed, or killed with a reply unread
-                return
-            try:
-                reply: Rollout | UsageError | str = simulate(
-                    job.machine,
-                    job.task,
-                    seed=job.seed,
-                    rate=job.rate,
-                    power=job.power,
-                    interval=job.interval,
-                    wall_limit=job.wall_limit,
-                )
-            except UsageError as error:
-                reply = error
-            except Exception:  # noqa: BLE001 - handed over to the parent, which raises it
-                reply = traceback.format_exc()
-            try:
-                connection.send(reply)
-            except (BrokenPipeError, ConnectionResetError):  # whoever asked was killed meanwhile
-                return
 
 
 def _without_score(status: Status, why: str) -> Rollout:
