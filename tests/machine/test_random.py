@@ -4,7 +4,7 @@ from collections import Counter
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.errors import UsageError
@@ -27,7 +27,7 @@ EVERYTHING = brief(*(kind for kind in library() if kind))
 def test_random_machines_are_valid(task: Brief | None, size: tuple[int, int]) -> None:
     if size[0] == 2 and task is not None and 36 in task.required:
         task = brief(36, 15, required={36: 1})
-    for seed in range(3):
+    for seed in range(3 if size[1] < 60 else 1):  # one of 60 takes longer than thirty of 20
         machine = random_machine(Random(seed), task, size)
         assert size[0] <= len(machine) <= size[1]
         assert check(machine, task).task_valid
@@ -151,7 +151,6 @@ def test_no_legal_edit_is_an_error() -> None:
         random_edit(Machine((ROOT,)), Random(0), brief())
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.sampled_from((CAR, CATAPULT)), st.randoms(use_true_random=False))
 def test_random_edits_are_valid(machine: Machine, rng: Random) -> None:
     assert check(random_edit(machine, rng, EVERYTHING), EVERYTHING).machine_valid

@@ -3,7 +3,7 @@ import random
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.search.events import BackedUp, Expanded, Selected, Simulated
@@ -207,7 +207,6 @@ async def test_completion_order_changes_nothing() -> None:
     assert len(runs[0][0].nodes) > 12
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
     width=st.integers(1, 5),

@@ -116,8 +116,9 @@ def test_a_car_drives_only_with_power() -> None:
     assert off < NEGLIGIBLE
 
 
-QUICK = {"delivery", "gearing", "movement", "throwing"}
-"""First levels of one trial; every other level is looked at in the slow part."""
+QUICK = {"delivery", "gearing"}
+"""First levels of one trial; every other level is looked at in the slow part, and movement and
+throwing by tests/env/test_determinism.py."""
 
 
 @pytest.mark.parametrize(
