@@ -22,7 +22,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from agentflow.app.pages.films import Shapes
-from agentflow.app.pages.runs import FINE, Shown, exhibits, report, write
+from agentflow.app.pages.runs import FINE, Shown, asked, exhibits, report, write
 from agentflow.app.runs.design import design
 from agentflow.config import build
 from agentflow.env.tasks.registry import get_task
@@ -35,7 +35,7 @@ BLOCKS = 60
 SECONDS = 4.0
 """How long a film is watched."""
 COUNT = """const [seconds, done] = arguments;
-const player = document.querySelector(".player"), speed = player.querySelector("select");
+const player = document.querySelector(".player"), speed = player.querySelector(".transport select");
 let frames = 0;
 player.addEventListener("frame", () => (frames += 1));
 speed.value = 0.5;
@@ -101,7 +101,8 @@ def large_machine(folder: Path) -> Path:
     shapes = Shapes()
     shown = {"0": Shown(machine, task, 0, None, FINE)}
     machines = asyncio.run(exhibits(shown, shapes, 1, lambda *_: None))
-    card = {"machine": "0", "task": "movement", "about": "", "score": None, "picture": None}
+    card = {"machine": "0", "task": "movement", "about": "", "run": "", "why": ""}
+    card |= {"asked": asked(build({"task": "movement"})), "score": None, "picture": None}
     data = {
         "kind": "gallery",
         "title": "Large",

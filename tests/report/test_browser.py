@@ -135,7 +135,7 @@ def test_it_plays_pauses_and_goes_slowly(opened: webdriver.Chrome) -> None:
     assert play.text == "Play"
     stopped = time_of(opened)
     opened.find_element(By.CSS_SELECTOR, "canvas").send_keys(",")
-    assert find(opened, "select").get_attribute("value") == "0.5"
+    assert find(opened, ".transport select").get_attribute("value") == "0.5"
     assert time_of(opened) == stopped
 
 

@@ -9,7 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.pages.films import Shapes
-from agentflow.app.pages.runs import FINE, Say, Shown, best_of, exhibits, kept_rollout, ready, write
+from agentflow.app.pages.runs import (
+    FINE,
+    Say,
+    Shown,
+    asked,
+    best_of,
+    exhibits,
+    kept_rollout,
+    ready,
+    write,
+)
 from agentflow.app.runs.design import finished
 from agentflow.config import build
 from agentflow.env.render import png_url
@@ -29,13 +39,17 @@ class Hung:
     path: Path
     task: str
     about: str
+    asked: dict[str, Any]
+    """What the task asks, as pages show it."""
     score: float | None
+    why: str
+    """Why it found no machine; "" where it did."""
     shown: Shown | None
     """Its machine; None where it found none."""
 
 
 def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Say) -> Path:
-    """Write one page of the machines that runs have found.
+    """Write one page of the machines that runs have found, by task, the best ones first.
 
     Args:
         folders: Run directories, or folders that hold some; unfinished runs are left out.
@@ -48,7 +62,7 @@ def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Say) -> Pa
         UsageError: The file cannot be written, or the page's bundle is missing.
     """
     ready(out)
-    runs = [_hung(path) for folder in folders for path in _finished_runs(folder)]
+    runs = _ordered([_hung(path) for folder in folders for path in _finished_runs(folder)])
     shapes = Shapes()
     chosen = {str(place): run.shown for place, run in enumerate(runs) if run.shown is not None}
     machines = asyncio.run(exhibits(chosen, shapes, workers, say))
@@ -70,6 +84,16 @@ def _finished_runs(folder: Path) -> Iterator[Path]:
     yield from found
 
 
+def _ordered(runs: Sequence[Hung]) -> list[Hung]:
+    """The runs of a task together, tasks as they come first, the best runs before the others."""
+    tasks = list(dict.fromkeys(run.task for run in runs))
+    worst = float("-inf")
+    return sorted(
+        runs,
+        key=lambda run: (tasks.index(run.task), -(worst if run.score is None else run.score)),
+    )
+
+
 def _hung(path: Path) -> Hung:
     document, result = read_document(path), finished(path)
     config = build(document.get("config"))
@@ -87,7 +111,8 @@ def _hung(path: Path) -> Hung:
             interval=FINE,
             kept=kept_rollout(path, document, digest),
         )
-    return Hung(path, config.task, about, result["score"], shown)
+    why = "" if shown is not None else str(result.get("reason") or "no valid machine was found")
+    return Hung(path, config.task, about, asked(config), result["score"], why, shown)
 
 
 def _card(key: str, run: Hung) -> dict[str, Any]:
@@ -97,7 +122,10 @@ def _card(key: str, run: Hung) -> dict[str, Any]:
     return {
         "machine": key,
         "task": run.task,
+        "asked": run.asked,
         "about": run.about,
+        "run": run.path.name,
         "score": run.score,
+        "why": run.why,
         "picture": picture,
     }

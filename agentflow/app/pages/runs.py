@@ -76,14 +76,14 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
     data = story.to_json(cost_by(config.model), priced) | {
         "machines": machines,
         "shapes": shapes.rows,
-        "task": _asked(config),
+        "task": asked(config),
         "failures": count_failures(path)["kinds"],
     }
     write(out, page(f"{config.task} · agentflow", data))
     return out
 
 
-def _asked(config: DesignConfig) -> dict[str, Any]:
+def asked(config: DesignConfig) -> dict[str, Any]:
     """What the machines were to do, as their designers were told."""
     brief = get_task(config.task, config.knobs).brief
     return {

@@ -2,25 +2,32 @@
 
 import { el, shown } from "./dom.js";
 import { Player } from "./player.js";
+import { asked, problem } from "./text.js";
 
 export function galleryPage(data) {
   const player = new Player(data.shapes);
+  const chosen = el("section", { class: "chosen", "aria-label": "Chosen machine" });
   const cards = data.cards.map((card) =>
     el("button", { class: "card", click: () => choose(card) },
       card.picture ? el("img", { src: card.picture, alt: "", loading: "lazy", width: 320, height: 240 }) : el("span", { class: "blank" }, "no machine"),
-      el("b", {}, card.score === null ? "no score" : shown(card.score)),
+      el("b", {}, score(card)),
       el("span", {}, card.task),
       el("small", {}, card.about)));
   const choose = (card) => {
     cards.forEach((item, index) => item.setAttribute("aria-pressed", data.cards[index] === card));
-    player.show(data.machines[card.machine], card.score === null ? card.task : `${card.task} · ${shown(card.score)}`, data.machines[card.machine]?.remark ?? "");
+    player.show(data.machines[card.machine], `${card.task} · ${score(card)}`, data.machines[card.machine]?.remark ?? "");
+    chosen.replaceChildren(el("h2", {}, `${card.task} · ${score(card)}`), el("p", {}, [card.asked.title, card.run].join(" · ")),
+      card.why ? problem(card.why) : "", asked(card.asked));
   };
   if (data.cards.length) choose(data.cards[0]);
   return [
     el("aside", {}, player.element),
     el("main", {},
       el("header", {}, el("p", { class: "kind" }, "agentflow gallery"), el("h1", {}, data.title),
-        el("p", { class: "lede" }, "Choose a machine to see it at work.")),
+        el("p", { class: "lede" }, "Choose a machine to see it at work. Scores of different tasks have different units.")),
+      chosen,
       el("div", { class: "cards" }, ...cards)),
   ];
 }
+
+const score = (card) => (card.score === null ? "no score" : shown(card.score));

@@ -4,7 +4,7 @@ import { climb, bars } from "./charts.js";
 import { el, section, shown, table } from "./dom.js";
 import { unpacked } from "./film.js";
 import { Player } from "./player.js";
-import { call, plain, problem } from "./text.js";
+import { asked, call, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
 
 export function runPage(data) {
@@ -46,13 +46,6 @@ function header(data) {
     el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : shown(run.score)), " ", run.sentence),
     el("p", { class: "lede" }, run.about),
     asked(data.task));
-}
-
-/** What the machines were to do, and how that is counted. */
-function asked({ objective, score, scene }) {
-  const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => el("li", {}, sentence)));
-  return el("details", { class: "task" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
-    list(score.slice(1)), el("h3", {}, "What stands there, and when"), list(scene));
 }
 
 function heading(node) {

@@ -19,6 +19,13 @@ export function problem(text) {
   return text.length > SHORT ? plain(text) : el("p", { class: "problem" }, text);
 }
 
+/** What machines were to do, and how that is counted: `task` as the data have it. */
+export function asked({ objective, score, scene }) {
+  const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => el("li", {}, sentence)));
+  return el("details", { class: "task" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
+    list(score.slice(1)), el("h3", {}, "What stands there, and when"), list(scene));
+}
+
 /** One call that opens: verdict, what was asked and what came back. */
 export function call(entry, open = false) {
   const details = el("details", { class: "call", toggle: () => { if (details.open && !body.hasChildNodes()) body.append(...contents(entry)); } },

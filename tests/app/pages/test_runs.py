@@ -142,11 +142,19 @@ def test_a_sweep_is_reported_with_its_tables(
 def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
     shutil.copytree(RECORDED, tmp_path / "runs" / "a")
     shutil.copytree(RECORDED, tmp_path / "runs" / "b")
+    result = json.loads((RECORDED / "result.json").read_text())
+    none = {**result, "valid": False, "machine": None, "score": None, "reason": "all overlapped"}
+    (tmp_path / "runs" / "a" / "result.json").write_text(json.dumps(none))
     hostile_run(tmp_path / "runs")  # unfinished: left out
     out = gallery([tmp_path / "runs"], tmp_path / "g.html", workers=1, say=quiet)
     data = data_of(out)
     score = read_result(RECORDED)["score"]
-    assert [(card["task"], card["score"]) for card in data["cards"]] == [("throwing", score)] * 2
+    found = [(card["run"], card["task"], card["score"], card["why"]) for card in data["cards"]]
+    assert found == [
+        ("b", "throwing", score, ""),
+        ("a", "throwing", None, "all overlapped"),
+    ]
+    assert data["cards"][0]["asked"]["title"] == "walled yard"
     assert data["cards"][0]["about"] == "hierarchical, procedural (no language model), seed 0"
     assert data["cards"][0]["picture"].startswith("data:image/png;base64,")
 
