@@ -11,7 +11,7 @@ Say = Callable[[str], None]
 """Takes one line of text for the user: waits, refused parameters, dropped half lines."""
 REMARK = "remark"
 """Kind of the events that `Remarks` keeps; replays pass over them."""
-WHY = "a rollout had been cut off, or a file edited"
+WHY = "a rollout had been cut off, a file edited, or agentflow has changed"
 
 
 class Remarks:

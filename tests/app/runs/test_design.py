@@ -171,7 +171,8 @@ def test_an_edited_record_is_told_of_and_set_right(run: Path, tmp_path: Path) ->
     assert resume(other, said.append)["score"] == read_result(run)["score"]
     assert said == [
         f"1 of the recorded events came out otherwise this time, first evaluation {event.label}: a "
-        "rollout had been cut off, or a file edited; both are kept, the later one holds"
+        "rollout had been cut off, a file edited, or agentflow has changed; both are kept, the "
+        "later one holds"
     ]
     assert (other / "events.jsonl").read_bytes().startswith(edited)
     assert replay(other, ignore) is None

@@ -39,7 +39,7 @@ def test_every_difference_is_told_and_both_sides_are_kept(tmp_path: Path) -> Non
     said: list[str] = []
     Remarks(again, said.append).tell_differences()
     again.close()
-    why = "a rollout had been cut off, or a file edited"
+    why = "a rollout had been cut off, a file edited, or agentflow has changed"
     assert said == [
         f"{run.path / 'events.jsonl'}: dropped a half-written last line (6 bytes)",
         f"1 of the recorded events came out otherwise this time, first stage edited: {why}; "
