@@ -16,8 +16,10 @@ from agentflow.llm.procedural.placing import place_cogs
 from agentflow.llm.procedural.reading import read_facts
 from agentflow.llm.procedural.refining import refine
 
-_BUILDING = {"meta_designer": plan, "designer": design}
-_JUDGING = {"inspector": inspect, "querier": query, "refiner": refine, "placer": place_cogs}
+_ANSWERS = {"machine_structure": plan, "First the rationale": design,
+            "<Three-Dimensional Perception of the World>": inspect, "<Required Feedback>": query,
+            "<Modification Steps>": refine, "Place cogs": place_cogs}  # fmt: skip
+"""Words of a demanded reply format -> who answers it."""
 
 
 class ProceduralClient:
@@ -31,14 +33,14 @@ class ProceduralClient:
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; what cannot be read is answered with an apology."""
-        facts, text = read_facts(request.messages), str(data("replies.yaml")["apology"])
+        facts = read_facts(request.messages)
+        form = facts.parts["Your reply"]
         told = [f"{message.role}\0{message.text}" for message in request.messages]
         key = "\0".join([str(self._seed), str(request.sampling.seed), request.label, *told])
         chance = random.Random(hashlib.sha256(key.encode(errors="replace")).digest())
-        if facts and facts.role in _BUILDING:
-            text = _BUILDING[facts.role](facts, chance)
-        elif facts and facts.machine:
-            text = _JUDGING[facts.role](facts, facts.machine, chance)
+        answer = next((found for words, found in _ANSWERS.items() if words in form), None)
+        able = answer and (facts.shown or answer in (plan, design))
+        text = answer(facts, chance) if answer and able else str(data("replies.yaml")["apology"])
         return Reply(text=text, model=self.name)
 
     async def aclose(self) -> None:

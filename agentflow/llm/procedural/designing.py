@@ -10,9 +10,8 @@ import random
 import re
 
 from agentflow.llm.procedural.mechanisms import Growth, data, grow, suited
-from agentflow.llm.procedural.reading import Facts
-from agentflow.machine.blocks import library
-from agentflow.machine.validity import check
+from agentflow.llm.procedural.reading import Facts, line
+from agentflow.machine import check, library
 
 LOOSE = "Frame"  # the part that takes any types
 TRIES, MOST_TYPES, MOST_BLOCKS = 20, 3, 20  # drafts; per structure (spec 4.2); per dimension
@@ -54,26 +53,28 @@ def design(facts: Facts, chance: random.Random) -> str:
     """The machine with one structure more, or with a whole mechanism."""
     parts = data("mechanisms.yaml")["parts"]
     shared = {name: len(facts.types.intersection(part["slots"][0])) for name, part in parts.items()}
-    likely = max(parts, key=lambda name: (name == facts.structure, shared[name], name == LOOSE))
-    names = [likely] if facts.structure else chance.choice(suited(facts.brief))["parts"]
-    start = len(facts.machine) if facts.machine else 1
+    now = facts.parts["Structure to build now"]
+    wanted, guidance = line(now, "Name"), now.partition("Guidance:")[2]
+    guidance += facts.parts["Rationale to follow"]
+    likely = max(parts, key=lambda name: (name == wanted, shared[name], name == LOOSE))
+    names = [likely] if wanted else chance.choice(suited(facts.brief))["parts"]
     for attempt in range(TRIES):
         growth = Growth(facts, chance)
         told = []
         for name in names:
             ranges = parts[name]["dims"].items()
-            guidance = facts.guidance if attempt < TRIES / 2 else ""
-            dims = {key: _drawn(key, span, guidance, chance) for key, span in ranges}
+            heard = guidance if attempt < TRIES / 2 else ""
+            dims = {key: _drawn(key, span, heard, chance) for key, span in ranges}
             grow(growth, parts[name], dims)
             told.append(f"{name}: {', '.join(f'{key} {value}' for key, value in dims.items())}.")
-        if _done(growth, [parts[name]["slots"][0] for name in names], start, facts):
+        if _done(growth, [parts[name]["slots"][0] for name in names], facts):
             break
     return f"Counted in blocks: {' '.join(told)}\n```json\n{facts.written(growth.machine)}\n```"
 
 
-def _done(growth: Growth, slots: list[list[int]], start: int, facts: Facts) -> bool:
+def _done(growth: Growth, slots: list[list[int]], facts: Facts) -> bool:
     """Whether it is valid, with what each part is for, and what the task demands of its types."""
-    new, usable = {step.type for step in growth.machine.steps[start:]}, growth.types
+    new, usable = {step.type for step in growth.machine.steps[len(facts.machine) :]}, growth.types
     served = bool(new) and all((usable.intersection(slot) or new) & new for slot in slots)
     demanded = facts.brief.required.items()
     loaded = all(growth.machine.count(kind) == n for kind, n in demanded if kind in usable)

@@ -7,18 +7,21 @@ from __future__ import annotations
 
 import json
 import random
+import re
 from collections.abc import Iterator
 
 from agentflow.llm.procedural.mechanisms import JOINTS, LOADS, MOVERS, RIGID, WHEELS, clusters, data
 from agentflow.llm.procedural.reading import Facts
+from agentflow.machine import Geometry, place
 from agentflow.machine.balance import centre_of_mass, stands, support_polygon
-from agentflow.machine.geometry import Geometry, place
-from agentflow.machine.tree import Machine
+
+_NUMBER = r"(-?\d{1,6}\.?\d{0,6})"
+_BROKEN = re.compile(rf"block (\d{{1,6}}) \([^()\n]*\) off block (\d{{1,6}}) at {_NUMBER} s")
 
 
-def inspect(facts: Facts, machine: Machine, chance: random.Random) -> str:  # noqa: ARG001
+def inspect(facts: Facts, chance: random.Random) -> str:  # noqa: ARG001
     """A critique by geometry alone; nothing in it is left to chance."""
-    geometry = place(machine)
+    geometry = place(facts.machine)
     x, y, z = centre_of_mass(geometry)
     boxes = [block for block in geometry.blocks if not block.two_ended]
     reach = {word: max(boxes, key=lambda b: max(s * b.lo[axis], s * b.hi[axis]))
@@ -26,7 +29,7 @@ def inspect(facts: Facts, machine: Machine, chance: random.Random) -> str:  # no
     defects = [f"- blocks {', '.join(map(str, blocks))} | structure none | {text}"
                for blocks, text in _defects(geometry)]  # fmt: skip
     names = [f"block {b.id} ({b.name}) facing {b.facing}" for b in geometry.blocks]
-    idle = [f"block {b} on block {machine[b].parent}" for b in _idle(geometry)]
+    idle = [f"block {b} on block {geometry[b].step.parent}" for b in _idle(geometry)]
     return str(data("replies.yaml")["inspection"]).format(
         world="\n".join(f"{word}: {block.id}" for word, block in reach.items()),
         moving="; ".join(names[b.id] for b in geometry.blocks if b.type in MOVERS) or "None.",
@@ -66,16 +69,16 @@ def _idle(geometry: Geometry) -> list[int]:
     return [b.id for b in still if b.id not in carried and b.box_min[1] > high]
 
 
-def query(facts: Facts, machine: Machine, chance: random.Random) -> str:
+def query(facts: Facts, chance: random.Random) -> str:
     """Ask for what broke, around the moment; else for one moving block and the root."""
-    moving = [step.id for step in machine if step.type in MOVERS]
+    moving = [step.id for step in facts.machine if step.type in MOVERS]
     asked = [(chance.choice(moving or [0]), 0.0, 1.0), (0, 0.0, 1.0)]
-    for block, partner, time in facts.broken[:1]:
-        asked = [
-            (b, round(max(0.0, time - 0.4), 2), round(time + 0.4, 2)) for b in (block, partner)
-        ]
+    broken = _BROKEN.search(facts.parts["Simulation feedback"])
+    if broken:
+        start, end = max(0.0, float(broken[3]) - 0.4), float(broken[3]) + 0.4
+        asked = [(int(block), round(start, 2), round(end, 2)) for block in broken.groups()[:2]]
     queries = [{"id": b, "duration": [start, end], "properties": ["position", "velocity"]}
-               for b, start, end in asked if b < len(machine)]  # fmt: skip
-    thought = "What broke shows the weak place." if facts.broken else "Nothing is told to break."
+               for b, start, end in asked if b < len(facts.machine)]  # fmt: skip
+    thought = "What broke shows the weak place." if broken else "Nothing is told to break."
     shape = str(data("replies.yaml")["inquiry"])
     return shape.format(thought=thought, queries=json.dumps(queries))

@@ -16,14 +16,13 @@ from typing import Any
 import yaml
 
 from agentflow.llm.procedural.reading import Facts
-from agentflow.machine.blocks import BOULDER, CONTAINER, STARTING_BLOCK, library
-from agentflow.machine.brief import Brief
-from agentflow.machine.geometry import Geometry, PlacedFace, place
-from agentflow.machine.tree import ROOT, Machine, Step
+from agentflow.machine import Brief, Geometry, Machine, Step, library, place, spatial_problems
+from agentflow.machine.blocks import BOULDER, CONTAINER, STARTING_BLOCK
+from agentflow.machine.geometry import PlacedFace
 
 Dims = Mapping[str, int]
 BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)
-HINGE, SPRING, CUBE, MOTOR, BALLAST = 5, 9, 15, 22, 35
+HINGE, SPRING, CUBE, MOTOR, BALLAST, WINCH = 5, 9, 15, 22, 35, 45
 JOINTS, RIGID, LOADS = (MOTOR, HINGE), (*BEAMS, CUBE), (BALLAST, CONTAINER, BOULDER)
 MOVERS = (*JOINTS, SPRING, *WHEELS)
 
@@ -54,7 +53,7 @@ class Growth:
 
     def __init__(self, facts: Facts, chance: random.Random) -> None:
         """Start from the machine of a prompt, or from the root; only its types are added."""
-        self.machine = facts.machine or Machine((ROOT,))
+        self.machine = facts.machine
         self.geometry = place(self.machine)
         self.types, self.chance, self._brief = facts.types, chance, facts.brief
 
@@ -71,8 +70,7 @@ class Growth:
             return None
         step = Step(len(self.machine), kind, *(part for end in ends for part in end))
         geometry = place(Machine((*self.machine.steps, step)))
-        limits = zip(geometry.size, self._brief.size_limit, strict=True)
-        if any(a > b for a, b in limits) or geometry.overlaps or locked(geometry):
+        if spatial_problems(geometry, self._brief.size_limit) or locked(geometry):
             return None
         self.machine, self.geometry = Machine((*self.machine.steps, step)), geometry
         return step.id
@@ -120,19 +118,13 @@ def grow(g: Growth, part: Any, dims: Dims) -> None:
 
 def _rows(g: Growth, step: Any, dims: Dims, named: Mapping[str, list[int]]) -> list[int]:
     """Rows of blocks of one type from each anchor to each side; the last of each row."""
-    kind, ends = g.choose(*step["types"]), []
+    kind, ends, skip = g.choose(*step["types"]), list[int](), step.get("skip", 0)
     starts = named[step["from"]] if step["from"] in named else [_anchor(g, step["from"])]
-    for at, (side, count) in product(
-        starts[: _size(step.get("most", 99), dims)], step["to"].items()
-    ):
+    for at, (side, count) in product(starts[: dims.get(step.get("most"))], step["to"].items()):
         towards = g.geometry[at].facing if side == "out" else side
-        end = g.chain(kind, at, towards, _size(count, dims), _size(step.get("skip", 0), dims))
+        end = g.chain(kind, at, towards, dims.get(count, count), dims.get(skip, skip))
         ends += [end] * (end != at)
     return ends
-
-
-def _size(told: str | int, dims: Dims) -> int:
-    return dims[told] if isinstance(told, str) else told
 
 
 def _anchor(g: Growth, name: str) -> int:
@@ -182,6 +174,17 @@ def _ties(g: Growth, dims: Dims) -> None:
         g.add(g.choose((SPRING,)), *((b.id, g.chance.choice(b.faces).face_id) for b in ends[1:]))
 
 
+def _ropes(g: Growth, dims: Dims) -> None:
+    """Winches, each straight down from one block to another that a joint moves."""
+    group = clusters(g.geometry)
+    faces = [(b.id, f) for b in g.geometry.blocks for f in free(g.geometry, b.id, "y")]
+    for (a, low), (b, high) in product(faces, faces):
+        (x, y, z), (u, v, w) = low.position, high.position
+        above = low.facing == "y-" and high.facing == "y+" and (x, z) == (u, w) and y > v
+        if above and group[a] < group[b] and g.machine.count(WINCH) < dims["ropes"]:
+            g.add(g.choose((WINCH,)), (a, low.face_id), (b, high.face_id))
+
+
 def _wheels(g: Growth, dims: Dims) -> None:
     """In pairs, those farthest from the root first."""
     faces = [(b.id, f) for b in g.geometry.blocks for f in free(g.geometry, b.id, "x")]
@@ -200,5 +203,5 @@ def _anything(g: Growth, dims: Dims) -> None:
         g.add(g.choose(kinds), g.chance.choice(spots or [(0, 0)]))
 
 
-RULES = {rule.__name__[1:]: rule for rule in (_arm, _springs, _ties, _wheels, _anything)}
+RULES = {rule.__name__[1:]: rule for rule in (_arm, _springs, _ties, _ropes, _wheels, _anything)}
 """What no row of blocks is, by the name in mechanisms.yaml."""

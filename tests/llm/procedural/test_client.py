@@ -21,6 +21,7 @@ FORMS = (
     "<Required Feedback>",
     "<Modification Steps>",
     "First the rationale",
+    "Place cogs",
 )
 
 
@@ -68,6 +69,22 @@ async def test_no_message_at_all_gets_an_apology() -> None:
     ).text == APOLOGY
 
 
+PLATE = '{"type": 9000, "id": 0, "parent": -1, "face_id": -1}'
+COGS = f'{PLATE},{{"type": 39, "id": 1, "parent": 0, "face_id": 140}}'
+
+
+@pytest.mark.parametrize("target", [0, 1, 2, 99])
+@pytest.mark.parametrize(
+    ("blocks", "reply"), [(PLATE, "There is no plate with a source."), (COGS, "Cogs at no place. ")]
+)
+async def test_a_target_that_is_not_there_is_nothing_to_drive(
+    blocks: str, reply: str, target: int
+) -> None:
+    asked = f"## Task\nblock {target} (target) turns in the same sense\n\n## Blocks\n| 38 | Cog |\n"
+    text = f"{asked}\n## Current machine\n[{blocks}]\n\n## Your reply\nPlace cogs"
+    assert (await ProceduralClient(0).complete(request(text))).text.startswith(reply)
+
+
 @pytest.mark.parametrize("form", FORMS[1:4])
 async def test_a_machine_to_look_at_must_be_there(form: str) -> None:
     text = f"## Current machine\n[]\n\n## Your reply\n{form}"
@@ -86,6 +103,8 @@ LINES = (
     '## Current machine\n[{"type":0,"id":0,"parent":-1,"face_id":-1},'
     '{"type":38,"id":1,"parent":0,"face_id":0}]',
     "## Simulation feedback\nScore: x\nBroken: block 9 (Log) off block 3 at 0.40 s",
+    f"## Current machine\n[{COGS}]",
+    "## Task\nblock 1 (target) turns in the same sense\nblock 7 (target) turns in the same sense",
     "## Edit history\n1. Error, score 1.0 -> none\n   Add 1 to 0 in 0",
     "The whole machine stays within 0 m along x, 9.5 m along y and 17 m along z.",
 )

@@ -7,9 +7,13 @@ from dataclasses import replace
 import pytest
 
 from agentflow.env.tasks.registry import task_names
+from agentflow.machine.blocks import GRABBER
 from agentflow.machine.brief import LONE_ROOT, Brief
+from agentflow.machine.geometry import place
 from agentflow.machine.validity import check
 from tests.llm.procedural.asking import blueprint_of, brief_of, designs, whole_design
+
+DECOUPLER, WINCH = 4, 45
 
 
 @pytest.mark.parametrize("task", ["throwing", "movement"])
@@ -34,7 +38,7 @@ MECHANISMS = {
     "lifting": {"spring lever"},
     "flying": {"two rotors", "rotor and paddles"},
     "flying/4": {"two rotors", "rotor and paddles", "thrust frame"},
-    "picking": {"car"},
+    "picking": {"crane"},
 }
 
 
@@ -58,6 +62,25 @@ async def test_springs_tie_what_stands_to_what_a_hinge_moves(task: str, kinds: s
         if step.type != 9 and step.parent in moved:
             moved.add(step.id)
     assert len(moved.intersection(spring.parents)) == 1
+
+
+async def test_winches_hang_a_hook_of_grabbers_upright_from_a_crane() -> None:
+    brief = brief_of("picking")
+    machine = await designs(brief, await blueprint_of(brief, 0), 0, "t")
+    assert machine is not None
+    blocks = place(machine).blocks
+    decoupler = next(block.id for block in blocks if block.type == DECOUPLER)
+    assert {block.facing for block in blocks if block.type in (DECOUPLER, GRABBER)} == {"y-"}
+    assert min(block.id for block in blocks if block.type == GRABBER) > decoupler
+    ropes = [block for block in blocks if block.type == WINCH]
+    assert len(ropes) >= 2
+    for rope in ropes:
+        high, low = rope.step.parents
+        assert high < decoupler < low
+        assert rope.end_a is not None
+        assert rope.end_b is not None
+        assert (rope.end_a[0], rope.end_a[2]) == (rope.end_b[0], rope.end_b[2])
+        assert rope.end_a[1] > rope.end_b[1]
 
 
 WHOLE = [name for name in task_names() if brief_of(name).given == LONE_ROOT]
