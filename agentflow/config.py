@@ -5,14 +5,14 @@ What the switches do belongs to the components whose classes are joined here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from agentflow.documents import NOT_YAML, first_fault, in_words, read_yaml, truth_for_number
 from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
 from agentflow.llm.budget import BudgetSettings
 from agentflow.llm.messages import Sampling
@@ -20,8 +20,6 @@ from agentflow.llm.prices import Price
 from agentflow.llm.settings import EndpointSettings
 from agentflow.workflows.settings import WorkflowSettings
 
-NOT_YAML = (yaml.YAMLError, ValueError, RecursionError)
-"""What reading YAML raises: also for a date that there is not, and for a thousand brackets."""
 PROCEDURAL = "procedural"
 """The embedded model: rules and chance, no language model, no endpoint."""
 
@@ -100,7 +98,7 @@ def load(path: Path) -> dict[str, Any]:
         ConfigError: The file cannot be read or is no YAML mapping.
     """
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        document = read_yaml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}") from None
     except NOT_YAML as error:
@@ -122,11 +120,20 @@ def override(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, 
     """
     result = dict(document)
     for setting in settings:
-        path, equals, text = setting.partition("=")
-        if not equals or not path:
-            raise ConfigError(f"--set takes name=value, not {setting!r}")
-        result = put(result, path.strip(), _value(text, path))
+        result = put(result, *parted(setting))
     return result
+
+
+def parted(setting: str) -> tuple[str, Any]:
+    """Name and value of an `a.b=value` setting; the value is read as YAML.
+
+    Raises:
+        ConfigError: It has no `=`, or the value is not YAML.
+    """
+    path, equals, text = setting.partition("=")
+    if not equals or not path:
+        raise ConfigError(f"--set takes name=value, not {setting!r}")
+    return path.strip(), _value(text, path)
 
 
 def put(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
@@ -141,13 +148,27 @@ def put(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
 
 
 def hint(knobs: Iterable[str]) -> str:
-    """What to add to an error about knobs, when one of them looks like a configuration key."""
-    keys = [*DesignConfig.model_fields, *WorkflowSettings.model_fields]
+    """What to add to an error about knobs, when one of them looks like a configuration key.
+
+    Keys are known by their last parts, too: `rounds` is `search.rounds`.
+    """
+    keys = [key.removeprefix("settings.") for key in _keys_in(DesignConfig)]
     for knob in knobs:
-        near = get_close_matches(knob.partition(".")[0], keys, n=1, cutoff=0.7)
+        parts = knob.count(".") + 1
+        ends = {".".join(key.split(".")[-parts:]): key for key in reversed(keys)}
+        near = get_close_matches(knob, ends, n=1, cutoff=0.75)
         if near:
-            return f"; or is {near[0]!r} meant, a key of the configuration?"
+            return f"; or is {ends[near[0]]!r} meant, a key of the configuration?"
     return ""
+
+
+def _keys_in(kind: type[BaseModel], above: str = "") -> Iterator[str]:
+    """Every key and group of keys, dotted; groups before what is in them."""
+    for name, field in kind.model_fields.items():
+        yield above + name
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            yield from _keys_in(inner, f"{above}{name}.")
 
 
 def build(document: object) -> DesignConfig:
@@ -159,9 +180,12 @@ def build(document: object) -> DesignConfig:
     if not isinstance(document, Mapping):
         raise ConfigError("the configuration must be a mapping of keys")
     try:
-        return DesignConfig.model_validate(dict(document))
+        found = DesignConfig.model_validate(dict(document))
     except ValidationError as error:
         raise ConfigError(_explain(error)) from None
+    if key := truth_for_number(document, found.model_dump()):
+        raise ConfigError(f"{key}: expected a number, not true or false")
+    return found
 
 
 def _keys_of(path: str) -> tuple[str, ...]:
@@ -177,9 +201,10 @@ def _keys_of(path: str) -> tuple[str, ...]:
 
 def _value(text: str, path: str) -> Any:
     try:
-        return yaml.safe_load(text)
-    except NOT_YAML:
-        raise ConfigError(f"--set {path}: {text!r} is not a YAML value") from None
+        return read_yaml(text)
+    except NOT_YAML as error:
+        why = yaml_problem(error)
+        raise ConfigError(f"--set {path}: {text!r} is not a YAML value: {why}") from None
 
 
 def _put(document: dict[str, Any], keys: tuple[str, ...], value: Any, path: str) -> None:
@@ -194,15 +219,16 @@ def _put(document: dict[str, Any], keys: tuple[str, ...], value: Any, path: str)
 
 
 def _explain(error: ValidationError) -> str:
-    first = error.errors(include_url=False)[0]
+    first = first_fault(error)
     place = [str(part) for part in first["loc"]]
     name = ".".join(place)
     if first["type"] == "extra_forbidden":
         return str(UnknownNameError("configuration key", name, _names_beside(place)))
     if place[-1] == "key_variable":  # whoever wrote the key itself there finds it nowhere again
         return f"{name} takes the name of an environment variable, never a key"
-    message = first["msg"].removeprefix("Value error, ")
-    return f"{name}: {message[0].lower()}{message[1:]}, not {first['input']!r}"
+    if first["type"] == "missing":
+        return f"{name} {in_words(first)}"
+    return f"{name}: {in_words(first)}, not {first['input']!r}"
 
 
 def _names_beside(place: list[str]) -> list[str]:

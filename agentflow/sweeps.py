@@ -14,6 +14,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from agentflow.config import DesignConfig, build, put
+from agentflow.documents import first_fault, in_words, truth_for_number
 from agentflow.errors import ConfigError, UnknownNameError
 
 StageChoice = Literal["initial", "blind_refinement", "env_feedback"]
@@ -122,17 +123,23 @@ def read_sweep(document: Mapping[str, Any], source: str) -> SweepConfig:
             f"agentflow design --config {source}"
         )
     try:
-        return SweepConfig.model_validate(dict(document))
+        found = SweepConfig.model_validate(dict(document))
     except ValidationError as error:
-        found = error.errors(include_url=False)
-        first = next((item for item in found if item["type"] == "extra_forbidden"), found[0])
-        key = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "extra_forbidden":
-            kind = Layout if first["loc"][0] == "table" else SweepConfig
-            known = [".".join([*map(str, first["loc"][:-1]), name]) for name in kind.model_fields]
-            raise ConfigError(f"{source}: {UnknownNameError('key', key, known)}") from None
-        message = first["msg"].removeprefix("Value error, ")
-        raise ConfigError(f"{source}: {key}: {message[0].lower()}{message[1:]}") from None
+        raise ConfigError(f"{source}: {_explain(error)}") from None
+    if wrong := truth_for_number(document, found.model_dump()):
+        raise ConfigError(f"{source}: {wrong}: expected a number, not true or false")
+    return found
+
+
+def _explain(error: ValidationError) -> str:
+    first = first_fault(error)
+    place = [str(part) for part in first["loc"]]
+    key = ".".join(place)
+    if first["type"] == "extra_forbidden":
+        kind = Layout if place[0] == "table" else SweepConfig
+        known = [".".join([*place[:-1], name]) for name in kind.model_fields]
+        return str(UnknownNameError("key", key, known))
+    return f"{key} is missing" if first["type"] == "missing" else f"{key}: {in_words(first)}"
 
 
 def members(sweep: SweepConfig) -> tuple[Member, ...]:
@@ -173,7 +180,13 @@ def varied(sweep: SweepConfig) -> dict[str, str]:
 def _labelled(name: str, axis: object) -> object:
     """An axis as a mapping; a list varies the configuration key that the axis is named after."""
     if isinstance(axis, list):
-        return {str(value): {name: value} for value in axis}
+        found = {str(value): {name: value} for value in axis}
+        if len(found) < len(axis):
+            twice = next(
+                str(value) for i, value in enumerate(axis) if str(value) in map(str, axis[:i])
+            )
+            raise ValueError(f"axis {name} has {twice} twice")
+        return found
     if isinstance(axis, Mapping):
         return {str(label): settings for label, settings in axis.items()}
     return axis

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.config import DesignConfig, build, load, override
+from agentflow.config import DesignConfig, build, hint, load, override
 from agentflow.errors import ConfigError
 
 CONFIGS = [
@@ -35,6 +35,19 @@ def test_settings_reach_keys_switches_and_knobs() -> None:
     assert config.knobs == {"wall.height": 0}
 
 
+@pytest.mark.parametrize(
+    ("knob", "key"),
+    [
+        ("rounds", "search.rounds"),
+        ("budget.calls", "model.budget.calls"),
+        ("serach.rounds", "search.rounds"),
+        ("sead", "seed"),
+    ],
+)
+def test_a_key_is_known_by_its_last_parts(knob: str, key: str) -> None:
+    assert hint(["wall.height", knob]) == f"; or is {key!r} meant, a key of the configuration?"
+
+
 def test_override_leaves_the_document_alone() -> None:
     document = {"settings": {"search": {"rounds": 2}}}
     override(document, ["search.rounds=9"])
@@ -45,8 +58,14 @@ def test_override_leaves_the_document_alone() -> None:
     ("document", "message"),
     [
         ({"sed": 1}, "unknown configuration key 'sed'; known: seed, "),
-        ({"seed": "x"}, "seed: input should be a valid integer, unable to parse string as an "),
-        ({"settings": {"trajectories": 0}}, "settings.trajectories: input should be greater than"),
+        ({"seed": "x"}, "seed: expected a whole number, not 'x'"),
+        ({"settings": {"trajectories": 0}}, "settings.trajectories: must be at least 1, not 0"),
+        (
+            {"settings": {"search": {"rounds": True}}},
+            "settings.search.rounds: expected a number, not true or false",
+        ),
+        ({"settings": {"search": [1]}}, "settings.search: expected a group of keys, not [1]"),
+        ({"settings": {"feedback": "x"}}, "settings.feedback: expected 'active', 'basic' or "),
         ({"settings": {"search": {"wdth": 1}}}, "unknown configuration key 'settings.search.wdth'"),
         ({"model": {"sampling": {"top": 1}}}, "unknown configuration key 'model.sampling.top'"),
     ],
@@ -62,13 +81,18 @@ def test_wrong_configuration_names_the_key(document: dict[str, object], message:
     [
         ("seed", "--set takes name=value, not 'seed'"),
         ("seed.x=1", "--set seed.x: seed is a single value, not a group of keys"),
-        ("seed=[", "--set seed: '[' is not a YAML value"),
+        ("seed=[", "--set seed: '[' is not a YAML value: line 1: expected the node"),
+        (
+            "search={width: 1, width: 2}",
+            "--set search: '{width: 1, width: 2}' is not a YAML value: line 1: the key 'width' "
+            "stands there twice",
+        ),
     ],
 )
 def test_wrong_settings_are_refused(setting: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         override({"seed": 0}, [setting])
-    assert str(caught.value) == message
+    assert str(caught.value).startswith(message)
 
 
 def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
@@ -77,6 +101,11 @@ def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
     (tmp_path / "tab.yaml").write_text("task: throwing\n\tseed: 1\n")
     with pytest.raises(ConfigError, match=r"tab.yaml is not YAML: line 2: found character '\\t'"):
         load(tmp_path / "tab.yaml")
+    (tmp_path / "twice.yaml").write_text("settings:\n  search: {rounds: 1}\n  search: {}\n")
+    with pytest.raises(
+        ConfigError, match=r"twice.yaml is not YAML: line 3: the key 'search' stand"
+    ):
+        load(tmp_path / "twice.yaml")
     (tmp_path / "bad.yaml").write_text("- a\n")
     with pytest.raises(ConfigError, match="must hold a mapping of configuration keys"):
         load(tmp_path / "bad.yaml")

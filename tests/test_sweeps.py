@@ -113,20 +113,22 @@ def test_keys_and_the_axes_that_set_them() -> None:
     [
         ({"titel": "x"}, "x.yaml: unknown key 'titel'; known: title, about"),
         ({"table": {"metric": ["mean"]}}, "x.yaml: unknown key 'table.metric'; known: table.metr"),
-        ({"table": {"metrics": []}}, "x.yaml: table.metrics: tuple should have at least 1 item"),
+        ({"table": {"metrics": []}}, "x.yaml: table.metrics: must not be empty"),
         ({"axes": {"task": []}}, "x.yaml: axes: axis task has no values"),
         (
             {"axes": {"seed": [1]}},
             "x.yaml: axes: axis seed sets seed, which the list of seeds does",
         ),
-        ({"axes": {"task": "throwing"}}, "x.yaml: axes.task: input should be a valid dictionary"),
-        ({"axes": [1]}, "x.yaml: axes: input should be a valid dictionary"),
+        ({"axes": {"task": "throwing"}}, "x.yaml: axes.task: expected a group of keys"),
+        ({"axes": [1]}, "x.yaml: axes: expected a group of keys"),
         (
             {"table": {"metrics": ["mean"], "conditions": "rounds"}},
             "x.yaml: table: conditions: rounds and a list of rounds go together",
         ),
-        ({"seeds": []}, "x.yaml: seeds: tuple should have at least 1 item"),
-        ({"seeds": ["a"]}, "x.yaml: seeds.0: input should be a valid integer"),
+        ({"seeds": []}, "x.yaml: seeds: must not be empty"),
+        ({"seeds": ["a"]}, "x.yaml: seeds.0: expected a whole number"),
+        ({"seeds": [0, True]}, "x.yaml: seeds.1: expected a number, not true or false"),
+        ({"axes": {"workflow": ["single", "single"]}}, "x.yaml: axes: axis workflow has single tw"),
     ],
 )
 def test_wrong_sweeps_are_refused(document: dict[str, Any], message: str) -> None:
@@ -151,6 +153,17 @@ def test_two_runs_of_one_name_are_refused() -> None:
 
 def test_a_wrong_value_of_an_axis_names_its_key() -> None:
     with pytest.raises(
-        ConfigError, match=r"run a.seed-0: settings.search.rounds: input should be greater than"
+        ConfigError, match=r"run a.seed-0: settings.search.rounds: must be at least 0"
     ):
         members(sweep(axes={"c": {"a": {"search.rounds": -1}}}))
+
+
+def test_a_seed_in_the_base_is_refused_since_the_list_of_seeds_would_override_it(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "x.yaml").write_text("title: x\nbase: {seed: 3}\ntable: {metrics: [mean]}\n")
+    with pytest.raises(ConfigError) as caught:
+        plan_sweep(tmp_path / "x.yaml", (), {})
+    assert str(caught.value) == (
+        f"{tmp_path / 'x.yaml'}: base.seed: seeds are listed under seeds, for instance seeds: [0]"
+    )

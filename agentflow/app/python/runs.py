@@ -6,7 +6,6 @@ Machines alone are machines.py's, rewards rewards.py's.
 from __future__ import annotations
 
 import asyncio
-import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ from typing import Any
 
 from agentflow.app.python.functions import FunctionClient, ModelFunction
 from agentflow.app.runs import design as runs
-from agentflow.app.runs.models import with_environment
+from agentflow.app.runs.models import completed
 from agentflow.app.runs.remarks import Say
 from agentflow.config import PROCEDURAL, DesignConfig, build, load, put
 from agentflow.env.pool import RolloutPool
@@ -194,7 +193,7 @@ def _prepared(
     for key, value in {**(settings or {}), **named, **options}.items():
         document = put(document, key, value)
     if answer is None:
-        return build(with_environment(document, os.environ)), None
+        return completed(document), None
     built = build(document)
     if built.model.name == PROCEDURAL or built.model.roles:
         raise UsageError(

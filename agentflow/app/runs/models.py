@@ -74,7 +74,33 @@ def configured(
     for key, value in options.items():
         if value is not None:
             document = put(document, key, value)
-    return build(with_environment(document, os.environ))
+    return completed(document)
+
+
+def completed(document: Mapping[str, Any]) -> DesignConfig:
+    """The configuration of a run, with what the environment says about the model.
+
+    Raises:
+        ConfigError: A key is unknown, a value out of range, or a base URL stands without a model.
+    """
+    config = build(with_environment(document, os.environ))
+    demand_name(config.model)
+    return config
+
+
+def demand_name(model: ModelConfig) -> None:
+    """Refuse a base URL that nobody would ask, since no model is named at it.
+
+    Raises:
+        ConfigError: There is one; `procedural` by name is a choice, and as the default is none.
+    """
+    if model.base_url is None or "name" in model.model_fields_set:
+        return
+    if not any(role.name != PROCEDURAL and role.base_url is None for role in model.roles.values()):
+        raise ConfigError(
+            "a base URL is given, and no model: name the model with --model (model.name, "
+            "AGENTFLOW_MODEL)"
+        )
 
 
 def shown(config: DesignConfig) -> dict[str, Any]:

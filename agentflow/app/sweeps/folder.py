@@ -21,7 +21,8 @@ import yaml
 
 from agentflow import __version__
 from agentflow.app.runs.models import shown
-from agentflow.config import NOT_YAML, PROCEDURAL, build
+from agentflow.config import PROCEDURAL, build
+from agentflow.documents import NOT_YAML
 from agentflow.env.constants import constants
 from agentflow.errors import RunError
 from agentflow.sweeps import SweepConfig, read_sweep

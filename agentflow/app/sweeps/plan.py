@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.runs.conduct import Plan
-from agentflow.app.runs.models import with_credentials, with_environment
+from agentflow.app.runs.models import demand_name, with_credentials, with_environment
 from agentflow.app.sweeps.folder import folder_name, is_sweep, read_folder
 from agentflow.config import build, load, override, put
 from agentflow.errors import ConfigError, UsageError
@@ -74,6 +74,10 @@ def plan_sweep(
         document, sweep = read_folder(path)
         return SweepPlan.of(document["name"], sweep)
     sweep = read_sweep(load(path), str(path))
+    if "seed" in sweep.base:
+        raise ConfigError(
+            f"{path}: base.seed: seeds are listed under seeds, for instance seeds: [0]"
+        )
     axes = varied(sweep)
     for key in [*(setting.partition("=")[0].strip() for setting in settings), *given]:
         if key.removeprefix("settings.") in {name.removeprefix("settings.") for name in axes}:
@@ -87,7 +91,10 @@ def plan_sweep(
     changed: dict[str, Any] = {"base": with_environment(base, os.environ)}
     if seeds is not None:
         changed["seeds"] = tuple(range(seeds))
-    return SweepPlan.of(path.stem, sweep.model_copy(update=changed))
+    plan = SweepPlan.of(path.stem, sweep.model_copy(update=changed))
+    for member in plan.members:
+        demand_name(member.config.model)
+    return plan
 
 
 def folder_of(plan: SweepPlan, path: Path, out: Path) -> Path:

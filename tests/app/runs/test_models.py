@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.app.runs.design import design
-from agentflow.app.runs.models import answerers, open_models
+from agentflow.app.runs.models import answerers, demand_name, open_models
 from agentflow.app.runs.replay import replay
 from agentflow.cli import main
 from agentflow.config import DesignConfig, build
@@ -37,6 +37,26 @@ def small(model: dict[str, object]) -> DesignConfig:
 
 
 @pytest.mark.parametrize(
+    "words", [["design"], ["doctor"], ["sweep", "configs/inspector.yaml", "--dry-run"]]
+)
+def test_a_base_url_without_a_model_is_refused(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(Path(__file__).parents[3])
+    assert main([*words, "--base-url", "http://127.0.0.1:9/v1"]) == 2
+    assert capsys.readouterr().err == (
+        "agentflow: a base URL is given, and no model: name the model with --model (model.name, "
+        "AGENTFLOW_MODEL)\n"
+    )
+
+
+def test_a_base_url_is_of_use_to_a_role_or_to_whoever_chose_the_embedded_model() -> None:
+    url = {"base_url": "http://127.0.0.1:9/v1"}
+    demand_name(build({"model": {**url, "roles": {"designer": {"name": "m"}}}}).model)
+    demand_name(build({"model": {**url, "name": "procedural"}}).model)
+
+
+@pytest.mark.parametrize(
     ("setting", "message"),
     [
         (
@@ -50,7 +70,7 @@ def small(model: dict[str, object]) -> DesignConfig:
         ),
         (
             "model.roles={refiner: {nam: x}}",
-            "model.roles.refiner.name: field required",
+            "unknown configuration key 'model.roles.refiner.nam'; known: model.roles.refiner.name,",
         ),
         (
             "model.key_variable=sk-models-4f1c77d09a",
@@ -58,7 +78,7 @@ def small(model: dict[str, object]) -> DesignConfig:
         ),
         (
             "model.prices={m: {input: 1}}",
-            "model.prices.m.output: field required",
+            "model.prices.m.output is missing\n",
         ),
         (
             "model.prices={m: {input: 1, output: 1, ouput: 1}}",

@@ -1,0 +1,107 @@
+"""Owns how documents that people write are read and refused: each key once, faults in plain words.
+
+Which keys there are is config's and sweeps'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+    from pydantic_core import ErrorDetails
+
+NOT_YAML = (yaml.YAMLError, ValueError, RecursionError)
+"""What reading YAML raises: also for a date that there is not, and for a thousand brackets."""
+
+_GROUP, _LIST = "expected a group of keys", "expected a list"
+_WHOLE, _NUMBER, _TRUTH = "expected a whole number", "expected a number", "expected true or false"
+_PLAIN: Mapping[str, str] = MappingProxyType(
+    {
+        "missing": "is missing",
+        **dict.fromkeys(("dict_type", "mapping_type", "model_type"), _GROUP),
+        **dict.fromkeys(("tuple_type", "list_type"), _LIST),
+        **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), _WHOLE),
+        **dict.fromkeys(("float_type", "float_parsing"), _NUMBER),
+        **dict.fromkeys(("bool_type", "bool_parsing"), _TRUTH),
+        "finite_number": "expected a finite number",
+        "string_type": "expected text",
+        "string_too_short": "must not be empty",
+        "too_short": "must not be empty",
+        "literal_error": "expected {expected}",
+        "greater_than_equal": "must be at least {ge}",
+        "greater_than": "must be more than {gt}",
+        "less_than_equal": "must be at most {le}",
+        "less_than": "must be less than {lt}",
+    }
+)
+"""Type of a fault, as pydantic calls it -> what it is in plain words."""
+
+
+class _Once(yaml.SafeLoader):
+    """Refuses what the plain loader overwrites: a key that stands twice in one group."""
+
+    def compose_mapping_node(self, anchor: Any) -> Any:
+        node = super().compose_mapping_node(anchor)
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if (key.tag, key.value) in seen:
+                    problem = f"the key {key.value!r} stands there twice"
+                    raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+                seen.add((key.tag, key.value))
+        return node
+
+
+def read_yaml(text: str) -> Any:
+    """The data in a YAML text.
+
+    Raises:
+        NOT_YAML: It is none, or a key stands twice in one group.
+    """
+    loader = _Once(text)
+    try:
+        return loader.get_single_data()
+    finally:
+        loader.dispose()
+
+
+def first_fault(error: ValidationError) -> ErrorDetails:
+    """The fault to tell of: a key that there is not, which may explain the others, else the first.
+
+    A misspelt key that is required is missing besides.
+    """
+    found = error.errors(include_url=False)
+    return next((item for item in found if item["type"] == "extra_forbidden"), found[0])
+
+
+def in_words(fault: ErrorDetails) -> str:
+    """What is wrong, to stand after the name of a key: "must be at least 1"."""
+    plain = _PLAIN.get(fault["type"])
+    if plain is not None:
+        return plain.format(**fault.get("ctx", {}))
+    message = fault["msg"].removeprefix("Value error, ")
+    return message[0].lower() + message[1:]
+
+
+def truth_for_number(given: object, taken: object, place: tuple[str, ...] = ()) -> str | None:
+    """The dotted key where true or false was given and taken for 1 or 0; None where nowhere.
+
+    Args:
+        given: The document.
+        taken: The same as validated, as plain data.
+        place: Keys that lead to both.
+    """
+    if isinstance(given, bool) and isinstance(taken, int | float) and not isinstance(taken, bool):
+        return ".".join(place)
+    pairs: list[tuple[Any, Any, Any]] = []
+    if isinstance(given, Mapping) and isinstance(taken, Mapping):
+        pairs = [(key, value, taken.get(key)) for key, value in given.items()]
+    elif isinstance(given, list | tuple) and isinstance(taken, list | tuple):
+        pairs = [(i, *both) for i, both in enumerate(zip(given, taken, strict=False))]
+    found = (truth_for_number(one, other, (*place, str(key))) for key, one, other in pairs)
+    return next((key for key in found if key), None)
