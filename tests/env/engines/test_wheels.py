@@ -130,6 +130,24 @@ def test_free_wheels_roll_without_slipping(
         )
 
 
+@pytest.mark.parametrize("kind", [40, 60, 38, 51], ids=["small", "large", "cog", "large cog"])
+@pytest.mark.parametrize("face", firsts([0, 3, 4], [1, 2, 5]), ids=lambda face: FACINGS[face])
+def test_free_wheels_turn_about_their_front(calm: PyBulletEngine, kind: int, face: int) -> None:
+    """On a motor that turns about the same axis they are left behind: only their dry friction takes
+    them along."""
+    rig = Rig(calm, machine(ROOT, (22, 0, face), (kind, 1, 0)))
+    front, seconds = rig.blocks[2].front, 0.1
+    calm.switch("motors", 1)
+    rig.run(0.05)
+    before = rig.spin(2, front)
+    rig.run(seconds)
+    moment = np.abs(front) @ rig.assembly.parts[2].inertia
+    gained = constants().of("joint_friction", kind) / moment * seconds
+    assert rig.spin(2, front) - before == pytest.approx(gained, rel=0.01)
+    assert rig.spin(1, front) == pytest.approx(constants().of("motor_speed", 22), rel=1e-3)
+    assert rig.angle(2, front) < 0.5 * rig.angle(1, front)
+
+
 def test_free_wheels_stand_still_on_flat_ground(engine: PyBulletEngine) -> None:
     start(engine, car("x+", 40, 40))
     run(engine, 0.5)
