@@ -20,6 +20,16 @@ from agentflow.env.constants import Constants, constants
 
 FITTED = ("with ballast", "with ballast and springs")
 SHOWN = 10
+COLUMNS = {
+    "boulder": "boulder rms m",
+    "rotor": "rotor rms m",
+    "turn": "turn rms rad",
+    "after": "after break m",
+    "top_place": "block 8 first m",
+    "top_speed": "the same m/s",
+    "first_break": "break - 0.4 s",
+}
+"""What is shown of a misfit: with ballast / with springs too."""
 
 
 def main() -> None:
@@ -34,7 +44,7 @@ def main() -> None:
         chosen = dict(zip(names, point, strict=True))
         label = " ".join(f"{name}={value:g}" for name, value in chosen.items())
         rows.append((_misfits(constants().changed(chosen)), label))
-    print("  cost  boulder rms m   rotor rms m     turn rms rad    after break m   break - 0.4 s")
+    print("  cost  " + "".join(f"{title:16s}" for title in COLUMNS.values()).rstrip())
     for found, label in [rows[0], *sorted(rows[1:], key=_cost)[:SHOWN]]:
         print(_row(found, label))
 
@@ -55,10 +65,7 @@ def _cost(row: tuple[list[Misfit], str]) -> float:
 
 
 def _row(found: list[Misfit], label: str) -> str:
-    columns = (
-        " / ".join(f"{getattr(each, name):5.2f}" for each in found)
-        for name in ("boulder", "rotor", "turn", "after", "first_break")
-    )
+    columns = (" / ".join(f"{getattr(each, name):5.2f}" for each in found) for name in COLUMNS)
     return f"{_cost((found, label)):6.2f}  " + "   ".join(columns) + f"   {label}"
 
 

@@ -18,18 +18,20 @@ from agentflow.env.constants import Constants, constants
 from agentflow.env.engines.pybullet import PyBulletEngine
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Array, Rollout
+from agentflow.env.trace import Array, Rollout, Trace
 from agentflow.machine.parse import read_machine
 from agentflow.machine.tree import Machine
 
 DATA = Path(__file__).parent / "data" / "published_throw.json"
-BOULDER, ROTOR, ROOT = 13, 10, 0
+BOULDER, ROTOR, ROOT, TOWER_TOP = 13, 10, 0, 8
 LAST = 3
 """Index of the last boulder sample that is compared: 0.6 s, just before it meets the wall."""
 BEFORE_BREAK = 2
 """Index of the last sample of rotor and root that is compared: 0.4 s, when the tower breaks."""
-PLACE, TURN, MOMENT = 0.3, 0.1, 0.03
-"""Differences that weigh the same in a fit: m, rad, s."""
+FIRST = 1
+"""Index of the sample before which the tower's top must have been as its only one says: 0.2 s."""
+PLACE, TURN, MOMENT, PACE = 0.3, 0.1, 0.03, 1.0
+"""Differences that weigh the same in a fit: m, rad, s, m/s."""
 AFTER = 1.0
 """The same after the break, m: it multiplies every difference before it."""
 
@@ -58,13 +60,19 @@ def _read(steps: list[dict[str, int]]) -> Machine:
 
 
 def throw(machine: Machine, physics: Constants | None = None, window: float = 1.0) -> Rollout:
-    """Run one of the machines in the published yard, under other constants if need be."""
+    """Run one of the machines in the published yard, under other constants if need be; every step
+    is kept."""
     engine = PyBulletEngine(physics or constants())
     try:
-        task = get_task("throwing", {"window": window})
-        return simulate(machine, task, engine=engine, physics=physics)
+        task, step = get_task("throwing", {"window": window}), 1 / constants()["step_rate"]
+        return simulate(machine, task, engine=engine, physics=physics, interval=step)
     finally:
         engine.close()
+
+
+def samples(kept: Array) -> Array:
+    """Those of (T, ...) states at every step that were taken when the published ones were."""
+    return kept[:: round(facts()["interval"] * constants()["step_rate"])]
 
 
 @dataclass(frozen=True)
@@ -79,6 +87,11 @@ class Misfit:
     """The same at 0.6 and 0.8 s, m: after the break only the springs still pull at the arm."""
     turn: float
     """Root mean square angle of rotating block and root at 0.2 and 0.4 s, rad."""
+    top_place: float
+    """Root mean square per coordinate of the tower's top, m, at that moment of the first 0.2 s at
+    which it is most like its only published sample; when in them that was taken is not known."""
+    top_speed: float
+    """The same of its velocity at that moment, m/s."""
     first_break: float
     """Time of the first break minus the published one, s; nan when nothing breaks."""
     right_block: bool
@@ -93,34 +106,51 @@ class Misfit:
             + (self.rotor / PLACE) ** 2
             + (self.turn / TURN) ** 2
             + (self.after / AFTER) ** 2
+            + (self.top_place / PLACE) ** 2
+            + (self.top_speed / PACE) ** 2
             + (late / MOMENT) ** 2 / 4
         )
 
 
 def misfit(rollout: Rollout) -> Misfit:
-    """Compare a rollout of at least 0.6 s."""
+    """Compare a rollout of `throw`."""
     trace, data = rollout.trace, facts()
     assert trace is not None
+    position, rotation = samples(trace.position), samples(trace.rotation)
     compared = slice(1, BEFORE_BREAK + 1)
     turns = np.concatenate(
         [
-            _angles(trace.rotation[compared, block], np.array(data[name][compared]))
+            _angles(rotation[compared, block], np.array(data[name][compared]))
             for block, name in ((ROTOR, "rotor_rotation"), (ROOT, "root_rotation"))
         ]
     )
-    boulder = trace.position[: LAST + 1, BOULDER] - np.array(data["boulder"][: LAST + 1])
-    rotor = trace.position[compared, ROTOR] - np.array(data["rotor_position"][compared])
+    boulder = position[: LAST + 1, BOULDER] - np.array(data["boulder"][: LAST + 1])
+    rotor = position[compared, ROTOR] - np.array(data["rotor_position"][compared])
     first = rollout.broken[0] if rollout.broken else None
     after = slice(BEFORE_BREAK + 1, len(data["rotor_position"]))
-    late = trace.position[after, ROTOR] - np.array(data["rotor_position"][after])
+    late = position[after, ROTOR] - np.array(data["rotor_position"][after])
+    place, speed = _top(trace)
     return Misfit(
         boulder=_rms(boulder),
         rotor=_rms(rotor),
         after=_rms(late),
         turn=_rms(turns),
+        top_place=place,
+        top_speed=speed,
         first_break=first.time - data["first_break"]["time"] if first else float("nan"),
         right_block=first is not None and first.block == data["first_break"]["block"],
     )
+
+
+def _top(trace: Trace) -> tuple[float, float]:
+    """The tower's top against its only sample: differences of place and velocity, m and m/s."""
+    only = facts()["tower_top_first"]
+    soon = slice(0, FIRST * round(facts()["interval"] * constants()["step_rate"]) + 1)
+    place = trace.position[soon, TOWER_TOP] - np.array(only["position"])
+    speed = trace.velocity[soon, TOWER_TOP] - np.array(only["velocity"])
+    off = np.square(place / PLACE).sum(axis=1) + np.square(speed / PACE).sum(axis=1)
+    nearest = int(off.argmin())
+    return _rms(place[nearest]), _rms(speed[nearest])
 
 
 def _rms(values: Array) -> float:
