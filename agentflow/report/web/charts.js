@@ -43,6 +43,7 @@ export function bars(title, items) {
 const BAND = 58; // of a row of dots with its name above and its interval below
 const DOT = 3;
 const NEAR = 0.6; // share of the greatest value above which all are close together
+const [LETTER, SMALL] = [7.4, 5.9]; // pixels of a letter of a name, and of a number
 const PILE = [0, -4, 4, -8, 8]; // where dots go that would lie on others
 
 /** Rows of values as dots, with a mean and its interval: {name, values, count, invalid, mean, low, high}. */
@@ -56,7 +57,8 @@ export function intervals(title, unit, rows) {
       const y = 34 + BAND * index;
       const below = y + 16;
       return [
-        svg("text", { class: "name", x: xs.from, y: y - 15 }, [row.name, mean(row)].filter(Boolean).join(" · "), svg("tspan", { class: "tick", dx: 8 }, counted(row))),
+        svg("text", { class: "name", x: xs.from, y: y - 15 }, svg("title", {}, row.name), fitted(row.name, xs.to - xs.from - SMALL * numbers(row).length)),
+        svg("text", { class: "tick end", x: xs.to, y: y - 15 }, numbers(row)),
         ...piled(row.values.map(xs)).map(([x, off]) => svg("circle", { class: "dot", cx: x, cy: y + off, r: DOT })),
         Number.isFinite(row.low) && Number.isFinite(row.high)
           ? svg("path", { class: "interval", d: `M${xs(row.low)} ${below}H${xs(row.high)}M${xs(row.low)} ${below - 3}v6M${xs(row.high)} ${below - 3}v6` }) : null,
@@ -75,13 +77,15 @@ function reach(values) {
   return least > NEAR * high ? [least - (high - least) / 10, high] : [low, high];
 }
 
-function mean({ mean: value, low, high }) {
+function numbers({ mean, low, high, count, invalid }) {
   const range = Number.isFinite(low) && Number.isFinite(high) ? ` (${shown(low)} to ${shown(high)})` : "";
-  return `mean ${shown(value)}${range}`;
+  return `mean ${shown(mean)}${range}, n = ${shown(count)}${invalid ? `, ${shown(invalid)} invalid` : ""}`;
 }
 
-function counted({ count, invalid }) {
-  return `${count === 1 ? "1 machine" : `${count} machines`}${invalid ? `, ${invalid} invalid` : ""}`;
+/** As much of a name as goes into so many pixels. */
+function fitted(name, width) {
+  const most = Math.max(8, Math.floor(width / LETTER));
+  return name.length > most ? `${name.slice(0, most - 1)}…` : name;
 }
 
 /** Dots in order of x with their offsets, so that equal ones can be told apart as far as there is room. */

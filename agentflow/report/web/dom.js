@@ -27,6 +27,8 @@ export function shown(value, digits = 2) {
   return value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits });
 }
 
+const LONG = 40; // letters of a cell that may wrap
+
 /** A table; cells are strings, numbers or elements. Heads are words, or [group, word]: a group stands
  *  once above its columns. Columns that hold numbers stand to the right: all from the column `labels`
  *  on, where that is given; labels that come again below each other stand once. */
@@ -37,7 +39,7 @@ export function table(caption, head, rows, labels = Infinity) {
   const again = (index, column) =>
     labels !== Infinity && column < labels && rows[index - 1] && rows[index] && rows[index].slice(0, column + 1).every((text, i) => text === rows[index - 1][i]);
   const cell = (value, column, index) =>
-    el("td", { class: [kind(column), again(index, column) && "again", again(index + 1, column) && "open"].filter(Boolean).join(" ") }, typeof value === "number" || value === null ? shown(value) : value);
+    el("td", { class: [kind(column), again(index, column) && "again", again(index + 1, column) && "open", value?.length > LONG && "long"].filter(Boolean).join(" ") }, typeof value === "number" || value === null ? shown(value) : value);
   return el(
     "div",
     { class: "table", role: "region", tabindex: "0", "aria-label": caption || "Table" },

@@ -52,7 +52,8 @@ function runs(rows) {
   const failed = rows.filter((row) => row.state !== "done");
   const list = table("", ["Run", "State", "Best score", ...(failed.length ? ["Why"] : [])],
     rows.map((row) => [row.name, row.state, row.score, ...(failed.length ? [row.why ?? ""] : [])]));
-  const word = failed.length ? `${rows.length} runs, ${failed.length} of them not done` : `${rows.length} runs, all done`;
+  const count = rows.length === 1 ? "1 run" : `${rows.length} runs`;
+  const word = failed.length ? `${count}, ${failed.length} not done` : `${count}, all done`;
   const details = el("details", {}, el("summary", {}, word), list);
   details.open = failed.length > 0;
   return section("Runs", details);
