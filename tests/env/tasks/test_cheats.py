@@ -130,7 +130,9 @@ def test_the_same_level_is_the_same_world_everywhere(name: str) -> None:
     task = get_task(name)
     if not task.brief.required:
         machine = Machine(CAR) if task.brief.given == LONE_ROOT else task.brief.given
-    first, second = (simulate(machine, get_task(name), seed=seed) for seed in (7, 7))
+    trials, again = get_task(name).trials(7), get_task(name).trials(7)
+    assert [trial.scene(machine) for trial in trials] == [trial.scene(machine) for trial in again]
+    first, second = (simulate(machine, drawn[-1], seed=7) for drawn in (trials, again))
     assert first.status == "ok", first.problems
     assert first.digest == second.digest
 
