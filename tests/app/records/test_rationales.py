@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from agentflow.app.records.rationales import counted, unkept
 from agentflow.metrics.failures import RATIONALE
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
-LAST = "designer/structure-4/traj-1/candidate-1/attempt-1"
+OF_FIRST = r"^designer/structure-\d+/traj-1/"
+LAST, BEFORE = -1, -2
+"""Of the structures that a trajectory was built from."""
 
 
 @pytest.mark.parametrize(
@@ -30,21 +33,25 @@ def test_only_numbers_before_names_count(text: str, found: list[tuple[int, int]]
 
 
 @pytest.mark.parametrize(
-    ("said", "label", "unfollowed"),
+    ("said", "structure", "unfollowed"),
     [
-        ("Two Springs pull; eight Logs carry.", LAST, False),
-        ("Three Springs pull.", LAST, True),
-        ("Three Springs will pull.", LAST.replace("structure-4", "structure-3"), False),
-        ("```json\n3 Springs\n```\n", LAST, False),
+        ("{has} Logs carry.", LAST, False),
+        ("{more} Logs carry.", LAST, True),
+        ("{more} Logs will carry.", BEFORE, False),
+        ("```json\n{more} Logs\n```\n", LAST, False),
     ],
 )
 def test_a_design_with_fewer_blocks_than_it_says_is_counted(
-    tmp_path: Path, said: str, label: str, unfollowed: bool
+    tmp_path: Path, said: str, structure: int, unfollowed: bool
 ) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
     calls = [json.loads(line) for line in (run / "calls.jsonl").read_text().splitlines()]
-    (call,) = (call for call in calls if call["request"]["label"] == label)
+    built = [call for call in calls if re.search(OF_FIRST, call["request"]["label"])]
+    call = built[structure]
+    label = call["request"]["label"]
+    has = call["reply"]["text"].count('"type": 63,')
+    said = said.format(has=has, more=has + 1)
     call["reply"]["text"] = f"{said}\n{call['reply']['text']}"
     (run / "calls.jsonl").write_text("".join(json.dumps(call) + "\n" for call in calls))
     assert unkept(run) == (frozenset([label]) if unfollowed else frozenset())
