@@ -15,8 +15,6 @@ from agentflow.cli.sweeplive import View
 from agentflow.runs import Event
 from tests.app.sweeps.test_run import DEAD, TINY
 
-pytestmark = pytest.mark.xdist_group("sweeps")  # they share a sweep
-
 ROOT = Path(__file__).parents[2]
 
 

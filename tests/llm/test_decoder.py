@@ -24,7 +24,6 @@ ENVIRONMENT = ".venv-decoder"
 PYTHON = ROOT / ENVIRONMENT / "bin" / "python"
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.xdist_group("foreign"),
     pytest.mark.skipif(
         not PYTHON.exists(), reason=f"{ENVIRONMENT} is missing: run scripts/servers decoder"
     ),

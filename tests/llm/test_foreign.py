@@ -21,7 +21,7 @@ from agentflow.llm.tape import Tape
 from tests.llm.foreign import foreign
 from tests.llm.helpers import ask
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("foreign")]
+pytestmark = pytest.mark.slow
 
 KEY = "sk-gateway-4f1c77d09a"
 GATEWAY = {

@@ -24,7 +24,7 @@ from agentflow.runs import read_result
 from tests.report.browser import chromium, complaints
 from tests.report.hostile import LONG, NASTY, hostile_run
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("browser")]
+pytestmark = pytest.mark.slow
 PATIENCE = 60.0
 VISIBLE = (
     NASTY.replace("\x00", "[U+0000]")

@@ -22,8 +22,6 @@ from agentflow.errors import RunError
 from agentflow.runs import read_events, read_result
 from agentflow.runs.document import document_text
 
-pytestmark = pytest.mark.xdist_group("design")  # they share a run
-
 ROOT = Path(__file__).parents[3]
 SMALL = ROOT / "configs" / "small.yaml"
 

@@ -22,8 +22,6 @@ from agentflow.app.sweeps.run import Outcome, run_sweep
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.runs import Event
 
-pytestmark = pytest.mark.xdist_group("sweep")  # they share a sweep
-
 TINY: dict[str, Any] = {
     "title": "Tiny",
     "base": {
