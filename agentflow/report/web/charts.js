@@ -43,7 +43,7 @@ export function bars(title, items) {
 const BAND = 58; // of a row of dots with its name above and its interval below
 const DOT = 3;
 const NEAR = 0.6; // share of the greatest value above which all are close together
-const [LETTER, SMALL] = [7.4, 5.9]; // pixels of a letter of a name, and of a number
+const [LETTER, SMALL] = [6.9, 5.8]; // pixels of a letter of a name, and of a number
 const PILE = [0, -4, 4, -8, 8]; // where dots go that would lie on others
 
 /** Rows of values as dots, with a mean and its interval: {name, values, count, invalid, mean, low, high}. */

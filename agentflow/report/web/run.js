@@ -75,8 +75,9 @@ function legend() {
 function curves({ progress }) {
   if (!progress.length) return null;
   const tokens = progress.at(-1).tokens > 0;
+  const searched = progress.at(-1).expansions > 0;
   return section("Score",
-    climb("Score over expansions", "expansions", progress.map((point) => [point.expansions, point.score])),
+    searched ? climb("Score over expansions", "expansions", progress.map((point) => [point.expansions, point.score])) : null,
     tokens
       ? climb("Score over tokens", "tokens", progress.map((point) => [point.tokens, point.score]))
       : climb("Score over calls (this model counts no tokens)", "calls", progress.map((point) => [point.calls, point.score])));

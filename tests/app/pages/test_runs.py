@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from agentflow.app.pages.runs import best_of, report
 from agentflow.cli import main
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Event
 from agentflow.errors import RunError, UsageError
 from agentflow.runs import read_document, read_result
 from agentflow.runs.document import document_text
@@ -104,6 +106,44 @@ def test_what_breaks_is_told_with_time_and_place() -> None:
     )
     assert shown["remark"] == "remark"
     assert shown["feedback"] == rollout.feedback.text
+
+
+def test_each_trial_has_a_film_to_choose_but_one() -> None:
+    item, task = machine(HOLDS), get_task("throwing")
+    rollout = simulate(item, task, seed=0)
+    stalled = Event(1.0, "motor_stalled", (3,), "block 3 (Powered Wheel) 1.0-2.0 s")
+    told: dict[str, float | bool | str | None] = {
+        "trial_1": True,
+        "outcome_1": "success",
+        "trial_2": False,
+        "outcome_2": "failed",
+        "shown_trial": 2.0,
+    }
+    whole = replace(rollout, terms=told, events=(stalled,))
+    shown = exhibit(item, whole, Shapes(), played=(rollout, rollout))
+    (first, second) = shown["trials"]
+    assert (first["number"], first["outcome"], first["shown"]) == (1, "success", False)
+    assert second == {"number": 2, "success": False, "outcome": "failed", "shown": True}
+    assert first["film"]["samples"] == -(-shown["film"]["samples"] // 3)
+    assert first["film"]["interval"] == pytest.approx(3 * shown["film"]["interval"])
+    assert [event["text"] for event in shown["events"]] == [
+        "motor stands still: block 3 (Powered Wheel) 1.0-2.0 s"
+    ]
+    assert exhibit(item, rollout, Shapes(), played=(rollout, rollout))["trials"] == []
+
+
+def test_given_cogs_and_wind_are_named() -> None:
+    given = get_task("gearing").brief.given
+    shapes = Shapes()
+    shown = exhibit(given, None, shapes, given=given)
+    assert [name for name, _ in shown["given"]] == ["source", "target"]
+    colors = [shapes.rows[shown["solids"][block][0]][-3:] for block in (1, 2)]
+    assert colors == [color for _, color in shown["given"]]
+    windy = get_task("throwing", {"wind": {"speed": -8, "cross": 2.5}})
+    rollout = replace(simulate(machine(HOLDS), windy, seed=0), scene=windy.scene())
+    filmed = exhibit(machine(HOLDS), rollout, Shapes())
+    assert filmed["wind"] == "2.5 m/s towards x+ and 8 m/s towards z+"
+    assert shown["wind"] == ""
 
 
 def test_block_types_share_their_solids() -> None:
