@@ -86,6 +86,11 @@ def test_an_unfinished_run_shows_its_best_so_far(tmp_path: Path) -> None:
         12.5,
         "is the best so far: the run is unfinished",
     )
+    place = f"{tmp_path.name}/hostile"
+    assert data["facts"][:2] == [
+        ("Run", "hostile"),
+        ("Continue it", f"agentflow design --resume {place}"),
+    ]
     assert data["usage"][-1]["cost"] == 1.5
     said = json.loads(zlib.decompress(base64.b64decode(data["calls"])))
     assert said["calls"][0]["reply"] == NASTY

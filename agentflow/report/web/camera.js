@@ -106,7 +106,7 @@ export class Eye {
 
 /** The corners of every body's own box: a list per block, then of what moves in the scene. */
 function corners(machine, shapes) {
-  const found = machine.solids.map((solids) => solids.flatMap((index) => boxed(shapes[index])));
+  const found = machine.solids.map((solids) => ends(new THREE.Box3().setFromPoints(solids.flatMap((index) => boxed(shapes[index])))));
   for (const thing of machine.things) if (thing[BODY] !== null) found[thing[BODY]] = boxed(thing);
   return found;
 }
@@ -116,6 +116,13 @@ const BODY = 14; // of a thing's row
 function boxed([, sx, sy, sz, x, y, z, i, j, k, w]) {
   const turn = new THREE.Quaternion(i, -j, -k, w);
   return EIGHT.map(([a, b, c]) => new THREE.Vector3(a * sx, b * sy, c * sz).applyQuaternion(turn).add(new THREE.Vector3(-x, y, z)));
+}
+
+/** The eight corners of a box; none of an empty one. */
+function ends(box) {
+  if (box.isEmpty()) return [];
+  const [size, at] = [box.getSize(new THREE.Vector3()), box.getCenter(new THREE.Vector3())];
+  return EIGHT.map((corner) => new THREE.Vector3(...corner).multiply(size).add(at));
 }
 
 const EIGHT = [-0.5, 0.5].flatMap((a) => [-0.5, 0.5].flatMap((b) => [-0.5, 0.5].map((c) => [a, b, c])));
@@ -147,11 +154,13 @@ function seen(film, { hero, traces }, found, back) {
   return boxes;
 }
 
+const CORNER = new THREE.Vector3();
+
 function widen(box, film, body, points, back) {
   const place = new THREE.Vector3().fromArray(film.position, 3 * body);
   const turn = new THREE.Quaternion().fromArray(film.rotation, 4 * body);
   const whole = new THREE.Matrix4().compose(place, turn, new THREE.Vector3(1, 1, 1)).premultiply(back);
-  for (const point of points) box.expandByPoint(point.clone().applyMatrix4(whole));
+  for (const point of points) box.expandByPoint(CORNER.copy(point).applyMatrix4(whole));
 }
 
 /** Everything that is ever in a box, and the things that are not too wide. */

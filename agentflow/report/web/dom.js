@@ -34,7 +34,7 @@ const LONG = 40; // letters of a cell that may wrap
  *  on, where that is given; labels that come again below each other stand once. */
 export function table(caption, head, rows, labels = Infinity) {
   const heads = head.map((text) => (typeof text === "string" ? ["", text] : text));
-  const numeric = heads.map((_, column) => column >= labels || rows.some((row) => typeof row[column] === "number"));
+  const numeric = heads.map((_, column) => column >= labels || rows.some((row) => typeof row[column] === "number" || row[column] === null));
   const kind = (column) => (numeric[column] ? "number" : "");
   const again = (index, column) =>
     labels !== Infinity && column < labels && rows[index - 1] && rows[index] && rows[index].slice(0, column + 1).every((text, i) => text === rows[index - 1][i]);
