@@ -12,6 +12,9 @@ import yaml
 
 from agentflow.errors import RunError
 
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""The same data from either; libyaml, where there is one, takes a seventh of the time."""
+
 SCHEMA = 1
 """Version of the layout of run directories; written to run.yaml, refused when foreign."""
 NAME = "run.yaml"
@@ -39,7 +42,7 @@ def read_document(path: Path) -> dict[str, Any]:
     """
     file = path / NAME
     try:
-        document = yaml.safe_load(file.read_text(encoding="utf-8"))
+        document = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
     except OSError:
         raise RunError(f"{path} is no run: it has no readable {NAME}") from None
     except (yaml.YAMLError, ValueError, RecursionError):

@@ -20,7 +20,7 @@ from agentflow.app.pages.runs import (
     ready,
     write,
 )
-from agentflow.app.runs.design import finished
+from agentflow.app.runs.results import finished
 from agentflow.config import build
 from agentflow.env.render import png_url
 from agentflow.env.tasks.registry import get_task

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from agentflow.app.machines.files import machine_text
 from agentflow.app.outputs import written
-from agentflow.app.runs.design import finished
+from agentflow.app.runs.results import finished
 from agentflow.config import build
 from agentflow.env.film import save_film
 from agentflow.env.gltf import rollout_glb

@@ -12,8 +12,8 @@ from agentflow.app.outputs import written
 from agentflow.app.pages.films import Shapes, exhibit
 from agentflow.app.records.failures import count_failures
 from agentflow.app.records.reading import recorded_machine
-from agentflow.app.runs.design import finished
 from agentflow.app.runs.prices import cost_by
+from agentflow.app.runs.results import finished
 from agentflow.config import PROCEDURAL, DesignConfig, build
 from agentflow.env.archive import load_npz
 from agentflow.env.constants import constants

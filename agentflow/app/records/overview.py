@@ -11,10 +11,11 @@ from agentflow.app.records.failures import count_failures
 from agentflow.app.records.reading import sound
 from agentflow.app.runs.prices import cost_by
 from agentflow.app.runs.remarks import REMARK
-from agentflow.config import build
+from agentflow.app.runs.results import finished
+from agentflow.config import DesignConfig, build
 from agentflow.errors import RunError, UsageError
 from agentflow.metrics.usage import Spent, bill
-from agentflow.runs import find_runs, read_calls, read_document, read_events, read_result, state_of
+from agentflow.runs import find_runs, read_calls, read_document, read_events, state_of
 
 
 def run_list(folder: Path) -> Iterator[dict[str, Any]]:
@@ -54,15 +55,14 @@ _ROW = ("name", "trajectories", "valid_first", "valid", "mean", "max", "calls", 
 
 
 def _summary(path: Path) -> dict[str, Any]:
-    state = state_of(path)
-    known = read_result(path) if state == "done" else _so_far(path)
+    state, document = state_of(path), read_document(path)
+    known = finished(path) if state == "done" else _so_far(path, build(document.get("config")))
     found = {key: known.get(key) for key in _NOTHING}
     return {**found, "run": str(path), "state": state, "problem": ""}
 
 
-def _so_far(path: Path) -> dict[str, Any]:
+def _so_far(path: Path, config: DesignConfig) -> dict[str, Any]:
     """What an unfinished run has come to."""
-    config = build(read_document(path).get("config"))
     found: dict[str, Any] = {
         "task": config.task,
         "workflow": config.workflow,
@@ -92,7 +92,7 @@ def run_details(path: Path) -> dict[str, Any]:
     """
     document = read_document(path)
     summary = _summary(path)
-    result = read_result(path) if summary["state"] == "done" else {}
+    result = finished(path) if summary["state"] == "done" else {}
     stages, remarks = [], []
     with sound(path):
         for event in read_events(path):

@@ -13,6 +13,7 @@ from agentflow.app.runs.models import Models, answered_by, open_models
 from agentflow.app.runs.prices import prices_of
 from agentflow.app.runs.rationales import with_rationales
 from agentflow.app.runs.remarks import REMARK, Remarks, Say
+from agentflow.app.runs.results import finished
 from agentflow.app.runs.watching import watched
 from agentflow.config import DesignConfig, build
 from agentflow.errors import (
@@ -26,10 +27,7 @@ from agentflow.llm.budget import Budget
 from agentflow.llm.client import Client
 from agentflow.llm.limits import Limiter
 from agentflow.llm.tape import Tape
-from agentflow.runs import Event, Listener, RunDirectory, read_document, read_result, state_of
-
-RESULT = ("score", "valid", "machine", "stages", "model", "stopped", "run")
-"""Keys without which a result is none."""
+from agentflow.runs import Event, Listener, RunDirectory, read_document, state_of
 
 
 def design(
@@ -110,19 +108,6 @@ async def resume_async(
     if state_of(path) == "done":
         return {**finished(path), "run": str(path)}
     return await _Work.go_on(path, say, listener, client, pool, limiters).carry_out()
-
-
-def finished(path: Path) -> dict[str, Any]:
-    """The result of a finished run.
-
-    Raises:
-        RunError: The run is unfinished, or its result is damaged.
-    """
-    result = read_result(path)
-    missing = [key for key in RESULT if key not in result]
-    if missing:
-        raise RunError(f"{path / 'result.json'} is damaged: it lacks {', '.join(missing)}")
-    return result
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.runs.conduct import Plan, answer, changed, conduct
-from agentflow.app.runs.design import finished
 from agentflow.app.runs.models import replaying
 from agentflow.app.runs.remarks import REMARK, Say
+from agentflow.app.runs.results import finished
 from agentflow.config import build
 from agentflow.llm.tape import Tape
 from agentflow.runs import Event, read_document, read_events

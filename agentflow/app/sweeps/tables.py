@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from agentflow.app.runs.results import finished
 from agentflow.app.sweeps.folder import RUNS, failures, read_folder
 from agentflow.config import DesignConfig
 from agentflow.errors import RunError
@@ -17,7 +18,7 @@ from agentflow.metrics.cells import METRICS, Cell, Value
 from agentflow.metrics.cells import Member as Numbers
 from agentflow.metrics.records import STAGES, RunRecord
 from agentflow.metrics.tables import Column, Row, Table
-from agentflow.runs import read_events, read_result
+from agentflow.runs import read_events
 from agentflow.sweeps import Member, SweepConfig, members
 
 
@@ -83,7 +84,7 @@ def read_swept(path: Path) -> Swept:
         if (run / "result.json").exists():
             record = RunRecord.of(read_events(run))
             numbers = Numbers(record, _width(member.config))
-            done.append(Finished(member, run, read_result(run)["model"], numbers))
+            done.append(Finished(member, run, finished(run)["model"], numbers))
         else:
             missing.append(member.name)
     if not done:

@@ -16,6 +16,7 @@ from agentflow.errors import RunError
 from agentflow.runs import RunDirectory, read_calls, read_document, read_result
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
+RESULT = (RECORDED / "result.json").read_text()
 
 
 @pytest.fixture
@@ -54,6 +55,25 @@ def test_the_list_tells_the_state_of_each(folder: Path) -> None:
     assert damaged["problem"] == (
         f"{folder / 'damaged' / 'result.json'} is damaged: expected a JSON object"
     )
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "problem"),
+    [
+        ("result.json", "{}", "it lacks task, workflow, seed, score, valid, machine, stages, "),
+        ("result.json", RESULT.replace('"valid": true', '"valid": 1'), "its valid is '1'"),
+        ("run.yaml", "", "expected a mapping with `schema`"),
+    ],
+)
+def test_a_run_without_what_a_run_has_is_damaged(
+    folder: Path, file: str, text: str, problem: str
+) -> None:
+    run = folder / "finished"
+    (run / file).write_text(text)
+    assert next(run_list(run))["state"] == "damaged"
+    with pytest.raises(RunError) as caught:
+        run_details(run)
+    assert str(caught.value).startswith(f"{run / file} is damaged: {problem}")
 
 
 def test_a_run_under_way_is_running(folder: Path) -> None:

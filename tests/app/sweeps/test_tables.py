@@ -34,6 +34,22 @@ CALL = {
         "retries": 0,
     },
 }
+RESULT = {
+    "task": "throwing",
+    "workflow": "hierarchical",
+    "seed": 0,
+    "valid": True,
+    "machine": None,
+    "stages": [],
+    "rollouts": 4,
+    "stopped": None,
+    "reason": "",
+    "calls": 1,
+    "simulated_seconds": 20.0,
+    "worker_seconds": 2.0,
+    "run": "",
+}
+"""What a result has besides model and score."""
 
 
 def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Path:
@@ -52,11 +68,9 @@ def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Pa
             scores = [e.data["score"] for e in events if e.data.get("score") is not None]
             run.finish(
                 {
+                    **RESULT,
                     "model": MODEL if "random" not in name else "none (random edits)",
                     "score": max(scores, default=None),
-                    "rollouts": 4,
-                    "simulated_seconds": 20.0,
-                    "worker_seconds": 2.0,
                 }
             )
             run.close()
