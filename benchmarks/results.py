@@ -13,7 +13,7 @@ from pathlib import Path
 from agentflow.app.pages.pictures import render_run
 from agentflow.app.sweeps.folder import read_folder
 from agentflow.app.sweeps.tables import Finished, layout, read_swept
-from agentflow.app.sweeps.views import expansions, players, scores
+from agentflow.app.sweeps.views import VIEWS
 from agentflow.env.tasks.registry import get_level
 from agentflow.metrics.tables import markdown
 from agentflow.runs import read_result
@@ -35,9 +35,9 @@ ORDER = (
     "gearing",
 )
 FURTHER = {
-    "workflows": (scores,),
-    "search_strategy": (expansions,),
-    "additional_tasks": (players,),
+    "workflows": ("scores",),
+    "search_strategy": ("expansions",),
+    "additional_tasks": ("players",),
 }
 """Sweep -> views beside the published layout."""
 HEAD = """\
@@ -73,12 +73,14 @@ def section(folder: Path) -> str:
     """A sweep: what it is, how it is made, its tables."""
     document, sweep = read_folder(folder)
     swept = read_swept(folder)
-    tables = [layout(swept, published=True), *(v(swept) for v in FURTHER.get(folder.name, ()))]
     made = (
         f"`agentflow sweep configs/{folder.name}.yaml` and `agentflow table {folder} --published "
         f"--format md`; begun {document['begun'][:10]}, constants `{document['constants']}`"
     )
-    texts = [re.sub(r"\A\*\*.*\*\*\n\n", "", markdown(tables[0])), *map(markdown, tables[1:])]
+    texts = [re.sub(r"\A\*\*.*\*\*\n\n", "", markdown(layout(swept, published=True)))]
+    for name in FURTHER.get(folder.name, ()):
+        texts += [f"`agentflow table {folder} --show {name} --format md`:", ""]
+        texts.append(markdown(VIEWS[name](swept)))
     return "\n".join([f"## {sweep.title}", "", sweep.about, "", f"{made}.", "", *texts])
 
 

@@ -1,6 +1,7 @@
 """Owns 95 % intervals: Wilson's for shares, the bootstrap's for means (spec 6.2).
 
 Runs state Wilson's, so it needs no extra; the bootstrap is scipy's, imported where it is used.
+Without scipy there is no bootstrap interval, and whoever shows means says so (`lacking`).
 """
 
 from __future__ import annotations
@@ -11,13 +12,17 @@ from statistics import NormalDist
 from types import ModuleType
 from typing import NamedTuple
 
-from agentflow.errors import UsageError
-
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
 """Resamples of a bootstrap (spec 6.2)."""
 BATCH = 1_000_000
 """Numbers drawn at once, to bound memory."""
+
+
+WITHOUT = (
+    "Intervals of means are left out: they need scipy, which is not installed: "
+    "pip install 'agentflow[report]'"
+)
 
 
 class Interval(NamedTuple):
@@ -66,14 +71,12 @@ def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
         seed: Of the resampling; the same sample and seed give the same interval.
 
     Returns:
-        In the unit of the values; None for fewer than two, which say nothing of their spread.
-
-    Raises:
-        UsageError: scipy is missing.
+        In the unit of the values; None for fewer than two, which say nothing of their spread, and
+        where scipy is missing (see `lacking`).
     """
-    if len(values) < 2:
+    stats = _stats() if len(values) > 1 else None
+    if stats is None:
         return None
-    stats = _stats()
     import numpy as np
 
     found = stats.bootstrap(
@@ -89,12 +92,15 @@ def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
     return Interval(float(found.low), float(found.high))
 
 
-def _stats() -> ModuleType:
+def lacking() -> str:
+    """Why there are no bootstrap intervals, and how to get them; "" where there are."""
+    return "" if _stats() else WITHOUT
+
+
+def _stats() -> ModuleType | None:
     try:
         import scipy.stats
     except ImportError:
-        raise UsageError(
-            "intervals need scipy, which is not installed: pip install 'agentflow[report]'"
-        ) from None
+        return None
     module: ModuleType = scipy.stats
     return module

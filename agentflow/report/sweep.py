@@ -31,9 +31,6 @@ def sweep_data(
         spreads: The scores of each task and variant.
         tables: In the order in which they are shown.
         runs: Name, state and score of each run, and why it failed.
-
-    Raises:
-        UsageError: scipy, which makes the intervals, is missing.
     """
     shared = [note for note in tables[0].notes if all(note in t.notes for t in tables)]
     return {

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from agentflow.metrics.intervals import Interval, bootstrap_mean, wilson
+from agentflow.metrics.intervals import Interval, bootstrap_mean, lacking, wilson
 
 Z = 1.959963984540054
 """97.5 % point of the normal distribution."""
@@ -71,18 +71,18 @@ def test_bootstrap_of_fewer_than_two_values_is_none(values: list[float]) -> None
     assert bootstrap_mean(values) is None
 
 
-def test_without_scipy_the_extra_to_install_is_named() -> None:
+def test_without_scipy_there_is_none_and_the_extra_to_install_is_named() -> None:
     code = (
         "import sys; sys.modules['scipy'] = None\n"
-        "from agentflow.errors import UsageError\n"
-        "from agentflow.metrics.intervals import bootstrap_mean\n"
-        "try: bootstrap_mean([1.0, 2.0])\n"
-        "except UsageError as error: print(error)\n"
+        "from agentflow.metrics.intervals import bootstrap_mean, lacking, lacking\n"
+        "print(bootstrap_mean([1.0, 2.0]), lacking())\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == (
-        "intervals need scipy, which is not installed: pip install 'agentflow[report]'\n"
+        "None Intervals of means are left out: they need scipy, which is not installed: "
+        "pip install 'agentflow[report]'\n"
     )
+    assert lacking() == ""
 
 
 def test_no_metric_imports_scipy_before_it_is_needed() -> None:

@@ -23,7 +23,7 @@ def sweep_report(path: Path, out: Path) -> Path:
 
     Raises:
         RunError: Nothing of the sweep is done, or it is damaged.
-        UsageError: The file cannot be written; the page's bundle or scipy is missing.
+        UsageError: The file cannot be written; the page's bundle is missing.
     """
     ready(out)
     swept = read_swept(path)

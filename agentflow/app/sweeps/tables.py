@@ -5,7 +5,7 @@ Other views of a sweep are views.py's.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,21 +40,27 @@ class Swept:
     path: Path
     sweep: SweepConfig
     runs: tuple[Finished, ...]
-    missing: tuple[str, ...]
-    """Names of the runs that are not done."""
+    members: tuple[Member, ...]
+    """All runs of the sweep, done or not, in its order."""
     failed: Mapping[str, str]
 
     @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of the runs that are not done."""
+        done = {run.member.name for run in self.runs}
+        return tuple(member.name for member in self.members if member.name not in done)
+
+    @property
     def tasks(self) -> tuple[str, ...]:
-        """In the order of the runs."""
-        return tuple(dict.fromkeys(task_of(run.member) for run in self.runs))
+        """In the order of the runs, done or not."""
+        return tuple(dict.fromkeys(task_of(member) for member in self.members))
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What has to be said under every table."""
         seeds = len(self.sweep.seeds)
         pooled = f"{seeds} seeds, pooled" if seeds > 1 else "1 seed"
-        told = [f"{len(self.runs)} runs; {pooled}."]
+        told = [f"{len(self.runs)} run{'s' if len(self.runs) != 1 else ''}; {pooled}."]
         if self.missing:
             total = len(self.runs) + len(self.missing)
             failed = sum(name in self.failed for name in self.missing)
@@ -78,20 +84,18 @@ def read_swept(path: Path) -> Swept:
     """
     _, sweep = read_folder(path)
     done: list[Finished] = []
-    missing: list[str] = []
-    for member in members(sweep):
+    every = members(sweep)
+    for member in every:
         run = path / RUNS / member.name
         if (run / "result.json").exists():
             record = RunRecord.of(read_events(run))
             numbers = Numbers(record, _width(member.config))
             done.append(Finished(member, run, finished(run)["model"], numbers))
-        else:
-            missing.append(member.name)
     if not done:
         raise RunError(
             f"no run of {path} is done; carry it out with agentflow sweep {path} --resume"
         )
-    return Swept(path, sweep, tuple(done), tuple(missing), failures(path))
+    return Swept(path, sweep, tuple(done), every, failures(path))
 
 
 def _width(config: DesignConfig) -> int:
@@ -146,7 +150,7 @@ def _conditions(swept: Swept) -> tuple[str, ...]:
         return ("",)
     if table.conditions == "rounds":
         return tuple(f"rounds_{count}" for count in table.rounds)
-    return tuple(dict.fromkeys(run.member.variant for run in swept.runs))
+    return tuple(dict.fromkeys(member.variant for member in swept.members))
 
 
 def _columns(swept: Swept, conditions: Sequence[str]) -> list[_Place]:
@@ -167,16 +171,49 @@ def _columns(swept: Swept, conditions: Sequence[str]) -> list[_Place]:
 
 
 def _rows(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:
-    """Labels of a row -> its runs."""
+    """Labels of a row -> its runs; also of rows of which nothing is done."""
     table = swept.sweep.table
+    by_task, by_variant = table.columns == "task", table.conditions != "axes"
+
+    def line(member: Member) -> tuple[str, str]:
+        return "" if by_task else task_of(member), member.variant if by_variant else ""
+
     rows: dict[tuple[str, ...], list[Finished]] = {}
-    for run in swept.runs:
-        model = run.model
-        if table.conditions != "axes" and run.member.variant:
-            model = f"{model}, {run.member.variant}"
-        key = (model,) if table.columns == "task" else (task_of(run.member), model)
-        rows.setdefault(key, []).append(run)
+    for member, model, runs in listed(swept, line):
+        if by_variant and member.variant:
+            model = f"{model}, {member.variant}"
+        key = (model,) if by_task else (task_of(member), model)
+        rows.setdefault(key, []).extend(runs)
     return rows
+
+
+def listed(
+    swept: Swept, line: Callable[[Member], tuple[str, ...]]
+) -> Iterator[tuple[Member, str, list[Finished]]]:
+    """What rows are made of: each done run, and one undone of each line of which nothing is done.
+
+    With each goes the model's name: who answered; of an undone one, who answered where the same
+    was asked.
+
+    Args:
+        swept: The sweep.
+        line: What tells the rows of a table apart, but for the model.
+    """
+    done = {run.member.name: run for run in swept.runs}
+    told = {line(run.member) for run in swept.runs}
+    models = {_asked(run.member): run.model for run in swept.runs}
+    for member in swept.members:
+        run = done.get(member.name)
+        if run is not None:
+            yield member, run.model, [run]
+        elif line(member) not in told:
+            told.add(line(member))
+            yield member, models.get(_asked(member), member.config.model.name), []
+
+
+def _asked(member: Member) -> tuple[str, str]:
+    """What decides who is shown to answer; workflows may ask nobody."""
+    return member.config.model.name, member.config.workflow
 
 
 def _value(swept: Swept, runs: Iterable[Finished], place: _Place) -> Value:

@@ -7,11 +7,12 @@ from pathlib import Path
 from types import MappingProxyType
 
 from agentflow.app.runs.prices import cost_by
-from agentflow.app.sweeps.tables import Finished, Swept, layout, read_swept, task_of
+from agentflow.app.sweeps.tables import Finished, Swept, layout, listed, read_swept, task_of
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import Cell, Value, curve
 from agentflow.metrics.cells import Member as Numbers
+from agentflow.metrics.intervals import lacking
 from agentflow.metrics.records import STAGES
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, shown
 from agentflow.metrics.usage import Bill, Simulated, Spent, bill
@@ -31,10 +32,9 @@ OWN_SCALE = "Scores are this simulator's, the players' are the game's: the share
 def scores(swept: Swept) -> Table:
     """Means of both kinds with bootstrap intervals, validity with Wilson's, Best@N, by variant.
 
-    Raises:
-        UsageError: scipy is missing.
+    Without scipy the bootstrap's are left out, and the notes say so.
     """
-    groups = variants(swept)
+    groups = _with_undone(swept)
     cells = {key: last_cell(swept, runs) for key, runs in groups.items()}
     powers = sorted({n for cell in cells.values() for n in cell.scores.best_at()})
     columns = [
@@ -70,6 +70,7 @@ def scores(swept: Swept) -> Table:
             *swept.notes,
             "Of the last stage. Shares with Wilson's interval, means with the bootstrap's (10,000 "
             "resamples); Best@N is exact, over all, invalid = 0; std is the population's.",
+            *filter(None, [lacking()]),
         ),
     )
 
@@ -120,7 +121,7 @@ def players(swept: Swept) -> Table:
 
 def expansions(swept: Swept) -> Table:
     """The mean best score of all searches after so many new machines each, by variant."""
-    groups = variants(swept)
+    groups = _with_undone(swept)
     counts = [
         n for n in CURVE if any(curve(_numbers(runs), n) is not None for runs in groups.values())
     ]
@@ -164,7 +165,7 @@ def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
 
     Raises:
         UnknownNameError: There is no such view.
-        UsageError: Published rows are asked of a view that has none; or scipy is missing.
+        UsageError: Published rows are asked of a view that has none.
         RunError: As `read_swept`.
     """
     if name not in VIEWS:
@@ -187,6 +188,14 @@ def variants(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:
     for run in swept.runs:
         key = (task_of(run.member), run.model, run.member.variant)
         groups.setdefault(key, []).append(run)
+    return groups
+
+
+def _with_undone(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:
+    """As `variants`, and those of which nothing is done, without runs."""
+    groups: dict[tuple[str, ...], list[Finished]] = {}
+    for member, model, runs in listed(swept, lambda one: (task_of(one), one.variant)):
+        groups.setdefault((task_of(member), model, member.variant), []).extend(runs)
     return groups
 
 

@@ -113,6 +113,30 @@ def test_axes_are_columns_and_seeds_are_pooled(tmp_path: Path) -> None:
     )
 
 
+def test_what_is_not_done_keeps_its_columns_and_rows(tmp_path: Path) -> None:
+    path = sweep(
+        tmp_path,
+        {"baseline.throwing.seed-0": [candidate("initial", 1, 2.0), candidate("initial", 2, 4.0)]},
+        axes={"task": ["throwing", "movement"], **CONDITION},
+        table={"stage": "initial", "metrics": ["valid", "mean"]},
+    )
+    swept = read_swept(path)
+    table = layout(swept)
+    assert [c.full for c in table.columns] == [
+        *("baseline valid", "baseline mean", "no_inspector valid", "no_inspector mean"),
+    ]
+    assert values(table) == {
+        ("throwing", MODEL): (Rate(2, 2), 3.0, None, None),
+        ("movement", MODEL): (None, None, None, None),
+    }
+    assert table.notes[0] == "1 run; 1 seed."
+    lines = written(path, "published", "csv").splitlines()
+    assert [line.split(",")[-4:] for line in lines[1:3]] == [["2/2", "3.0", "", ""], [""] * 4]
+    rows = written(path, "scores", "text").splitlines()
+    undone = [row.split() for row in rows if row.startswith(("movement", "throwing"))][1:]
+    assert [row[-2:] for row in undone] == [["-", "-"]] * 3
+
+
 def test_published_rows_stand_apart_and_measured_ones_stay_as_they_are(tmp_path: Path) -> None:
     swept = read_swept(compared(tmp_path))
     table = layout(swept, published=True)
