@@ -23,23 +23,30 @@ class Loads:
     """Low-pass filtered load of every joint, from 0 at the start.
 
     Impacts last one step, so their unfiltered forces grow with the step rate; a window of some
-    hundredths of a second makes them comparable (spec 2.3). E connections: the breakable joints.
+    hundredths of a second makes them comparable (spec 2.3). A step is not short beside it: of a hit
+    in one step the filter shows 1 - exp(-step / window) over step / window, 68 % at 60 Hz, 82 % at
+    120 Hz, 95 % at 480 Hz. So that finer steps do not break what the usual ones spare, they weigh
+    as much as the usual step that they are part of. E connections: the breakable joints.
     """
 
-    def __init__(self, joints: Sequence[Joint], window: float, step: float) -> None:
+    def __init__(
+        self, joints: Sequence[Joint], window: float, step: float, usual: float = 0.0
+    ) -> None:
         """Start with nothing loaded.
 
         Args:
             joints: All joints, as the engine numbers them.
             window: Time constant of the filter, s; not 0.
             step: Time between readings, s.
+            usual: The same at the default rate; longer steps weigh as they are.
         """
         self._joints = joints
         strength = [
             (joint.strength.force, joint.strength.torque) if joint.strength else (np.inf, np.inf)
             for joint in joints
         ]
-        blend = round(1.0 - exp(-step / window), 12)  # the last digits depend on the libm
+        whole = max(step, usual)
+        blend = step / whole * round(1.0 - exp(-whole / window), 12)  # last digits: the libm's
         self._keep = 1.0 - blend
         self._take = blend * np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
         self._level, self._before, self._spare = np.zeros((3, len(joints), 6))

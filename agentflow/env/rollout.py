@@ -106,7 +106,9 @@ class _Run:
         self._assembly = assemble(machine, place(machine), self._value)
         self._scene = task.scene(machine)
         engine.build(self._assembly, self._scene, rate)
-        self._loads = Loads(self._assembly.joints, self._value["load_window"], 1.0 / rate)
+        self._loads = Loads(
+            self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
+        )
         self._recorder = Recorder(self._assembly, self._loads.connections, engine.moving_things)
         self._world = EngineWorld(engine)
         self._steps = 0

@@ -32,6 +32,19 @@ def test_the_filter_starts_from_nothing_and_reaches_the_load() -> None:
     assert loads.utilisation()[0] == pytest.approx(0.5, rel=1e-6)
 
 
+@pytest.mark.parametrize("finer", [1, 2, 8])
+def test_a_hit_in_one_step_counts_the_same_at_finer_rates(finer: int) -> None:
+    loads = Loads(joints(1), 0.02, STEP / finer, STEP)
+    loads.update(pull(50.0 * finer))
+    assert loads.utilisation()[0] == pytest.approx(0.5 * BLEND, rel=1e-9)
+
+
+def test_a_hit_in_one_longer_step_counts_less() -> None:
+    loads = Loads(joints(1), 0.02, 2 * STEP, STEP)
+    loads.update(pull(25.0))
+    assert loads.utilisation()[0] == pytest.approx(0.25 * (1.0 - exp(-2 * STEP / 0.02)), rel=1e-9)
+
+
 def test_force_and_torque_are_judged_apart() -> None:
     loads = Loads(joints(1), SHORT, STEP)
     assert loads.update(pull(99.0, torque=49.0)) == {}
