@@ -52,6 +52,13 @@ def test_checking_a_machine_loads_no_physics() -> None:
     assert done.stdout == "False\n"
 
 
+def test_the_name_of_a_file_is_no_machine_and_says_how_to_give_one() -> None:
+    wanted = f"; it names a file, which is given as Path({str(CAR)!r})"
+    assert agentflow.check(str(CAR)).problems[0].message.endswith(wanted)
+    assert agentflow.simulate(str(CAR), "movement").problems[0]["message"].endswith(wanted)
+    assert "Path" not in agentflow.check("x" * 5000 + "\0").problems[0].message
+
+
 def test_the_defaults_are_those_of_the_command_line() -> None:
     for function in (agentflow.design, agentflow.design_async):
         parameters = inspect.signature(function).parameters

@@ -188,8 +188,10 @@ def render(
     """
     from agentflow.app.pages.pictures import render_file, render_run
     from agentflow.app.tasks import find_task
+    from agentflow.runs import state_of
 
     if Path(source).is_dir():
+        state_of(Path(source))  # refuses a folder that is no run
         if task is not None or knobs or seed:
             raise UsageError("a run has its own task and seed; leave out --task, --set and --seed")
         files = render_run(Path(source), out, view)

@@ -22,6 +22,7 @@ WHEELS = (2, 46)
 START, END, END_TURN = "start-position", "end-position", "end-rotation"
 SCALE_TOLERANCE = 0.001
 
+_EXPECTED = f"expected a number of at most {MAX_COORDINATE:,.0f}"
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -72,6 +73,8 @@ class _Reader:
     notes: list[str] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
     loose: list[Problem] = field(default_factory=list)
+    unread_root: bool = False
+    """Whether a Starting Block could not be taken in, which its problem says."""
 
     def read(self, block: Element, index: int) -> None:
         """Take one block in, or note why not."""
@@ -81,6 +84,7 @@ class _Reader:
             message = f"block {index} of the file ({_ids(block)}): {fault.reason}"
             kept = self.loose if fault.code == "scale" else self.problems
             kept.append(Problem(fault.code, (index,), message))
+            self.unread_root |= (block.get("id") or "").strip() == str(STARTING_BLOCK)
             return
         if spot.type == STARTING_BLOCK:
             self.root = spot
@@ -97,7 +101,8 @@ class _Reader:
         """The blocks that could be connected, and what became of the others."""
         if self.root is None:
             missing = Problem("root", (), "the file has no Starting Block, id 0")
-            return Located(problems=(*self.problems, missing), loose=tuple(self.loose))
+            problems = (*self.problems, *(() if self.unread_root else (missing,)))
+            return Located(problems=problems, loose=tuple(self.loose))
         located = connect([self.root, *self.spots], notes=self.notes)
         loose = sorted((*self.loose, *located.loose), key=lambda problem: problem.blocks)
         return replace(located, problems=tuple(self.problems), loose=tuple(loose))
@@ -163,7 +168,7 @@ def _numbers(element: Element | None, names: str, what: str) -> list[float]:
         except ValueError:
             number = math.nan
         if not abs(number) <= MAX_COORDINATE:
-            raise _Faulty("not_a_number", f"{name} of its {what} is {shown(text)}, no number")
+            raise _Faulty("not_a_number", f"{name} of its {what} is {shown(text)}, {_EXPECTED}")
         numbers.append(number)
     return numbers
 

@@ -21,7 +21,7 @@ __all__ = ["FORMS", "Form", "read_any", "read_for"]
 Form = Literal["auto", "tree", "coordinates", "bsg"]
 FORMS: tuple[Form, ...] = get_args(Form)
 
-_XML = re.compile(r"\s*<(\?xml|!DOCTYPE|Machine)\b")
+_XML = re.compile(r"\s*(<!--.*?-->\s*)*<(\?xml|!DOCTYPE|Machine)\b", re.DOTALL)
 
 
 def read_any(

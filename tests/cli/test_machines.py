@@ -6,6 +6,7 @@ import gc
 import io
 import itertools
 import json
+import re
 import tracemalloc
 from pathlib import Path
 
@@ -242,6 +243,16 @@ WRONG = [
     (["convert", "car.json", "x.obj"], "cannot write x.obj: the endings are .coords.json, .json, "),
     (["convert", "car.json", "no/x.json"], "cannot write no/x.json: No such file or directory"),
     (["convert", "bomb.bsg", "x.json"], "bomb.bsg holds no machine: the XML declares a document "),
+    (
+        ["convert", "empty.bsg", "x.json"],
+        "empty.bsg holds no machine: this is no well-formed XML: ",
+    ),
+    (["check", "foo.bsg"], "foo.bsg holds no machine: this is no machine file of Besiege: there "),
+    (
+        ["convert", "lone.bsg", "x.json"],
+        "lone.bsg cannot be converted: nothing would be left of it but the Starting Block: block ",
+    ),
+    (["render", ".", "--task", "movement"], ". is no run: it has no readable run.yaml"),
     (["convert", "none.json", "x.json"], "cannot read none.json: No such file or directory"),
     (["check", "bomb.bsg"], "bomb.bsg holds no machine: the XML declares a document type; such "),
     (["check", "car.json", "--format", "xml"], "Invalid value for '--format': "),
@@ -257,6 +268,9 @@ def test_wrong_input_is_one_line(
 ) -> None:
     Path("bad.json").write_text("[{}]")
     Path("bomb.bsg").write_text('<!DOCTYPE a [<!ENTITY b "c">]><Machine>&b;</Machine>')
+    Path("empty.bsg").write_text("")
+    Path("foo.bsg").write_text("<Foo/>")
+    Path("lone.bsg").write_text(re.sub(r'Block id="[1-9]\d*"', 'Block id="99"', FOREIGN))
     assert main(arguments) == 2
     captured = capsys.readouterr()
     assert captured.out == ""

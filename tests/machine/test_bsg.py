@@ -226,6 +226,12 @@ HOSTILE = [
     ("<a/>", "not_a_machine", "this is no machine file of Besiege: there is no Machine with "),
     ("<Machine/>", "not_a_machine", "this is no machine file of Besiege: there is no Machine "),
     (file(block(1, "0 0 0")), "root", "the file has no Starting Block, id 0"),
+    (
+        file(block(0, "0 nan 0"), block(1, "0 0 1e308")),
+        "not_a_number",
+        "block 1 of the file (id '1', guid 'g1'): z of its Position is '1e308', expected a number "
+        "of at most 1,000,000",
+    ),
     (file(*[ROOT] * 801), "too_many_blocks", "the machine has 801 blocks; at most 800 are read"),
 ]
 

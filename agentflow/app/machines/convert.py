@@ -31,7 +31,8 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
         strict: refuse a machine when a block must be left out or a parent is ambiguous.
 
     Raises:
-        UsageError: The source is no machine, is refused, or `out` cannot be written.
+        UsageError: The source is no machine, nothing but its Starting Block could be taken over,
+            it is refused, or `out` cannot be written.
     """
     write = _writer(out)
     reading = read_any(machine_text(source), blocks=tuple(library()))
@@ -41,6 +42,11 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     machine = reading.machine
     if machine is None or (strict and problems):
         raise UsageError(f"{source} cannot be converted: {_told(problems)}")
+    if len(machine) == 1 and problems:
+        raise UsageError(
+            f"{source} cannot be converted: nothing would be left of it but the Starting Block: "
+            f"{_told(problems)}"
+        )
     if write in OF_THE_GAME and plate_of(machine[0].type):
         raise UsageError(
             f"{source} cannot be converted: it is built on a plate, which is no block of the game; "
@@ -61,6 +67,8 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
 
 
 def _told(problems: tuple[Problem, ...]) -> str:
+    """The first problem, one that a number cannot be read before others, and how many there are."""
+    problems = tuple(sorted(problems, key=lambda problem: problem.code != "not_a_number"))
     rest = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return problems[0].message + rest
 

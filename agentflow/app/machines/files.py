@@ -73,11 +73,14 @@ def _standard_input() -> TextIO:
 def machine_text(source: str) -> str:
     """The text of one machine, in any form; a text that holds none at all is an error.
 
+    A file that ends in .bsg is to hold that form; any other holds what it looks like.
+
     Raises:
         UsageError: It holds none; names the file.
     """
     text = read_text(source)
-    problem = next((p for p in read_any(text).problems if p.code in NO_MACHINE), None)
+    form: Form = "bsg" if source.lower().endswith(".bsg") else "auto"
+    problem = next((p for p in read_any(text, form).problems if p.code in NO_MACHINE), None)
     if problem is not None:
         place = "standard input" if source == "-" else source
         raise UsageError(f"{place} holds no machine: {problem.message}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,4 +106,16 @@ def _judged(machine: MachineLike, brief: Brief | None) -> Report:
     if isinstance(machine, Machine):
         return judge(machine, brief)
     source = machine_text(str(machine)) if isinstance(machine, Path) else machine
-    return judge(read_for(brief, source), brief)
+    report = judge(read_for(brief, source), brief)
+    if report.machine is None and isinstance(source, str) and _names_file(source):
+        first, *others = report.problems
+        message = f"{first.message}; it names a file, which is given as Path({source!r})"
+        report = replace(report, problems=(replace(first, message=message), *others))
+    return report
+
+
+def _names_file(text: str) -> bool:
+    try:
+        return Path(text).is_file()
+    except (OSError, ValueError):  # too long for a name, or with a null character
+        return False
