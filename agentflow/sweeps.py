@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -18,6 +18,8 @@ from agentflow.documents import first_fault, in_words, truth_for_number
 from agentflow.errors import ConfigError, UnknownNameError
 
 StageChoice = Literal["initial", "blind_refinement", "env_feedback"]
+Seed = Annotated[int, Field(ge=-(2**63), lt=2**63)]
+"""As in `DesignConfig`."""
 Axis = dict[str, dict[str, Any]]
 """Label -> dotted configuration keys and the values that it stands for."""
 
@@ -69,9 +71,16 @@ class SweepConfig(BaseModel):
     title: str = Field(min_length=1, description="heads its table")
     about: str = Field("", description="what it shows, in a sentence or two")
     base: dict[str, Any] = Field({}, description="configuration that all runs share")
-    seeds: tuple[int, ...] = Field((0,), min_length=1)
+    seeds: tuple[Seed, ...] = Field((0,), min_length=1)
     axes: dict[str, Axis] = Field({}, description="what the runs differ in")
     table: Layout
+
+    @field_validator("seeds")
+    @classmethod
+    def _once(cls, seeds: tuple[int, ...]) -> tuple[int, ...]:
+        if len(set(seeds)) < len(seeds):
+            raise ValueError(f"{max(seeds, key=seeds.count)} stands there twice")
+        return seeds
 
     @field_validator("axes", mode="before")
     @classmethod
@@ -143,7 +152,7 @@ def _explain(error: ValidationError) -> str:
 
 
 def members(sweep: SweepConfig) -> tuple[Member, ...]:
-    """All runs: the product of the axes, in their order, times the seeds.
+    """All runs: the product of the axes, in their order, times the seeds, which follow each other.
 
     Raises:
         ConfigError: A configuration is wrong, or two runs would be the same.
@@ -155,14 +164,15 @@ def members(sweep: SweepConfig) -> tuple[Member, ...]:
         for _, settings in choice:
             for key, value in settings.items():
                 document = put(document, key, value)
-        for seed in sweep.seeds:
-            name = _name([*labels.values(), f"seed-{seed}"])
+        names = [_name([*labels.values(), f"seed-{seed}"]) for seed in sweep.seeds]
+        try:
+            config = build(document)
+        except ConfigError as error:
+            raise ConfigError(f"run {names[0]}: {error}") from None
+        for name, seed in zip(names, sweep.seeds, strict=True):
             if name in found:
                 raise ConfigError(f"two runs of the sweep would be called {name}")
-            try:
-                found[name] = Member(name, labels, build({**document, "seed": seed}))
-            except ConfigError as error:
-                raise ConfigError(f"run {name}: {error}") from None
+            found[name] = Member(name, labels, config.model_copy(update={"seed": seed}))
     return tuple(found.values())
 
 

@@ -11,6 +11,7 @@ import asyncio
 import tempfile
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -95,8 +96,9 @@ def main() -> None:
         path = folder / "benchmark.yaml"
         path.write_text(yaml.safe_dump(SWEEP))
         plan = plan_sweep(path, (), {}, seeds=runs // 2)
+        every = [replace(plan.plan_of(one), config=one.config) for one in plan.members]
         with Tape(folder / "calls.jsonl", print) as tape:
-            bare = asyncio.run(in_memory(list(plan.plans.values()), pool, tape))
+            bare = asyncio.run(in_memory(every, pool, tape))
         where = folder_of(plan, path, folder / "out")
         began, wall = time.process_time(), time.perf_counter()
         run_sweep(plan, where, watcher, jobs=2, resume=False, pool=pool)

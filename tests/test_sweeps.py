@@ -26,7 +26,7 @@ def sweep(**document: Any) -> Any:
 def test_every_shipped_sweep_can_be_begun(path: Path) -> None:
     plan = plan_sweep(path, (), {})
     assert plan.name == path.stem
-    assert len(plan.members) == len(plan.plans) >= 2
+    assert len(plan.members) == len(plan.plans) * len(plan.sweep.seeds) >= 2
     assert plan.sweep.about
 
 
@@ -127,6 +127,7 @@ def test_keys_and_the_axes_that_set_them() -> None:
         ),
         ({"seeds": []}, "x.yaml: seeds: must not be empty"),
         ({"seeds": ["a"]}, "x.yaml: seeds.0: expected a whole number"),
+        ({"seeds": [0, 3, 3]}, "x.yaml: seeds: 3 stands there twice"),
         ({"seeds": [0, True]}, "x.yaml: seeds.1: expected a number, not true or false"),
         ({"axes": {"workflow": ["single", "single"]}}, "x.yaml: axes: axis workflow has single tw"),
     ],

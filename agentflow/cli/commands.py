@@ -18,6 +18,7 @@ from agentflow import __version__
 commands = typer.Typer(
     name="agentflow",
     help="Language models design machines; physics decides whether they work.",
+    epilog="Example: agentflow design --task movement --seed 3",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -34,7 +35,7 @@ BaseUrl = Annotated[
     str | None, typer.Option(help="OpenAI-compatible endpoint; the key is OPENAI_API_KEY.")
 ]
 Config = Annotated[Path | None, typer.Option(help="YAML file with any of the keys.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress and no remarks.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", help="key=value of the configuration, or knob=value of the task."),

@@ -28,7 +28,11 @@ from agentflow.errors import EndpointError, UsageError
 def design(
     task: Annotated[str | None, typer.Option(help="Task, for instance throwing.")] = None,
     workflow: Annotated[
-        str | None, typer.Option(help="hierarchical, iterative, single or random-dsl.")
+        str | None,
+        typer.Option(
+            help="hierarchical, iterative, single or random-dsl; on placement tasks placement or "
+            "random-placement."
+        ),
     ] = None,
     model: ModelName = None,
     base_url: BaseUrl = None,

@@ -36,10 +36,13 @@ BOOKKEEPING = frozenset(
 
 @contextmanager
 def watch(quiet: bool) -> Iterator[tuple[Listener | None, Say]]:
-    """What listens to a run, and where its remarks go, for as long as it runs."""
+    """What listens to a run, and where its remarks go, for as long as it runs.
+
+    Quiet is without either: remarks are kept with the run, and an error says what it has to.
+    """
     console = Console(stderr=True, highlight=False)
     if quiet:
-        yield None, _complain
+        yield None, lambda _line: None
     elif console.is_terminal:
         progress = Progress()
         with Live(get_renderable=progress.draw, console=console, refresh_per_second=8) as live:

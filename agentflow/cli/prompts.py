@@ -9,7 +9,10 @@ import typer
 from agentflow.cli.commands import Json, commands, print_json
 
 prompts = typer.Typer(
-    help="Look at what models are told.", no_args_is_help=True, rich_markup_mode=None
+    help="Look at what models are told.",
+    epilog="Example: agentflow prompts show --role designer --task throwing",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 commands.add_typer(prompts, name="prompts")
 

@@ -13,7 +13,10 @@ import typer
 from agentflow.cli.commands import Config, Json, Run, Settings, commands, print_json
 
 config_commands = typer.Typer(
-    help="Look at configurations.", no_args_is_help=True, rich_markup_mode=None
+    help="Look at configurations.",
+    epilog="Example: agentflow config show --set search.rounds=2",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 commands.add_typer(config_commands, name="config")
 

@@ -38,7 +38,7 @@ def watch_sweep(runs: int, quiet: bool) -> Iterator[Watcher]:
 
 
 class Lines:
-    """One plain line when a run begins, ends or has something to say; remarks alone if quiet."""
+    """One plain line when a run begins, ends or has something to say; failures alone if quiet."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
@@ -51,8 +51,8 @@ class Lines:
         """Nothing is shown of single events."""
 
     def remark(self, run: str, line: str) -> None:
-        """Shown in any case."""
-        _print(f"agentflow: {run}: {line}")
+        """Kept with the run, too."""
+        self._tell(f"agentflow: {run}: {line}")
 
     def ended(self, run: str, result: Mapping[str, Any]) -> None:
         """With score and time."""

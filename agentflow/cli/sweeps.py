@@ -12,9 +12,12 @@ from agentflow.cli.commands import BaseUrl, Json, ModelName, Quiet, Settings, co
 from agentflow.cli.text import harmless
 
 if TYPE_CHECKING:
+    from agentflow.app.sweeps.estimates import Estimate
     from agentflow.app.sweeps.plan import SweepPlan
     from agentflow.app.sweeps.run import Outcome
 
+LISTED = 1000
+"""Most runs that a dry run lists one by one; of more, those that differ in the seed in one line."""
 PARTLY, NO_ENDPOINT = 3, 4
 """Exit statuses: some runs failed; all did, because of the endpoint (spec 6.5)."""
 
@@ -89,37 +92,45 @@ def table(
 
 
 def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
-    from agentflow.app.sweeps.estimates import Estimate, estimate, total
+    from agentflow.app.sweeps.estimates import NOTHING, estimate
     from agentflow.app.sweeps.folder import RUNS
     from agentflow.config import PROCEDURAL, build
 
-    def data(cost: Estimate) -> dict[str, Any]:
-        return {
-            "calls": cost.calls,
-            "prompt_tokens": cost.prompt,
-            "completion_tokens": cost.completion,
-            "money": cost.money,
-            "rollouts": cost.rollouts,
-            "worker_seconds": round(cost.seconds, 1),
-        }
-
-    base = build(plan.sweep.base)
-    runs = []
-    left = []
-    for member in plan.members:
-        done = (folder / RUNS / member.name / "result.json").exists()
-        cost = estimate(plan.plans[member.name])
-        runs.append({"run": member.name, "done": done, **data(cost)})
-        if not done:
-            left.append(cost)
-    whole = data(total(left))
+    base, seeds = build(plan.sweep.base), len(plan.sweep.seeds)
+    one_by_one = as_json or len(plan.firsts) * seeds <= LISTED
+    runs: list[dict[str, Any]] = []
+    left, undone = NOTHING, 0
+    for first, its in zip(plan.firsts, plan.plans, strict=True):
+        cost = estimate(its)
+        stem = first.name.removesuffix(str(plan.sweep.seeds[0]))
+        done = {path.parent.name for path in (folder / RUNS).glob(f"{stem}*/result.json")}
+        left, undone = left + cost.times(seeds - len(done)), undone + seeds - len(done)
+        names = [f"{stem}{seed}" for seed in plan.sweep.seeds] if one_by_one else []
+        runs += [{"run": name, "done": name in done, **_as_numbers(cost)} for name in names]
+        if not one_by_one:
+            print(
+                f"{first.name} ... {stem}{plan.sweep.seeds[-1]}: {seeds} runs, {len(done)} done, "
+                f"{cost.calls} calls, {cost.rollouts} rollouts each"
+            )
+    whole = _as_numbers(left)
     if as_json:
         print_json({"sweep": str(folder), "runs": runs, "left": whole})
         return
     for run in runs:
         state = "done" if run["done"] else f"{run['calls']} calls, {run['rollouts']} rollouts"
         print(f"{run['run']}: {state}")
-    print(_left_in_words(whole, len(left), base.model.name == PROCEDURAL, base.workers))
+    print(_left_in_words(whole, undone, base.model.name == PROCEDURAL, base.workers))
+
+
+def _as_numbers(cost: Estimate) -> dict[str, Any]:
+    return {
+        "calls": cost.calls,
+        "prompt_tokens": cost.prompt,
+        "completion_tokens": cost.completion,
+        "money": cost.money,
+        "rollouts": cost.rollouts,
+        "worker_seconds": round(cost.seconds, 1),
+    }
 
 
 def _left_in_words(cost: Mapping[str, Any], runs: int, procedural: bool, workers: int) -> str:

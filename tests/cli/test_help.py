@@ -13,6 +13,7 @@ import pytest
 
 from agentflow import __version__
 from agentflow.cli import group, main
+from agentflow.workflows.registry import WORKFLOWS
 from tests.test_documented import parse
 
 MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
@@ -24,8 +25,7 @@ def every_command() -> Iterator[tuple[str, Any]]:
     for name, command in waiting:
         inner = getattr(command, "commands", {})
         waiting += [(f"{name} {key}".strip(), item) for key, item in inner.items()]
-        if not inner:
-            yield name, command
+        yield name, command
 
 
 COMMANDS = dict(every_command())
@@ -38,7 +38,7 @@ def test_help_explains_and_gives_an_example(name: str, capsys: Captured) -> None
     assert told.startswith(f"Usage: agentflow {name}")
     command = COMMANDS[name]
     assert command.help
-    assert f"{command.epilog} ".startswith(f"Example: agentflow {name} ")
+    assert f"{command.epilog} ".startswith(f"Example: agentflow {name} ".replace("  ", " "))
     for parameter in command.params:
         assert getattr(parameter, "help", None), f"{name}: {parameter.name} has no help"
     parse(shlex.split(command.epilog.removeprefix("Example: "))[1:])
@@ -77,3 +77,9 @@ def test_the_shell_completes(words: str, place: int, completed: str) -> None:
         [sys.executable, "-c", MAIN], env=environ, capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout.split(), done.stderr) == (0, [completed], "")
+
+
+def test_every_workflow_is_named_in_the_help() -> None:
+    (option,) = (item for item in COMMANDS["design"].params if item.name == "workflow")
+    told = option.help.removesuffix(".").replace(";", ",").replace(" or ", ", ")
+    assert set(WORKFLOWS) <= {word.split()[-1] for word in told.split(", ")}

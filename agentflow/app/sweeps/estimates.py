@@ -61,6 +61,12 @@ class Estimate:
             self.seconds + other.seconds,
         )
 
+    def times(self, runs: int) -> Estimate:
+        """Of so many runs like this one."""
+        whole = (self.calls * runs, self.prompt * runs, self.completion * runs)
+        money = None if self.money is None else self.money * runs
+        return Estimate(*whole, money, self.rollouts * runs, self.seconds * runs)
+
 
 NOTHING = Estimate(0, 0, 0, 0.0, 0, 0.0)
 

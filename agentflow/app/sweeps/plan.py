@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,9 +28,24 @@ class SweepPlan:
 
     name: str
     sweep: SweepConfig
-    members: tuple[Member, ...]
-    plans: Mapping[str, Plan]
-    """Run's name -> its plan."""
+    firsts: tuple[Member, ...]
+    """Of the runs that differ in nothing but the seed, the first."""
+    plans: tuple[Plan, ...]
+    """Of each of them; what is looked up, seeds do not change."""
+
+    @cached_property
+    def members(self) -> tuple[Member, ...]:
+        """All runs."""
+        return members(self.sweep)
+
+    def plan_of(self, member: Member) -> Plan:
+        """The plan of a run, but for its seed."""
+        return self._by_labels[tuple(member.labels.values())]
+
+    @cached_property
+    def _by_labels(self) -> dict[tuple[str, ...], Plan]:
+        found = zip(self.firsts, self.plans, strict=True)
+        return {tuple(first.labels.values()): plan for first, plan in found}
 
     @classmethod
     def of(cls, name: str, sweep: SweepConfig) -> SweepPlan:
@@ -44,9 +60,9 @@ class SweepPlan:
             check_metrics(metrics)
         for source in sweep.table.published:
             check_source(source.table)
-        found = members(sweep)
-        _demand_no_credentials(sweep, found)
-        return cls(name, sweep, found, {member.name: Plan.of(member.config) for member in found})
+        firsts = members(sweep.model_copy(update={"seeds": sweep.seeds[:1]}))
+        _demand_no_credentials(sweep, firsts)
+        return cls(name, sweep, firsts, tuple(Plan.of(first.config) for first in firsts))
 
 
 def plan_sweep(
@@ -92,7 +108,7 @@ def plan_sweep(
     if seeds is not None:
         changed["seeds"] = tuple(range(seeds))
     plan = SweepPlan.of(path.stem, sweep.model_copy(update=changed))
-    for member in plan.members:
+    for member in plan.firsts:
         demand_name(member.config.model)
     return plan
 

@@ -153,7 +153,7 @@ class _Work:
                 reason = f"{type(error).__name__}: {error}"
                 self._fail(name, reason, traceback.format_exc(), log)
             else:
-                plan = self.plan.plans[name]
+                plan = self.plan.plan_of(member)
                 store.share(self.folder / RUNS / name, plan.task, member.config.seed)
                 self.done.add(name)
                 _note(log, {"run": name, "state": "done", "seconds": result["seconds"]})
