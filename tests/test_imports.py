@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parent.parent / "agentflow"
 ALLOWED = {
     "errors": set(),
     "machine": {"errors"},
-    "env": {"errors", "machine"},
+    "env": {"errors", "documents", "machine"},
     "llm": {"errors"},
     "prompts": {"errors"},
     "agents": {"errors", "llm", "prompts", "machine"},

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from pydantic import Field, ValidationError
 from pydantic.fields import FieldInfo
 
+from agentflow.documents import truth_for_number
 from agentflow.env.tasks.base import Parameters
 from agentflow.errors import ConfigError
 
@@ -77,9 +78,12 @@ def read_knobs(kind: type[P], values: Mapping[str, Any], source: str) -> P:
         ConfigError: naming the first unknown or out-of-range knob and the legal range.
     """
     try:
-        return kind.model_validate(dict(values))
+        found = kind.model_validate(dict(values))
     except ValidationError as error:
         raise ConfigError(_explain(kind, error, source)) from None
+    if name := truth_for_number(values, found.model_dump()):
+        raise ConfigError(f"{name} of {source}: expected a number, not true or false")
+    return found
 
 
 def _explain(kind: type[Parameters], error: ValidationError, source: str) -> str:

@@ -11,9 +11,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from agentflow.documents import NOT_YAML, first_fault, in_words, read_yaml
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.families import family, family_names, level_files
 from agentflow.env.tasks.knobs import (
@@ -65,17 +65,20 @@ def _levels(name: str) -> dict[str, Level]:
 
 def _read(text: str, source: str) -> LevelFile:
     try:
-        document = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        document = read_yaml(text)
+    except NOT_YAML as error:
         raise ConfigError(f"{source} is not YAML: {yaml_problem(error)}") from None
     if not isinstance(document, dict):
         raise ConfigError(f"{source} must be a mapping with family, title, good and parameters")
     try:
         return LevelFile.model_validate(document)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+        first = first_fault(error)
         key = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise ConfigError(f"{source}: {key}: {first['msg']}") from None
+        if first["type"] == "extra_forbidden":
+            problem = UnknownNameError("key", key, LevelFile.model_fields)
+            raise ConfigError(f"{source}: {problem}") from None
+        raise ConfigError(f"{source}: {key}: {in_words(first)}") from None
 
 
 def task_names() -> tuple[str, ...]:
