@@ -30,8 +30,8 @@ def design(
     workflow: Annotated[
         str | None,
         typer.Option(
-            help="hierarchical, iterative, single or random-dsl; on placement tasks placement or "
-            "random-placement."
+            help="single, iterative, hierarchical, random-dsl; placement or random-placement for "
+            "placement tasks."
         ),
     ] = None,
     model: ModelName = None,
