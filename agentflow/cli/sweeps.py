@@ -92,9 +92,10 @@ def table(
 
 
 def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
+    from agentflow.app.runs.models import answerers
     from agentflow.app.sweeps.estimates import NOTHING, estimate
     from agentflow.app.sweeps.folder import RUNS
-    from agentflow.config import PROCEDURAL, build
+    from agentflow.config import build
 
     base, seeds = build(plan.sweep.base), len(plan.sweep.seeds)
     one_by_one = as_json or len(plan.firsts) * seeds <= LISTED
@@ -119,7 +120,8 @@ def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
     for run in runs:
         state = "done" if run["done"] else f"{run['calls']} calls, {run['rollouts']} rollouts"
         print(f"{run['run']}: {state}")
-    print(_left_in_words(whole, undone, base.model.name == PROCEDURAL, base.workers))
+    who = [one for first in plan.firsts for one in answerers(first.config.model).values()]
+    print(_left_in_words(whole, undone, all(one.procedural for one in who), base.workers))
 
 
 def _as_numbers(cost: Estimate) -> dict[str, Any]:

@@ -120,7 +120,7 @@ def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixtu
     assert main(["sweep", str(folder / "mixed"), "--dry-run"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "lives.seed-0: done" in lines
-    assert lines[-1].startswith("1 run to do: about 12 calls")
+    assert lines[-1].startswith("1 run to do: about 12 calls without retries, about ")  # of DEAD
 
 
 @pytest.mark.parametrize(
