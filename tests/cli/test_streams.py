@@ -63,7 +63,8 @@ def test_a_group_alone_says_what_it_holds() -> None:
     done = subprocess.run(["bash", "-c", f"{AGENTFLOW} prompts"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("Usage: agentflow prompts [OPTIONS] COMMAND [ARGS]...\n")
-    assert done.stderr.endswith("  diff  Compare the templates of two prompt sets.\n")
+    assert "  diff  Compare the templates of two prompt sets.\n" in done.stderr
+    assert done.stderr.endswith("Example: agentflow prompts show --role designer --task throwing\n")
 
 
 def test_an_interruption_is_told_in_one_line() -> None:

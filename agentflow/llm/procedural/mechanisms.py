@@ -95,8 +95,8 @@ def clusters(geometry: Geometry) -> tuple[int, ...]:
     """For each block the block at which its rigid cluster begins; 0 for what stands still."""
     first: list[int] = []
     for placed in geometry.blocks:
-        moves = library()[placed.type].non_stable or placed.type == STARTING_BLOCK
-        first.append(placed.id if moves or placed.two_ended else first[placed.step.parent])
+        begins = placed.step.parent < 0 or placed.two_ended or library()[placed.type].non_stable
+        first.append(placed.id if begins else first[placed.step.parent])
     return tuple(first)
 
 
