@@ -21,7 +21,9 @@ __all__ = ["FORMS", "Form", "read_any", "read_for"]
 Form = Literal["auto", "tree", "coordinates", "bsg"]
 FORMS: tuple[Form, ...] = get_args(Form)
 
-_XML = re.compile(r"\s*(<!--.*?-->\s*)*<(\?xml|!DOCTYPE|Machine)\b", re.DOTALL)
+_XML = re.compile(r"\s*(<!--((?!-->).)*-->\s*)*<(\?xml|!DOCTYPE|Machine)\b", re.DOTALL)
+"""How a .bsg file begins. A comment ends at its first `-->`: were it free to go on to a later one,
+many comments would be tried in all ways to join them."""
 
 
 def read_any(
