@@ -98,13 +98,15 @@ def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
     from agentflow.config import build
 
     base, seeds = build(plan.sweep.base), len(plan.sweep.seeds)
+    wanted = set(map(str, plan.sweep.seeds))
     one_by_one = as_json or len(plan.firsts) * seeds <= LISTED
     runs: list[dict[str, Any]] = []
     left, undone = NOTHING, 0
     for first, its in zip(plan.firsts, plan.plans, strict=True):
         cost = estimate(its)
         stem = first.name.removesuffix(str(plan.sweep.seeds[0]))
-        done = {path.parent.name for path in (folder / RUNS).glob(f"{stem}*/result.json")}
+        found = (path.parent.name for path in (folder / RUNS).glob(f"{stem}*/result.json"))
+        done = {name for name in found if name.removeprefix(stem) in wanted}
         left, undone = left + cost.times(seeds - len(done)), undone + seeds - len(done)
         names = [f"{stem}{seed}" for seed in plan.sweep.seeds] if one_by_one else []
         runs += [{"run": name, "done": name in done, **_as_numbers(cost)} for name in names]

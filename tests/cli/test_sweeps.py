@@ -106,14 +106,25 @@ def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
 
 
 def test_a_dry_run_of_very_many_runs_takes_seeds_together(
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["sweep", str(ROOT / "configs/inspector.yaml"), "--seeds", "2000", "--dry-run"]
-    assert main(words) == 0
+    assert main([*words, "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.splitlines()[:2] == [
         f"{name}.seed-0 ... {name}.seed-1999: 2000 runs, 0 done, {calls} calls, 16 rollouts each"
         for name, calls in (("baseline", 49), ("no_inspector", 41))
     ]
+
+
+def test_a_dry_run_does_not_count_runs_of_other_seeds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    done = tmp_path / "inspector" / "runs" / "baseline.seed-5"
+    done.mkdir(parents=True)
+    (done / "result.json").touch()
+    words = ["sweep", str(ROOT / "configs/inspector.yaml"), "--seeds", "1", "--dry-run"]
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("2 runs to do: about 90 calls ")
 
 
 def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
