@@ -74,7 +74,7 @@ def test_bootstrap_of_fewer_than_two_values_is_none(values: list[float]) -> None
 def test_without_scipy_there_is_none_and_the_extra_to_install_is_named() -> None:
     code = (
         "import sys; sys.modules['scipy'] = None\n"
-        "from agentflow.metrics.intervals import bootstrap_mean, lacking, lacking\n"
+        "from agentflow.metrics.intervals import bootstrap_mean, lacking\n"
         "print(bootstrap_mean([1.0, 2.0]), lacking())\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
