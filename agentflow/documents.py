@@ -1,6 +1,6 @@
 """Owns how documents that people write are read and refused: each key once, faults in plain words.
 
-Which keys there are is config's and sweeps'.
+Which keys there are is for config, sweeps and the tasks' levels to say.
 """
 
 from __future__ import annotations
@@ -61,11 +61,12 @@ def read_yaml(text: str) -> Any:
     """The data in a YAML text.
 
     Raises:
-        NOT_YAML: It is none, or a key stands twice in one group.
+        NOT_YAML: It is none, a key stands twice in one group, or a part holds itself.
     """
     loader = _Once(text)
     try:
-        return loader.get_single_data()
+        node = loader.get_single_node()
+        return None if node is None else loader.construct_object(node, deep=True)
     finally:
         loader.dispose()
 

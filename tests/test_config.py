@@ -106,6 +106,12 @@ def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
         ConfigError, match=r"twice.yaml is not YAML: line 3: the key 'search' stand"
     ):
         load(tmp_path / "twice.yaml")
+    (tmp_path / "ring.yaml").write_text("task: movement\nknobs: {window: &a [*a]}\n")
+    with pytest.raises(
+        ConfigError,
+        match=r"ring.yaml is not YAML: line 2: found unconstructable recursive node",
+    ):
+        load(tmp_path / "ring.yaml")
     (tmp_path / "bad.yaml").write_text("- a\n")
     with pytest.raises(ConfigError, match="must hold a mapping of configuration keys"):
         load(tmp_path / "bad.yaml")
