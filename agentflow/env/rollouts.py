@@ -25,7 +25,7 @@ class Rollouts(Mapping[str, Rollout]):
     """
 
     def __init__(self, in_memory: int = IN_MEMORY) -> None:
-        """At most `in_memory` bytes stay in memory; what is more lies in the file."""
+        """At most `in_memory` bytes, not 0, stay in memory; of more than that, none do."""
         self._file = tempfile.SpooledTemporaryFile(in_memory)  # noqa: SIM115 - closed below
         weakref.finalize(self, self._file.close)
         self._places: dict[str, int] = {}
