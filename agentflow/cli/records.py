@@ -101,8 +101,8 @@ def failures(
 ) -> None:
     """Count what went wrong, by one rule for each kind of failure.
 
-    A reply is of one kind alone; a simulated machine, counted once, may be of several. All
-    but `rationale not followed` are of replies that were refused.
+    A refused reply is of one kind alone, and an accepted one of `rationale not followed` at
+    most; a simulated machine, counted once, may be of several.
 
     \b
     Format, of replies
