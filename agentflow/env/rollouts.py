@@ -29,13 +29,16 @@ class Rollouts(Mapping[str, Rollout]):
         self._file = tempfile.SpooledTemporaryFile(in_memory)  # noqa: SIM115 - closed below
         weakref.finalize(self, self._file.close)
         self._places: dict[str, int] = {}
+        self._lost: RunError | None = None
+        """Why nothing can be put in or taken out any more."""
 
     def put(self, key: str, rollout: Rollout) -> None:
         """Remember a rollout.
 
         Raises:
-            RunError: There is no room for temporary files.
+            RunError: There is no room for temporary files, or was none before.
         """
+        self._demand_file()
         try:
             place = self._file.seek(0, 2)
             pickle.dump(rollout, self._file)
@@ -43,13 +46,19 @@ class Rollouts(Mapping[str, Rollout]):
         except OSError as error:
             with suppress(OSError):  # what could not be written cannot be now either
                 self._file.close()
-            raise RunError(
+            self._lost = RunError(
                 f"cannot write a temporary file: {error.strerror or error}; "
                 "let TMPDIR name a folder with room"
-            ) from None
+            )
+            raise self._lost from None
         self._places[key] = place
 
+    def _demand_file(self) -> None:
+        if self._lost is not None:
+            raise self._lost
+
     def __getitem__(self, key: str) -> Rollout:
+        self._demand_file()
         self._file.seek(self._places[key])
         rollout: Rollout = pickle.load(self._file)
         return rollout

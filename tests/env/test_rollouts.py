@@ -65,3 +65,7 @@ def test_a_place_without_room_is_told(rollout: Rollout) -> None:
         "cannot write a temporary file: File too large; let TMPDIR name a folder with room"
     )
     assert len(rollouts) == 0
+    for what in (lambda: rollouts.put("b", rollout), lambda: rollouts["a"]):
+        with pytest.raises(RunError) as later:
+            what()
+        assert later.value is error.value
