@@ -15,6 +15,8 @@ from agentflow.env.trace import Feedback, Rollout
 SUCCESS, OUTCOME, MISS = "success", "outcome", "miss"
 """Terms of every trial: whether it succeeded, one phrase on how it went, and by how many metres it
 missed success (None where it did not, or where no length says so)."""
+SHOWN_TRIAL = "shown_trial"
+"""Term of the whole: number of the trial that trace, scene, breakages and events are of."""
 DIVERGED = "the simulation diverged"
 
 
@@ -43,7 +45,7 @@ def _counted(played: Sequence[Rollout]) -> Rollout:
     terms: dict[str, float | bool | str | None] = {
         "successes": score,
         "trials": float(len(played)),
-        "shown_trial": float(index + 1),
+        SHOWN_TRIAL: float(index + 1),
     }
     misses = [miss for miss in (rollout.terms.get(MISS) for rollout in played) if miss is not None]
     terms["closest_miss"] = min(map(float, misses), default=None)
@@ -78,7 +80,7 @@ def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
     trials: list[dict[str, Any]] = [
         {**rollout.terms, OUTCOME: _outcome(rollout)} for rollout in played
     ]
-    data = {**shown.data, "score": score, "trials": trials, "shown_trial": index + 1}
+    data = {**shown.data, "score": score, "trials": trials, SHOWN_TRIAL: index + 1}
     return Feedback("\n".join(text), data)
 
 

@@ -16,6 +16,7 @@ from agentflow.env.figures import Figures
 from agentflow.env.film import hero_of, interval_of
 from agentflow.env.scene import IDENTITY, Scene, Thing
 from agentflow.env.trace import Broken, Event, Rollout, Trace
+from agentflow.env.trials import SHOWN_TRIAL
 from agentflow.machine.blocks import library
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine
@@ -27,7 +28,7 @@ GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
 )
 """What given blocks are called and how they are coloured: those with a motor, and the others."""
 POWERED_COG = 39
-STALLED, SHOWN_TRIAL = "motor_stalled", "shown_trial"
+STALLED = "motor_stalled"
 THINNED = 3
 """One of so many samples is kept of the trials that are not shown first."""
 MOST_TRACES = 4

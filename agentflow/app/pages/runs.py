@@ -21,7 +21,7 @@ from agentflow.env.pool import RolloutPool
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.env.trace import Rollout
-from agentflow.env.trials import joined
+from agentflow.env.trials import SHOWN_TRIAL, joined
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.report.page import check_bundle, page
@@ -189,7 +189,7 @@ def _kept(item: Shown) -> Rollout:
     """The recorded rollout, with what stood around the machine in the trial that it shows."""
     assert item.kept is not None
     rollout = load_npz(item.kept)
-    number = rollout.terms.get("shown_trial")
+    number = rollout.terms.get(SHOWN_TRIAL)
     trials = item.task.trials(item.seed)
     shown = item.task if number is None else trials[int(number) - 1]
     return replace(rollout, scene=shown.scene(item.machine))
@@ -203,7 +203,7 @@ def _remark(item: Shown, rollout: Rollout | None) -> str:
     if rollout.trace is None:
         return f"Shown as built: its simulation ended as {rollout.status}."
     told = []
-    if "shown_trial" in rollout.terms and item.interval != FINE:
+    if SHOWN_TRIAL in rollout.terms and item.interval != FINE:
         told.append(_trial(rollout))
     if rollout.score != item.score and item.score is not None:
         told.append(
@@ -215,5 +215,5 @@ def _remark(item: Shown, rollout: Rollout | None) -> str:
 
 def _trial(rollout: Rollout) -> str:
     """Which trial a film of many shows."""
-    number, count = int(rollout.terms["shown_trial"] or 1), int(rollout.terms["trials"] or 1)
+    number, count = int(rollout.terms[SHOWN_TRIAL] or 1), int(rollout.terms["trials"] or 1)
     return f"Trial {number} of {count}: {rollout.terms[f'outcome_{number}']}."
