@@ -26,9 +26,13 @@ def guard(text: str) -> str:
     )
 
 
-def clip(text: str, width: int, lines: int) -> str:
-    """Keep the newest `lines` lines of a text, and of each the first `width` characters."""
-    kept = text.strip().splitlines()[-lines:] if lines else []
+def clip(text: str, width: int, lines: int, first: int = 0) -> str:
+    """Keep the `first` and the newest lines of a text, `lines` in all.
+
+    Of each the first `width` characters are kept.
+    """
+    every = text.strip().splitlines()
+    kept = every if len(every) <= lines else [*every[:first], *every[len(every) - lines + first :]]
     return "\n".join(line if len(line) <= width else f"{line[:width]} ..." for line in kept)
 
 

@@ -384,6 +384,9 @@ def test_compact_prompts_keep_what_fits() -> None:
     _, user = _render(Refiner(), RefinerInput(THROWING, FRAME, history=history), "compact")
     assert re.findall(r"^> (\d+)\.", user, re.MULTILINE) == ["1", "2", "31", "32"]
     assert "## 3D information" in user
+    told = "Score: 4.00\n" + "\n".join(f"Trial {number}: over" for number in range(40))
+    _, user = _render(Refiner(), RefinerInput(THROWING, FRAME, feedback=told), "compact")
+    assert "Score: 4.00\nTrial 30: over\n" in user
 
 
 def test_twenty_blocks_fit_into_a_compact_reply() -> None:

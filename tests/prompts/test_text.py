@@ -13,6 +13,8 @@ from agentflow.prompts.text import as_json, clip, guard, oneline, quote, token_e
 def test_clip_keeps_the_newest_lines_and_the_beginning_of_each() -> None:
     assert clip("one\ntwo words\nthree", 3, 2) == "two ...\nthr ..."
     assert clip(" one\n", 3, 2) == "one"
+    assert clip("a\nb\nc\nd", 3, 3, first=1) == "a\nc\nd"
+    assert clip("a\nb", 3, 0) == ""
 
 
 def test_quote_marks_every_line() -> None:

@@ -42,7 +42,10 @@ def unkept(run: Path) -> frozenset[str]:
 
 
 def counted(text: str) -> Iterator[tuple[int, int]]:
-    """(block type, number) of each "four Powered Wheels", "2 logs" in a text."""
+    """(block type, number) of each "four Powered Wheels", "2 logs" in a text.
+
+    What names a range or a most ("2-3 logs", "up to four", "one or two") counts nothing.
+    """
     for number, name in _pattern().findall(text):
         word = number.lower()
         count = WORDS.index(word) + 1 if word in WORDS else int(word)
@@ -76,4 +79,5 @@ def _structure(label: str) -> int:
 def _pattern() -> re.Pattern[str]:
     names = sorted((block.name for block in library().values()), key=len, reverse=True)
     number = rf"\d{{1,3}}|{'|'.join(WORDS)}"
-    return re.compile(rf"(?<![\w.])({number})\s+({'|'.join(names)})s?\b", re.IGNORECASE)
+    bound = r"(?<![\w.-])(?<!\bto )(?<!\bmost )(?<!\bor )"
+    return re.compile(rf"{bound}({number})\s+({'|'.join(names)})s?\b", re.IGNORECASE)

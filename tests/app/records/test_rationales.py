@@ -25,6 +25,7 @@ LAST, BEFORE = -1, -2
         ("Four Powered Wheels carry 2 logs.", [(2, 4), (63, 2)]),
         ("one small wooden block, then 12 Small Wheels", [(15, 1), (50, 12)]),
         ("a lever 2.5 Logs long, 1.2 Springs", []),
+        ("2-3 Logs, up to four Logs, at most 5 Logs, one or two Springs", []),
         ("No springs, a Hinge, the third Brace, 3 blocks; 2 Springy things", []),
     ],
 )
