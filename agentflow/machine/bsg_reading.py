@@ -82,9 +82,10 @@ class _Reader:
             spot = self._spot(block, index)
         except _Faulty as fault:
             message = f"block {index} of the file ({_ids(block)}): {fault.reason}"
-            kept = self.loose if fault.code == "scale" else self.problems
+            root = (block.get("id") or "").strip() == str(STARTING_BLOCK)
+            kept = self.loose if fault.code == "scale" and not root else self.problems
             kept.append(Problem(fault.code, (index,), message))
-            self.unread_root |= (block.get("id") or "").strip() == str(STARTING_BLOCK)
+            self.unread_root |= root
             return
         if spot.type == STARTING_BLOCK:
             self.root = spot

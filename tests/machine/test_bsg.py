@@ -232,6 +232,12 @@ HOSTILE = [
         "block 1 of the file (id '1', guid 'g1'): z of its Position is '1e308', expected a number "
         "of at most 1,000,000",
     ),
+    (
+        file(block(0, "0 0 0", scale="1 1 2")),
+        "scale",
+        "block 0 of the file (id '0', guid 'g0'): it is scaled to 1 x 1 x 2; blocks have their own "
+        "size here",
+    ),
     (file(*[ROOT] * 801), "too_many_blocks", "the machine has 801 blocks; at most 800 are read"),
 ]
 
