@@ -101,7 +101,7 @@ class PromptSet:
             given = {**variables, "room": room}
             system = self._render(f"{role}/system.j2", given)
             user = self._render(f"{role}/user.j2", given)
-            if not self.fits or CL100K * (token_estimate(system + user)) <= self.fits:
+            if not self.fits or CL100K * token_estimate(system + user) <= self.fits:
                 break
         return system, user
 
