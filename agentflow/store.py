@@ -77,11 +77,14 @@ class Store:
         async with self._busy.setdefault(key, asyncio.Lock()):
             path = self._rollouts / f"{key}.npz"
             if key in self._kept:
+                # Not beside the event loop: a thread costs more than these files, and NumPy parses
+                # their headers with `ast`, which CPython 3.11 does not do in two threads at once
+                # (https://github.com/python/cpython/issues/106905).
                 with suppress(UsageError):
-                    return await asyncio.to_thread(load_npz, path)
+                    return load_npz(path)
             rollout = await self._pool.run(machine, task, seed=seed)
             if rollout.score is not None:
-                await asyncio.to_thread(_save, rollout, path)
+                _save(rollout, path)
                 self._kept.add(key)
             return rollout
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, BinaryIO
-from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agentflow.env.trace import Broken, Event, Feedback, Rollout, Trace
 from agentflow.errors import UsageError
@@ -51,27 +51,33 @@ def rollout_json(rollout: Rollout) -> dict[str, Any]:
 
 
 def save_npz(rollout: Rollout, path: Path) -> None:
-    """Write a rollout: the trace's arrays by name, the rest as JSON text under `result`.
+    """Write a rollout: `states`, a record per sample whose fields are the trace's arrays, and
+    `result`, the rest as JSON text.
+
+    One array of records, not compressed: twelve compressed ones took three times as long to write
+    and twice as long to read, and the files were a quarter smaller.
 
     Raises:
         OSError: The file cannot be written.
     """
     arrays: dict[str, Any] = {}
     result = rollout_json(rollout) | {"feedback_data": rollout.feedback.data}
-    if rollout.trace is not None:
-        trace = vars(rollout.trace)
-        arrays = {name: value for name, value in trace.items() if isinstance(value, np.ndarray)}
-        result["trace"] = {name: value for name, value in trace.items() if name not in arrays}
+    if (trace := rollout.trace) is not None:
+        fields = {name: value for name, value in vars(trace).items() if _is_array(value)}
+        columns = [(name, value.dtype, value.shape[1:]) for name, value in fields.items()]
+        states = np.empty(len(trace.times), columns)
+        for name, value in fields.items():
+            states[name] = value
+        arrays["states"] = states
+        result["trace"] = {
+            name: value for name, value in vars(trace).items() if not _is_array(value)
+        }
     with path.open("wb") as file:
-        _write(file, {"result": np.array(json.dumps(result)), **arrays})
+        np.savez(file, result=np.array(json.dumps(result).encode()), **arrays)
 
 
-def _write(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
-    """As `numpy.savez_compressed`, in half the time: states hardly get smaller at higher levels."""
-    with ZipFile(file, "w", ZIP_DEFLATED, compresslevel=1) as archive:
-        for name, value in arrays.items():
-            with archive.open(f"{name}.npy", "w") as entry:
-                np.lib.format.write_array(entry, value, allow_pickle=False)
+def _is_array(value: object) -> bool:
+    return isinstance(value, np.ndarray)
 
 
 def load_npz(path: Path) -> Rollout:
@@ -82,20 +88,20 @@ def load_npz(path: Path) -> Rollout:
     """
     try:
         with path.open("rb") as raw, np.load(raw) as file:
-            result = json.loads(str(file["result"]))
-            arrays = {name: file[name] for name in file.files if name != "result"}
-        return _restored(result, arrays)
+            result = json.loads(file["result"].item())
+            states = file["states"] if result.get("trace") else None
+        return _restored(result, states)
     except UNREADABLE as error:
         raise UsageError(f"{path} is no saved rollout: {error}") from None
 
 
-def _restored(result: dict[str, Any], arrays: Mapping[str, Any]) -> Rollout:
+def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
     """The rollout of these parts; what is missing or is something else raises one of UNREADABLE."""
-    named = result.pop("trace", None)
     trace = None
-    if named is not None:
+    if states is not None:
+        named = result.pop("trace")
         trace = Trace(
-            **arrays,
+            **{name: np.ascontiguousarray(states[name]) for name in states.dtype.names or ()},
             linear=tuple(named["linear"]),
             connections=tuple((block, partner) for block, partner in named["connections"]),
             things=tuple(named["things"]),

@@ -286,6 +286,8 @@ def test_a_rollout_survives_its_file(thrown: Rollout, tmp_path: Path) -> None:
             assert np.array_equal(same, value, equal_nan=value.dtype.kind == "f")
         else:
             assert same == value
+    states = np.load(path)["states"]
+    assert np.array_equal(states["position"][:, 0], thrown.trace.position[:, 0])
     bare = replace(thrown, trace=None)
     save_npz(bare, path)
     assert load_npz(path).trace is None
@@ -298,5 +300,16 @@ def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
         load_npz(path)
     for result in ("{}", "[]", '{"feedback": "", "feedback_data": {}, "events": 1, "broken": []}'):
         np.savez(path, result=np.array(result))
+        with pytest.raises(UsageError, match="is no saved rollout"):
+            load_npz(path)
+
+
+def test_a_rollout_without_its_states_is_refused(thrown: Rollout, tmp_path: Path) -> None:
+    path = tmp_path / "throw.npz"
+    save_npz(thrown, path)
+    result = np.load(path)["result"]
+    for other in (None, np.zeros(3), np.zeros(3, [("times", float)]), np.array([{}], object)):
+        arrays = {} if other is None else {"states": other}
+        np.savez(path, result=result, **arrays)
         with pytest.raises(UsageError, match="is no saved rollout"):
             load_npz(path)
