@@ -16,7 +16,7 @@ from agentflow.app.sweeps.tables import Finished, layout, read_swept
 from agentflow.app.sweeps.views import VIEWS
 from agentflow.env.tasks.registry import get_level
 from agentflow.metrics.tables import markdown
-from agentflow.runs import read_result
+from agentflow.runs import read_document, read_result
 
 ORDER = (
     "workflows",
@@ -75,13 +75,20 @@ def section(folder: Path) -> str:
     swept = read_swept(folder)
     made = (
         f"`agentflow sweep configs/{folder.name}.yaml` and `agentflow table {folder} --published "
-        f"--format md`; begun {document['begun'][:10]}, constants `{document['constants']}`"
+        f"--format md`; begun {document['begun'][:10]}, commit {commits(swept.runs)}, constants "
+        f"`{document['constants']}`"
     )
     texts = [re.sub(r"\A\*\*.*\*\*\n\n", "", markdown(layout(swept, published=True)))]
     for name in FURTHER.get(folder.name, ()):
         texts += [f"`agentflow table {folder} --show {name} --format md`:", ""]
         texts.append(markdown(VIEWS[name](swept)))
     return "\n".join([f"## {sweep.title}", "", sweep.about, "", f"{made}.", "", *texts])
+
+
+def commits(runs: Iterable[Finished]) -> str:
+    """Of the code that made these runs, in the order of the runs."""
+    made = dict.fromkeys(str(read_document(run.path)["commit"]) for run in runs)
+    return ", ".join(f"`{commit[:10]}`" for commit in made)
 
 
 def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
