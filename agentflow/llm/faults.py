@@ -75,7 +75,7 @@ class Refusal:
 
 
 def read_refusal(status: int, headers: Mapping[str, str], body: bytes) -> Refusal:
-    """Read an answer whose status is not 200, in whatever form it came."""
+    """Read an answer whose status is no success, in whatever form it came."""
     text = body.decode("utf-8", "replace")
     try:
         content: object = json.loads(text)
@@ -105,7 +105,7 @@ def refusal_of(status: int, content: Mapping[str, object], wait: float | None = 
 
 def _status_in(words: list[str]) -> int | None:
     for word in words:
-        if word.isdigit() and 400 <= int(word) <= 599:
+        if re.fullmatch(r"[45][0-9]{2}", word):
             return int(word)
         if word.lower() in _WORD_STATUS:
             return _WORD_STATUS[word.lower()]
@@ -125,7 +125,7 @@ def retry_after_s(value: str | None, now: datetime) -> float | None:
         return float(value)
     try:
         then = parsedate_to_datetime(value)
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
     if then.tzinfo is None:
         then = then.replace(tzinfo=timezone.utc)

@@ -53,7 +53,7 @@ class OpenAIClient:
                 endpoint.auth,
                 httpx.Timeout(settings.idle_s, connect=settings.connect_s, pool=None),
             )
-        except (ImportError, OSError, ValueError) as problem:
+        except (ImportError, OSError, ValueError, httpx.InvalidURL) as problem:
             raise ConfigError(
                 f"the proxy or certificate settings of the environment are unusable: {problem}"
             ) from None
@@ -101,7 +101,9 @@ class OpenAIClient:
         except wire.NoReplyError as problem:
             raise faults.no_reply(self._endpoint, str(problem)) from None
         if isinstance(answer, faults.Refusal):
-            return replace(answer, message=self._endpoint.scrub(answer.message))
+            hide = self._endpoint.scrub
+            message, param, code = hide(answer.message), hide(answer.param), hide(answer.code)
+            return replace(answer, message=message, param=param, code=code)
         scrub = self._endpoint.scrub_known
         return answer.model_copy(
             update={
@@ -125,7 +127,7 @@ class OpenAIClient:
             self._lanes.lane() as http,
             http.stream("POST", self._endpoint.url, json=body) as response,
         ):
-            if response.status_code != 200:
+            if not response.is_success:
                 start = await _at_most(response.aiter_bytes(), _LARGEST_REFUSAL)
                 return faults.read_refusal(response.status_code, response.headers, start)
             try:

@@ -31,7 +31,8 @@ class Lanes:
     Raises:
         ImportError: The environment names a SOCKS proxy and the package for it is missing.
         OSError: The environment names certificates that cannot be read.
-        ValueError: The environment names a proxy that is no URL.
+        ValueError: The environment names a proxy of an unknown kind.
+        httpx.InvalidURL: The environment names a proxy that is no URL.
     """
 
     def __init__(self, auth: httpx.Auth | None, timeout: httpx.Timeout) -> None:

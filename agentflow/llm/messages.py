@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 Finish = Literal["stop", "length", "empty", "content_filter"]
 """Why a reply ended. Only `stop` is a whole answer."""
 CHARS_PER_TOKEN = 4
 """A usual ratio for English and JSON; only used where the true count is not known."""
+
+
+def mended(text: str) -> str:
+    """The text with surrogates paired or replaced.
+
+    A stream may cut an emoji into two escapes, and a reply may spell half of one inside its JSON;
+    a lone surrogate is no text that could be sent or stored.
+    """
+    if text.isascii():
+        return text
+    return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
 
 
 class _Frozen(BaseModel):
@@ -21,7 +32,7 @@ class Message(_Frozen):
     """One message of a conversation; `images` are PNG data URLs (vision variant only)."""
 
     role: Literal["system", "user", "assistant"]
-    text: str
+    text: Annotated[str, AfterValidator(mended)]
     images: tuple[str, ...] = ()
 
 

@@ -44,6 +44,7 @@ class Framing:
     def _read(self, line: bytes) -> bytes | None:
         """Take in one line; the event that it ends, if it does."""
         if self.streamed is None and line.strip():
+            line = line.removeprefix(b"\xef\xbb\xbf")
             self.streamed = line.startswith(_FIELDS)
         if not self.streamed:
             self._body.append(line)
@@ -52,5 +53,5 @@ class Framing:
         elif not line and self._data:
             event = b"\n".join(self._data)
             self._data.clear()
-            return event
+            return event if event.strip() else None  # gateways keep connections alive with these
         return None

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agentflow.llm.messages import Finish, JsonSchema, Message, Reply, Request, Usage
+from agentflow.llm.messages import Finish, JsonSchema, Message, Reply, Request, Usage, mended
 
 _THOUGHT = re.compile(r"<think>(.*?)(?:</think>|\Z)", re.DOTALL)
 _FINISH: dict[str, Finish] = {
@@ -22,6 +22,8 @@ _FINISH: dict[str, Finish] = {
     "refusal": "content_filter",
 }
 """Finish reasons that are not a whole answer; all others count as `stop`."""
+_BEGINNING = 4096
+"""Characters told of what is no reply: no key may be cut in two before it is scrubbed."""
 
 
 class BrokenAnswerError(Exception):
@@ -87,10 +89,10 @@ def decode(data: bytes) -> Mapping[str, object]:
     except (ValueError, RecursionError):
         if not text or text[0] in "{[":
             raise BrokenAnswerError("the answer's JSON breaks off") from None
-        said = "an HTML page" if text[0] == "<" else f"it begins {text[:60]!r}"
+        said = "an HTML page" if text[0] == "<" else f"it begins {text[:_BEGINNING]!r}"
         raise NoReplyError(said) from None
     if not isinstance(content, dict):
-        raise NoReplyError(f"it is JSON of another kind: {text[:60]!r}")
+        raise NoReplyError(f"it is JSON of another kind: {text[:_BEGINNING]!r}")
     if content.get("error") or content.get("object") == "error":
         raise ErrorObjectError(content)
     return content
@@ -121,19 +123,28 @@ class Gathered:
                 raise NoReplyError("a choice is no object")
             self.answered = True
             self.finish = str(choice.get("finish_reason") or self.finish)
-            part = choice.get("message") or choice.get("delta")
-            if isinstance(part, dict):
+            if isinstance(part := choice.get("delta"), dict) and part:
                 self._add_part(part)
+            elif isinstance(message := choice.get("message"), dict):
+                self._replace(message)
+
+    def _replace(self, message: Mapping[str, object]) -> None:
+        """Take a whole message in place of what has come: some streams end with it."""
+        whole = Gathered()
+        whole._add_part(message)
+        self.text = whole.text or self.text
+        self.reasoning = whole.reasoning or self.reasoning
+        self.refusal = whole.refusal or self.refusal
 
     def _add_part(self, part: Mapping[str, object]) -> None:
         for name in ("reasoning_content", "reasoning"):
             if isinstance(thought := part.get(name), str) and thought:
                 self.reasoning.append(thought)
                 break
-        if isinstance(refusal := part.get("refusal"), str):
+        if isinstance(refusal := part.get("refusal"), str) and refusal:
             self.refusal.append(refusal)
         content = part.get("content")
-        if isinstance(content, str):
+        if isinstance(content, str) and content:
             self.text.append(content)
         elif isinstance(content, list):
             self._add_parts(content)
@@ -161,20 +172,20 @@ class Gathered:
             raise NoReplyError("it holds no choices")
         if self.finish == "error":
             raise BrokenAnswerError("the endpoint failed in the middle of its reply")
-        text, thought = split_reasoning(_mended("".join(self.text)))
-        refusal = _mended("".join(self.refusal))
+        text, thought = split_reasoning(mended("".join(self.text)))
+        refusal = mended("".join(self.refusal))
         finish = _FINISH.get(self.finish.lower(), "stop")
         if refusal and not text:
             text, finish = refusal, "content_filter"
         if finish == "stop" and not text.strip():
             finish = "empty"
-        reasoning = "\n".join(part for part in (_mended("".join(self.reasoning)), thought) if part)
+        reasoning = "\n".join(part for part in (mended("".join(self.reasoning)), thought) if part)
         return Reply(
             text=text,
             finish=finish,
             reasoning=reasoning,
             usage=self.usage,
-            model=_mended(self.model),
+            model=mended(self.model),
         )
 
 
@@ -217,13 +228,3 @@ def _count(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return 0
     return int(value) if 0 <= value < 1e15 else 0
-
-
-def _mended(text: str) -> str:
-    """The text with surrogates paired or replaced.
-
-    A stream may cut an emoji into two escapes; a lone surrogate is no text that could be stored.
-    """
-    if text.isascii():
-        return text
-    return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")

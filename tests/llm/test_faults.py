@@ -39,6 +39,7 @@ NOW = datetime(2025, 1, 1, 12, 0, 0, tzinfo=timezone.utc)
         ("nan", None),
         ("inf", None),
         ("99999999999999999999", None),
+        ("Wed, 01 Jan 99999999999999999999 00:00:00 GMT", None),
         ("", None),
         (None, None),
     ],
@@ -156,6 +157,8 @@ def test_a_redirection_names_its_target() -> None:
         ({"code": None, "type": "server_error"}, 500),
         ({"code": "model_not_found"}, 404),
         ({"code": 50001}, 400),
+        ({"code": "²"}, 400),
+        ({"code": "9" * 5000, "type": "not_found_error"}, 404),
         ("words", 400),
     ],
 )

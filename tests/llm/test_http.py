@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+import traceback
 
 import pytest
 
@@ -77,6 +78,17 @@ async def test_a_stream_labelled_as_something_else_is_a_stream() -> None:
     text = 'data: {"choices": [{"delta": {"content": "x"}, "finish_reason": "stop"}]}\n\n'
     async with serving(body(text + "data: [DONE]\n\n", kind="text/plain")) as server:
         assert (await once(server.base_url)).text == "x"
+
+
+async def test_any_success_is_an_answer() -> None:
+    async with serving(body(completion("x"), 201)) as server:
+        assert (await once(server.base_url)).text == "x"
+
+
+async def test_half_a_character_in_a_question_is_replaced() -> None:
+    async with serving(reply("x")) as server:
+        await once(server.base_url, ask("a\ud83d \U0001f600"))
+    assert server.asked[0].body["messages"][0]["content"] == "a\ufffd \U0001f600"
 
 
 async def test_no_key_sends_no_header() -> None:
@@ -229,6 +241,25 @@ async def test_the_key_is_in_nothing_that_comes_back() -> None:
     assert first.text == "your key is ***"
     assert KEY not in f"{first!r} {caught.value!r} {client!r} {vars(client)!r}"
     assert caught.value.__suppress_context__ or caught.value.__context__ is None
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        body({"error": {"message": KEY, "param": KEY, "code": KEY}}, 400),
+        body("x" * 45 + KEY),
+        body(f'["{"x" * 45}{KEY}"]'),
+        body("", 308, Location=f"https://u:{KEY}@h/v1?key={KEY}"),
+        raw(f"HTTX {KEY}\r\n\r\n".encode(), close=True),
+    ],
+)
+async def test_no_part_of_the_key_is_in_an_error_or_its_traceback(answer: Answer) -> None:
+    async with serving(answer) as server:
+        with pytest.raises(EndpointError) as caught:
+            await once(server.base_url)
+    frames = traceback.TracebackException.from_exception(caught.value, capture_locals=True)
+    ours = [line for line in frames.format() if "/tests/" not in line]
+    assert KEY[:12] not in f"{caught.value} {''.join(ours)}"
 
 
 async def test_calls_may_be_cancelled() -> None:

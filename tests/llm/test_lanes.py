@@ -47,10 +47,12 @@ def test_an_unusable_proxy_or_certificate_of_the_environment_is_named(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     missing = tmp_path / "none.pem"
-    with monkeypatch.context() as environment:
-        environment.setenv("HTTPS_PROXY", "carrier-pigeon://roof")
-        with pytest.raises(ConfigError, match=r"^the proxy or certificate settings of the env"):
-            client_for("https://models.invalid/v1")
+    for proxy in ("carrier-pigeon://roof", "http://user:password@roof:attic"):
+        with monkeypatch.context() as environment:
+            environment.setenv("HTTPS_PROXY", proxy)
+            with pytest.raises(ConfigError, match=r"^the proxy or certificate settings of") as told:
+                client_for("https://models.invalid/v1")
+            assert "password" not in str(told.value)
     missing.write_text("no certificate")
     monkeypatch.setenv("SSL_CERT_FILE", str(missing))
     with pytest.raises(ConfigError, match=r"^the proxy or certificate settings of the env"):

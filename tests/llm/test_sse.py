@@ -36,6 +36,11 @@ def test_a_body_that_is_no_stream_comes_whole(cuts: list[int]) -> None:
     assert framed(BODY, cuts) == (False, [BODY])
 
 
+def test_events_without_data_and_a_byte_order_mark_are_passed_over() -> None:
+    data = b"\xef\xbb\xbfdata:\n\ndata: one\n\nretry: 5\n\ndata:  \n\ndata: two\n\n"
+    assert framed(data, []) == (True, [b"one", b"two"])
+
+
 def test_nothing_is_an_empty_body() -> None:
     assert framed(b"", []) == (None, [b""])
 

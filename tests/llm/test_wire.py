@@ -160,6 +160,14 @@ def test_no_choices_is_no_reply() -> None:
         gathered({"choices": []})
 
 
+def test_a_stream_that_ends_with_the_whole_message_says_it_once() -> None:
+    parts = [chunk(reasoning_content="h"), chunk(reasoning_content="m"), chunk(content="hi")]
+    assert gathered(*parts, completion("hi", reasoning_content="hm")) == gathered(
+        completion("hi", reasoning_content="hm")
+    )
+    assert gathered(*parts, completion("")).text == "hi"
+
+
 def test_an_endpoint_that_reports_its_own_failure() -> None:
     with pytest.raises(BrokenAnswerError):
         gathered(completion("half", "error"))
