@@ -89,11 +89,16 @@ class Store:
             return rollout
 
     def share(self, run: Path, task: Task, seed: int) -> None:
-        """Let the machines and rollouts of a finished run and those kept here be the same files."""
+        """Let the machines and rollouts of a finished run and those kept here be the same files.
+
+        A rollout that is not kept here is one that the computer failed at: no other run's business.
+        """
         for file in (run / "machines").glob("*.json"):
             _unite(file, self._machines / file.name)
         for file in (run / "rollouts").glob("*.npz"):
-            _unite(file, self._rollouts / f"{file.stem}-{_setting(task, seed)}.npz")
+            key = f"{file.stem}-{_setting(task, seed)}"
+            if key in self._kept:
+                _unite(file, self._rollouts / f"{key}.npz")
 
 
 def _save(rollout: Rollout, path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from agentflow.env.archive import save_npz
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Feedback, Rollout
@@ -78,6 +79,18 @@ async def test_what_the_computer_failed_at_is_tried_again(tmp_path: Path) -> Non
         assert await store.run(BLOCK, get_task("movement")) == failed
     assert counter.count == 2
     assert list((tmp_path / "rollouts").iterdir()) == []
+
+
+async def test_what_the_computer_failed_at_is_not_shared(tmp_path: Path) -> None:
+    """A run that keeps all rollouts keeps those, too; other runs are to try them again."""
+    task, counter = get_task("movement"), Counter()
+    rollouts = tmp_path / "run" / "rollouts"
+    rollouts.mkdir(parents=True)
+    timeout = Rollout(**{**vars(ROLLOUT), "status": "timeout", "score": None})
+    save_npz(timeout, rollouts / f"{BLOCK.digest}.npz")
+    Store(tmp_path / "store", counter).share(tmp_path / "run", task, seed=2)
+    assert await Store(tmp_path / "store", counter).run(BLOCK, task, seed=2) == ROLLOUT
+    assert counter.count == 1
 
 
 async def test_a_damaged_file_is_simulated_anew(tmp_path: Path) -> None:
