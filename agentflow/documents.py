@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 NOT_YAML = (yaml.YAMLError, ValueError, RecursionError)
 """What reading YAML raises: also for a date that there is not, and for a thousand brackets."""
 
+MOST = 1_000_000
+"""Values that a document may hold; chosen: far more than anybody writes."""
+
 _GROUP, _LIST = "expected a group of keys", "expected a list"
 _WHOLE, _NUMBER, _TRUTH = "expected a whole number", "expected a number", "expected true or false"
 _PLAIN: Mapping[str, str] = MappingProxyType(
@@ -61,14 +64,36 @@ def read_yaml(text: str) -> Any:
     """The data in a YAML text.
 
     Raises:
-        NOT_YAML: It is none, a key stands twice in one group, or a part holds itself.
+        NOT_YAML: It is none, a key stands twice in one group, a part holds itself, or aliases
+            stand for more values than anybody writes.
     """
     loader = _Once(text)
     try:
         node = loader.get_single_node()
-        return None if node is None else loader.construct_object(node, deep=True)
+        if node is None:
+            return None
+        _demand_size(node)
+        return loader.construct_object(node, deep=True)
     finally:
         loader.dispose()
+
+
+def _demand_size(node: yaml.Node) -> None:
+    """Refuse a few lines of aliases of aliases that would fill the memory once written out."""
+    size = _values_in(node, {})
+    if size > MOST:
+        problem = f"with every alias written out it has {size:,} values, {MOST:,} at most"
+        raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+
+
+def _values_in(node: yaml.Node, known: dict[int, int]) -> int:
+    """Values, groups and lists in a part, those behind aliases each time."""
+    if id(node) not in known:
+        known[id(node)] = 1  # while it is being counted: a part that holds itself is refused later
+        parts = node.value if isinstance(node, yaml.CollectionNode) else []
+        pairs = [part if isinstance(part, tuple) else (part,) for part in parts]
+        known[id(node)] += sum(_values_in(part, known) for pair in pairs for part in pair)
+    return known[id(node)]
 
 
 def first_fault(error: ValidationError) -> ErrorDetails:

@@ -112,6 +112,15 @@ def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
         match=r"ring.yaml is not YAML: line 2: found unconstructable recursive node",
     ):
         load(tmp_path / "ring.yaml")
+    bomb = [f"x{n}: &x{n} [{', '.join([f'*x{n - 1}'] * 9)}]" for n in range(1, 9)]
+    (tmp_path / "bomb.yaml").write_text("\n".join(["x0: &x0 [1]", *bomb]))
+    with pytest.raises(
+        ConfigError,
+        match=r"bomb.yaml is not YAML: line 1: .* 102,908,576 values, 1,000,000 at most",
+    ):
+        load(tmp_path / "bomb.yaml")
+    (tmp_path / "alias.yaml").write_text("task: &a movement\nworkflow: *a\n")
+    assert load(tmp_path / "alias.yaml") == {"task": "movement", "workflow": "movement"}
     (tmp_path / "bad.yaml").write_text("- a\n")
     with pytest.raises(ConfigError, match="must hold a mapping of configuration keys"):
         load(tmp_path / "bad.yaml")
