@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
@@ -133,7 +134,16 @@ def asked(config: DesignConfig, models: Models) -> str:
     return "none (random edits)" if config.workflow in WITHOUT_MODEL else models.name
 
 
+def conditions(plan: Plan) -> dict[str, str]:
+    """What decides results besides the configuration and the replies: name -> hash, 16 digits."""
+    return {
+        "prompts": plan.prompts.digest,
+        "demands": hashlib.sha256(repr(plan.task.brief).encode()).hexdigest()[:16],
+        "constants": constants().digest,
+    }
+
+
 def changed(plan: Plan, document: Mapping[str, Any]) -> str:
     """What decides results and is no longer as when the run began, in words; "" if nothing."""
-    now = {"prompts": plan.prompts.digest, "constants": constants().digest}
-    return " and ".join(name for name, digest in now.items() if document.get(name) != digest)
+    now = conditions(plan)
+    return " and ".join(name for name in now if document.get(name, now[name]) != now[name])

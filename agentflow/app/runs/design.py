@@ -87,7 +87,7 @@ def resume(
         InterruptedRunError: Ctrl-C; the run can be resumed again.
     """
     if state_of(path) == "done":
-        return {**finished(path), "run": str(path)}
+        return _result(path)
     return _to_end(_Work.go_on(path, say, listener, client))
 
 
@@ -106,8 +106,13 @@ async def resume_async(
         EndpointError: The model cannot be used.
     """
     if state_of(path) == "done":
-        return {**finished(path), "run": str(path)}
+        return _result(path)
     return await _Work.go_on(path, say, listener, client, pool, limiters).carry_out()
+
+
+def _result(path: Path) -> dict[str, Any]:
+    read_document(path)  # refuses what another version wrote, and what was edited
+    return {**finished(path), "run": str(path)}
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from agentflow import __version__
-from agentflow.app.runs.conduct import Conducted, Plan
+from agentflow.app.runs.conduct import Conducted, Plan, conditions
 from agentflow.app.runs.models import shown
 from agentflow.config import DesignConfig
 from agentflow.env.archive import save_npz
-from agentflow.env.constants import constants
 from agentflow.errors import RunError
 
 
@@ -58,8 +57,7 @@ def run_document(plan: Plan) -> dict[str, Any]:
     return {
         "agentflow": __version__,
         "commit": _commit(),
-        "prompts": plan.prompts.digest,
-        "constants": constants().digest,
+        **conditions(plan),
         "python": platform.python_version(),
         "platform": platform.platform(),
         "config": shown(plan.config),

@@ -41,7 +41,8 @@ def test_a_run_holds_everything_that_the_record_promises(run: Path) -> None:
     result = read_result(run)
     document = yaml.safe_load((run / "run.yaml").read_text())
     assert document["config"]["settings"]["trajectories"] == 2
-    assert len(document["prompts"]) == len(document["constants"]) == 16
+    digests = {len(document[key]) for key in ("prompts", "demands", "constants")}
+    assert digests == {16}
     calls = [json.loads(line) for line in (run / "calls.jsonl").read_text().splitlines()]
     assert result["calls"] == len(calls)
     assert {call["request"]["role"] for call in calls} == {
@@ -115,13 +116,26 @@ def test_the_same_seed_gives_the_same_result_and_another_does_not(
     assert other["machine"] != first["machine"]
 
 
-def test_a_run_is_not_continued_under_other_physics(run: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("what", ["constants", "demands", "prompts"])
+def test_a_run_is_not_continued_under_other_conditions(
+    run: Path, tmp_path: Path, what: str
+) -> None:
     other = tmp_path / "other"
     subprocess.run(["cp", "-r", str(run), str(other)], check=True)
     (other / "result.json").unlink()
     document = yaml.safe_load((other / "run.yaml").read_text())
-    (other / "run.yaml").write_text(document_text({**document, "constants": "0" * 16}))
-    with pytest.raises(RunError, match="was begun with other constants: its record and"):
+    assert len(document[what]) == 16
+    (other / "run.yaml").write_text(document_text({**document, what: "0" * 16}))
+    with pytest.raises(RunError, match=f"was begun with other {what}: its record and"):
+        resume(other, ignore)
+
+
+def test_a_finished_run_that_is_not_ours_to_read_is_refused(run: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    subprocess.run(["cp", "-r", str(run), str(other)], check=True)
+    document = yaml.safe_load((other / "run.yaml").read_text())
+    (other / "run.yaml").write_text(document_text({**document, "schema": 2}))
+    with pytest.raises(RunError, match="has schema 2, this version reads 1"):
         resume(other, ignore)
 
 
