@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 import json
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from agentflow.app.runs.conduct import changed
 from agentflow.app.runs.design import design_async, resume_async
 from agentflow.app.sweeps.folder import LOG, RUNS, STORE, document_of, held
 from agentflow.app.sweeps.plan import SweepPlan
@@ -19,7 +20,7 @@ from agentflow.env.pool import RolloutPool
 from agentflow.errors import AgentflowError, EndpointError, InterruptedRunError, RunError
 from agentflow.laboratory import Simulator
 from agentflow.llm.limits import Limiter
-from agentflow.runs import Event
+from agentflow.runs import Event, read_document
 from agentflow.runs.lines import LineFile
 from agentflow.search.concurrency import together
 from agentflow.store import Store
@@ -120,6 +121,7 @@ class _Work:
         waiting = [member for member in self.plan.members if not self._is_done(member)]
         if not waiting:
             return
+        self._demand_same_conditions()
         log = LineFile(self.folder / LOG)
         try:
             async with AsyncExitStack() as stack:
@@ -127,8 +129,8 @@ class _Work:
                     workers = build(self.plan.sweep.base).workers
                     pool = await stack.enter_async_context(RolloutPool(workers))
                 store = Store(self.folder / STORE, pool)
-                free = asyncio.Semaphore(jobs)
-                await together(self._one(member, store, free, log) for member in waiting)
+                queue = iter(waiting)
+                await together(self._some(queue, store, log) for _ in range(jobs))
         finally:
             log.close()
 
@@ -137,10 +139,20 @@ class _Work:
             self.done.add(member.name)
         return member.name in self.done
 
-    async def _one(
-        self, member: Member, store: Store, free: asyncio.Semaphore, log: LineFile
-    ) -> None:
-        async with free:
+    def _demand_same_conditions(self) -> None:
+        """Refuse to add runs to some that are done and that were made otherwise."""
+        for member in self.plan.members:
+            if member.name in self.done:
+                document = read_document(self.folder / RUNS / member.name)
+                if other := changed(self.plan.plan_of(member), document):
+                    raise RunError(
+                        f"{self.folder}: {member.name} was made with other {other}: the runs that "
+                        "are left would not belong to it; choose another folder with --out"
+                    )
+
+    async def _some(self, queue: Iterator[Member], store: Store, log: LineFile) -> None:
+        """Carry out runs one after the other, as long as any are left."""
+        for member in queue:
             name = member.name
             self.watcher.begun(name)
             try:

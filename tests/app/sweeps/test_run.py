@@ -21,6 +21,7 @@ from agentflow.app.sweeps.plan import folder_of, plan_sweep
 from agentflow.app.sweeps.run import Outcome, run_sweep
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.runs import Event
+from agentflow.runs.document import document_text
 
 TINY: dict[str, Any] = {
     "title": "Tiny",
@@ -177,6 +178,24 @@ def test_unfinished_and_half_begun_runs_are_taken_up(
     }
     lines = [json.loads(line) for line in (copy / "members.jsonl").read_text().splitlines()]
     assert [line["state"] for line in lines] == ["done"] * 7
+
+
+def test_a_sweep_is_not_continued_beside_runs_of_other_conditions(
+    swept: tuple[Outcome, Notes, Path], tmp_path: Path
+) -> None:
+    outcome, _, path = swept
+    copy = tmp_path / "tiny"
+    shutil.copytree(outcome.path, copy)
+    shutil.rmtree(copy / "runs" / RUNS[3])
+    file = copy / "runs" / RUNS[1] / "run.yaml"
+    file.write_text(document_text({**yaml.safe_load(file.read_text()), "prompts": "0" * 16}))
+    with pytest.raises(RunError) as caught:
+        carry_out(path, tmp_path, resume=True)
+    assert str(caught.value) == (
+        f"{copy}: {RUNS[1]} was made with other prompts: the runs that are left would not belong "
+        "to it; choose another folder with --out"
+    )
+    assert not (copy / "runs" / RUNS[3]).exists()
 
 
 def test_failing_runs_are_recorded_and_harm_no_other(tmp_path: Path) -> None:
