@@ -6,6 +6,7 @@ The key is given to httpx and to `scrub`, and to nothing else.
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from collections.abc import Generator
 
 import httpx
@@ -60,7 +61,9 @@ class Endpoint:
         self.base_url = str(bare.copy_with(query=None, fragment=None)).rstrip("/")
         """As shown in messages: without credentials and query."""
         self.url = bare.copy_with(path=bare.path.rstrip("/") + "/chat/completions")
-        self._secrets = [s for s in (key, given.password) if len(s) >= _SHORTEST_SECRET]
+        basic = b64encode(f"{given.username}:{given.password}".encode()).decode()
+        known = (key, given.password or given.username, basic)
+        self._secrets = [s for s in known if len(s) >= _SHORTEST_SECRET]
         self._auth: httpx.Auth | None = _Bearer(key) if key else None
         if self._auth is None and given.username:
             self._auth = httpx.BasicAuth(given.username, given.password)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import httpx
 import pytest
 
 from agentflow.errors import ConfigError
@@ -47,6 +48,15 @@ def test_secrets_are_scrubbed() -> None:
     text = "abc123xyz, pass-word, Bearer something, sk-foreign-key, disk-space-left"
     assert endpoint.scrub(text) == "***, ***, Bearer ***, ***, disk-space-left"
     assert endpoint.scrub_known(text).startswith("***, ***, Bearer something, sk-foreign-key")
+
+
+@pytest.mark.parametrize("user", ["user:pass-word", "only-a-token"])
+def test_what_a_base_url_proves_itself_with_is_scrubbed_in_each_form(user: str) -> None:
+    endpoint = Endpoint("m", f"http://{user}@h")
+    assert isinstance(endpoint.auth, httpx.Auth)
+    sent = next(endpoint.auth.auth_flow(httpx.Request("POST", endpoint.url)))
+    told = endpoint.scrub_known(f"{sent.headers['authorization']}, {user.split(':')[-1]}")
+    assert told == "Basic ***, ***"
 
 
 def test_placeholder_keys_are_no_secrets() -> None:
