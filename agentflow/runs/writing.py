@@ -19,6 +19,8 @@ from agentflow.runs.lines import LineFile
 from agentflow.runs.reading import AGAIN, CALLS, EVENTS, RESULT, Event, read_events
 
 MACHINES, ROLLOUTS = "machines", "rollouts"
+TRIES, PAUSE = 20, 0.01
+"""How often a run is taken hold of, and seconds between: `state_of` holds it for a moment."""
 Listener = Callable[[Event], None]
 
 
@@ -207,12 +209,15 @@ def _fresh(out: Path, name: str) -> Path:
 
 def _hold(path: Path) -> IO[str]:
     held = (path / NAME).open("r", encoding="utf-8")
-    try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        held.close()
-        raise RunError(f"{path} is in use by another process; wait for it or stop it") from None
-    return held
+    for _ in range(TRIES):
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            time.sleep(PAUSE)
+        else:
+            return held
+    held.close()
+    raise RunError(f"{path} is in use by another process; wait for it or stop it")
 
 
 def _write(path: Path, text: str) -> None:

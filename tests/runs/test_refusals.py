@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import resource
 import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -135,6 +137,18 @@ def test_a_second_process_is_refused(tmp_path: Path) -> None:
         "stop it"
     )
     run.close()
+
+
+def test_whoever_looks_at_a_run_keeps_no_process_from_it(tmp_path: Path) -> None:
+    """`agentflow runs` locks each run for a moment to see whether a process holds it."""
+    run = RunDirectory.create(tmp_path, "demo", {})
+    run.close()
+    looking = (run.path / "run.yaml").open()
+    fcntl.flock(looking, fcntl.LOCK_SH)
+    timer = threading.Timer(0.02, looking.close)
+    timer.start()
+    RunDirectory.resume(run.path).close()
+    timer.join()
 
 
 @pytest.mark.slow
