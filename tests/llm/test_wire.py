@@ -117,6 +117,11 @@ def test_finish(text: str | None, word: str, finish: str) -> None:
     assert gathered(completion(text, word)).finish == finish
 
 
+def test_a_call_of_a_tool_is_an_empty_reply() -> None:
+    calls = [{"type": "function", "function": {"name": "f", "arguments": "{}"}}]
+    assert gathered(completion(None, "tool_calls", tool_calls=calls)).finish == "empty"
+
+
 def test_a_refusal_is_filtered_content() -> None:
     reply = gathered(completion(None, refusal="I will not."))
     assert (reply.text, reply.finish) == ("I will not.", "content_filter")
