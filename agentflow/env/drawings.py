@@ -23,8 +23,8 @@ LEFT, RIGHT, TOP, BOTTOM = 48.0, 12.0, 26.0, 30.0
 STEPS = (1, 2, 5, 10, 20, 50)
 APART = 44.0
 """Least distance of the numbers on an axis."""
-GRID, FRAME, LABEL, START = "grid", "frame", "label", "start"
-"""Kinds of lines and words; the drawer knows how they look."""
+GRID, FRAME, START = "grid", "frame", "start"
+"""Kinds of lines; the drawer knows how they look."""
 LETTER = 6.5
 """Width of a letter, about."""
 LABELS = 14

@@ -9,13 +9,9 @@ from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.errors import UsageError
 from agentflow.machine.random import random_machine
 from agentflow.search.concurrency import together
-from agentflow.workflows.base import (
-    Candidate,
-    First,
-    StageName,
-    WorkflowResult,
-)
+from agentflow.workflows.base import Candidate, First, StageName, WorkflowResult
 from agentflow.workflows.bench import Bench
+from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages import failure_of, first_of, tried
 
 STAGE: StageName = "initial"
@@ -28,7 +24,7 @@ async def placement(bench: Bench) -> WorkflowResult:
 
     Placers sit at the designer's desk: its model, its sampling.
     """
-    attempts = _begin(bench)
+    bench.begin(STAGE)
 
     async def place(attempt: int) -> Candidate:
         label = f"placer/traj-{attempt}"
@@ -40,7 +36,7 @@ async def placement(bench: Bench) -> WorkflowResult:
             return Candidate(attempt, first=first, reason=failure_of(outcome))
         return Candidate(attempt, outcome.output.machine, first=first)
 
-    placed = await together(place(attempt) for attempt in attempts)
+    placed = await together(place(attempt) for attempt in _attempts(bench))
     bench.end(STAGE, await tried(bench, STAGE, placed))
     return bench.result()
 
@@ -50,10 +46,11 @@ async def random_placement(bench: Bench) -> WorkflowResult:
 
     No model is asked.
     """
-    attempts, brief = _begin(bench), bench.brief
+    bench.begin(STAGE)
+    brief = bench.brief
     size = len(brief.given) + 1, len(brief.given) + MOST_PLACED
     placed = []
-    for attempt in attempts:
+    for attempt in _attempts(bench):
         try:
             machine = random_machine(bench.stream(f"traj-{attempt}"), brief, size)
         except UsageError as error:
@@ -64,9 +61,10 @@ async def random_placement(bench: Bench) -> WorkflowResult:
     return bench.result()
 
 
-def _begin(bench: Bench) -> range:
-    """Begin the only stage, with one trajectory per attempt; yields the attempts."""
-    count = bench.settings.placements
-    bench.settings = bench.settings.model_copy(update={"trajectories": count})
-    bench.begin(STAGE)
-    return range(1, count + 1)
+def _attempts(bench: Bench) -> range:
+    return range(1, bench.settings.trajectories + 1)
+
+
+def one_each(settings: WorkflowSettings) -> WorkflowSettings:
+    """With a trajectory per placement."""
+    return settings.model_copy(update={"trajectories": settings.placements})

@@ -11,10 +11,10 @@ from agentflow.workflows.base import Desks, Laboratory, Record, Workflow, Workfl
 from agentflow.workflows.bench import Bench
 from agentflow.workflows.hierarchical import hierarchical
 from agentflow.workflows.iterative import iterative
-from agentflow.workflows.placement import placement, random_placement
+from agentflow.workflows.placement import one_each, placement, random_placement
 from agentflow.workflows.random_dsl import random_dsl
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.single import single
+from agentflow.workflows.single import chained, single
 
 WORKFLOWS: Mapping[str, Callable[[Bench], Awaitable[WorkflowResult]]] = MappingProxyType(
     {
@@ -26,6 +26,10 @@ WORKFLOWS: Mapping[str, Callable[[Bench], Awaitable[WorkflowResult]]] = MappingP
         "random-placement": random_placement,
     }
 )
+OWN_SETTINGS: Mapping[str, Callable[[WorkflowSettings], WorkflowSettings]] = MappingProxyType(
+    {"single": chained, "placement": one_each, "random-placement": one_each}
+)
+"""What a workflow makes of the settings before it begins; the others take them as they are."""
 WITHOUT_MODEL = frozenset({"random-dsl", "random-placement"})
 """Workflows that ask no model."""
 PLACEMENT = ("placement", "random-placement")
@@ -49,6 +53,8 @@ def workflow(name: str) -> Workflow:
         record: Record,
         seed: int = 0,
     ) -> WorkflowResult:
+        if name in OWN_SETTINGS:
+            settings = OWN_SETTINGS[name](settings)
         bench = Bench(name, brief, desks, laboratory, settings, record, seed)
         return await WORKFLOWS[name](bench)
 

@@ -6,6 +6,7 @@ from agentflow.search.concurrency import together
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.bench import Bench
 from agentflow.workflows.feedback import STAGE, feedback_loop
+from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages import INITIAL, tried, whole_machines
 
 
@@ -13,14 +14,12 @@ async def single(bench: Bench) -> WorkflowResult:
     """One designer per candidate; then each revises its machine, `search.rounds` times.
 
     A revision is a refinement of the last machine at the designer's desk (its model and sampling),
-    told the default feedback: no inspector, no querier, and the strategy is always `random`, which
-    is a plain chain. With 0 rounds there is no feedback.
+    told the default feedback: no inspector, and the settings are `chained`. With 0 rounds there is
+    no feedback.
     """
-    chain = bench.settings.search.model_copy(update={"strategy": "random"})
-    bench.settings = bench.settings.model_copy(update={"querier": False, "search": chain})
-    bench.begin("initial")
+    bench.begin(INITIAL)
     initial = bench.end(INITIAL, await tried(bench, INITIAL, await whole_machines(bench)))
-    if not bench.over(initial) and chain.rounds:
+    if not bench.over(initial) and bench.settings.search.rounds:
         bench.begin(STAGE)
         revised = (
             feedback_loop(bench, candidate, None, desk="designer")
@@ -28,3 +27,9 @@ async def single(bench: Bench) -> WorkflowResult:
         )
         bench.end(STAGE, await together(revised))
     return bench.result()
+
+
+def chained(settings: WorkflowSettings) -> WorkflowSettings:
+    """Without a querier, and with the strategy `random`, which is a plain chain."""
+    chain = settings.search.model_copy(update={"strategy": "random"})
+    return settings.model_copy(update={"querier": False, "search": chain})

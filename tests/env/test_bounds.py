@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from functools import cache
 from math import inf, nan
 
 import pytest
@@ -14,6 +15,7 @@ from agentflow.env.pool import RolloutPool
 from agentflow.env.rollout import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
+from agentflow.env.trace import Rollout
 from agentflow.machine.tree import Machine
 from benchmarks.stress import cases, faults
 from tests.env.machines import BALLASTED, CAR, machine
@@ -33,6 +35,12 @@ def heap(count: int) -> Machine:
             rows.append((15, beam, face))
             rows += [(15, len(rows) - 1 + i, 0) for i in range(3)]
     return machine(*rows[:count])
+
+
+@cache
+def short() -> Rollout:
+    """The drive that every other rollout must leave as it is."""
+    return simulate(CAR, SHORT)
 
 
 class Struck(PyBulletEngine):
@@ -57,7 +65,7 @@ def test_a_body_that_leaves_the_finite_world_ends_its_rollout_only(velocity: flo
     assert (rollout.status, rollout.score) == ("diverged", 0.0)
     assert faults(rollout) == []
     again = simulate(CAR, SHORT, engine=engine)
-    assert again.digest == simulate(CAR, SHORT).digest
+    assert again.digest == short().digest
     engine.close()
 
 
@@ -92,7 +100,7 @@ def test_a_machine_that_falls_into_a_heap_of_blocks_ends() -> None:
     cut = simulate(heap(60), SHORT, engine=engine, physics=brittle, wall_limit=0.2)
     assert (cut.status, cut.score, cut.trace) == ("timeout", None, None)
     assert simulate(BALLASTED, SHORT, engine=engine).status == "invalid"
-    assert simulate(CAR, SHORT, engine=engine).digest == simulate(CAR, SHORT).digest
+    assert simulate(CAR, SHORT, engine=engine).digest == short().digest
     engine.close()
 
 
@@ -106,7 +114,7 @@ async def test_a_rollout_over_its_wall_time_limit_leaves_the_others_alone() -> N
         )
         assert (cut.status, cut.score) == ("timeout", None)
         assert cut.feedback.text == "The simulation was cut off after 0.05 s of computing time."
-        assert {rollout.digest for rollout in others} == {simulate(CAR, SHORT).digest}
+        assert {rollout.digest for rollout in others} == {short().digest}
         assert pool.pids == pids
     assert alive(pids) == []
 

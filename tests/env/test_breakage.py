@@ -184,7 +184,7 @@ def test_braces_save_the_top_of_the_tower() -> None:
 def ruin() -> Rollout:
     """The published machine with connections of 7 % of their strength."""
     weak = constants().changed({"strength_torque": 350.0, "strength_force": 1050.0})
-    return simulate(BALLASTED, task_of(BALLASTED), physics=weak)
+    return simulate(BALLASTED, task_of(BALLASTED, window=2), physics=weak)
 
 
 def test_what_broke_off_breaks_again(ruin: Rollout) -> None:

@@ -31,7 +31,7 @@ CASES = {
 
 def case(name: str) -> tuple[Machine, Task]:
     machine, task = CASES[name]
-    return shipped(machine), get_task(task, {"window": 1.5})
+    return shipped(machine), get_task(task, {"window": 1})
 
 
 def digests(found: Mapping[str, Rollout]) -> dict[str, str | None]:
@@ -47,6 +47,10 @@ def test_the_cases_are_what_they_say(here: dict[str, Rollout]) -> None:
     assert {rollout.status for rollout in here.values()} == {"ok"}
     assert [name for name, rollout in here.items() if rollout.broken] == list(CASES)[:4]
     assert len(set(digests(here).values())) == len(CASES)
+    sprung = here["springs and wind"].trace
+    assert sprung is not None
+    assert sprung.linear == (15, 16)
+    assert sprung.length.shape == (6, 2)
 
 
 def test_in_another_order_after_each_other(here: dict[str, Rollout]) -> None:

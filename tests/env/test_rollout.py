@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from math import nan
 from pathlib import Path
@@ -96,23 +94,6 @@ def test_with_its_ballast_it_follows_the_published_throw() -> None:
     assert rollout.broken[0].time == pytest.approx(0.42, abs=0.03)
 
 
-def test_equal_rollouts_are_bitwise_equal_in_any_process(thrown: Rollout) -> None:
-    simulate(CAR, get_task("movement"))
-    again = simulate(PRINTED, get_task("throwing"))
-    script = (
-        "from agentflow.env.rollout import simulate\n"
-        "from agentflow.env.tasks.registry import get_task\n"
-        "from tests.env.machines import PRINTED\n"
-        "print(simulate(PRINTED, get_task('throwing')).digest)"
-    )
-    fresh = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60
-    )
-    assert thrown.broken
-    assert again.digest == thrown.digest
-    assert fresh.stdout.split()[-1] == thrown.digest
-
-
 def test_another_rate_is_another_rollout_of_the_same_throw(thrown: Rollout) -> None:
     finer = simulate(PRINTED, get_task("throwing"), rate=240)
     assert finer.digest != thrown.digest
@@ -140,19 +121,6 @@ def test_a_locked_joint_is_told() -> None:
     told = [event for event in rollout.events if event.kind == "locked"]
     text = "the moving joint of block 1 cannot move: rigid parts bridge it"
     assert told == [Event(0.0, "locked", (1,), text)]
-
-
-def test_wind_and_springs_repeat_bit_by_bit() -> None:
-    tree = machine(
-        *((step.type, step.parent, step.face_id) for step in BALLASTED),
-        (9, 8, 5, 3, 0),
-        (9, 8, 3, 5, 0),
-    )
-    first, second = (simulate(tree, get_task("throwing/3", {"window": 2})) for _ in range(2))
-    assert first.digest == second.digest
-    assert first.trace is not None
-    assert first.trace.linear == (15, 16)
-    assert first.trace.length.shape == (11, 2)
 
 
 class Exploding(PyBulletEngine):
@@ -302,6 +270,19 @@ def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
         np.savez(path, result=np.array(result))
         with pytest.raises(UsageError, match="is no saved rollout"):
             load_npz(path)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_damaged_file_is_refused_or_read_as_it_was(tmp_path: Path) -> None:
+    """One byte changed at a time, in the heads of the parts and in the directory at the end."""
+    path, kept = tmp_path / "damaged.npz", replace(BARE, trace=None)
+    save_npz(kept, path)
+    whole = path.read_bytes()
+    for place in range(len(whole)):
+        for value in (0, 1, 40, 255):
+            path.write_bytes(whole[:place] + bytes([value]) + whole[place + 1 :])
+            with suppress(UsageError):
+                assert load_npz(path) == kept
 
 
 def test_a_rollout_without_its_states_is_refused(thrown: Rollout, tmp_path: Path) -> None:

@@ -28,6 +28,11 @@ def engine() -> PyBulletEngine:
     return PyBulletEngine()
 
 
+@pytest.fixture(scope="module")
+def calm() -> PyBulletEngine:
+    return PyBulletEngine(weightless())
+
+
 def start(engine: PyBulletEngine, tree: Machine, scene: Scene | None = None) -> None:
     geometry = place(tree)
     assert not geometry.overlaps
@@ -132,21 +137,18 @@ def test_a_boulder_is_loose_and_rolls_as_its_friction_says(engine: PyBulletEngin
 
 @pytest.mark.parametrize("kind", [1, 15, 30, BALLAST, 41, 63, GRIP, ELASTIC, 27, 4])
 @pytest.mark.parametrize("face", range(6), ids=FACINGS)
-def test_rigid_blocks_stay_as_they_were_built(kind: int, face: int) -> None:
+def test_rigid_blocks_stay_as_they_were_built(calm: PyBulletEngine, kind: int, face: int) -> None:
     """Wind on every side: nothing moves against the root, and each weighs what the library says."""
-    calm = PyBulletEngine(weightless())
     tree = machine(ROOT, (kind, 0, face))
     rig = Rig(calm, tree, wind=(12.0, 9.0, -15.0))
     rig.run(0.5)
     assert rig.moved(1) == pytest.approx([0, 0, 0], abs=2e-3)
     assert rig.angle(1, (0.0, 0.0, 1.0)) == pytest.approx(0.0, abs=1e-6)
     assert rig.assembly.parts[1].mass == library()[kind].mass
-    calm.close()
 
 
-def test_a_brace_makes_a_hinge_stiff() -> None:
+def test_a_brace_makes_a_hinge_stiff(calm: PyBulletEngine) -> None:
     """The same hinged log with and without a brace to the post, in the same wind."""
-    calm = PyBulletEngine(weightless())
     base = (ROOT, (63, 0, 4), (5, 0, 3), (63, 2, 0))
     free = Rig(calm, machine(*base), wind=(0.0, -12.0, 0.0))
     free.run(1.0)
@@ -154,7 +156,6 @@ def test_a_brace_makes_a_hinge_stiff() -> None:
     braced = Rig(calm, machine(*base, (7, 1, 6, 3, 8)), wind=(0.0, -12.0, 0.0))
     braced.run(1.0)
     assert braced.angle(3, (0.0, 0.0, 1.0)) == pytest.approx(0.0, abs=1e-6)
-    calm.close()
 
 
 @pytest.mark.parametrize("higher", np.arange(0.0, 0.2, 0.01))

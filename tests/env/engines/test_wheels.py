@@ -170,7 +170,7 @@ def test_casters_swivel_behind_where_they_go_and_roll(
     tree = machine(*rows, *((kind, 5 + i, face) for i, face in enumerate(down)))
     assert {b.facing for b in place(tree).blocks[9:]} == {"y-"}
     start(engine, tree, tuple(9.0 * x for x in way))  # type: ignore[arg-type]
-    run(engine, 5.0)
+    run(engine, 3.0)
     state = engine.state()
     going = state.velocity[0] / np.linalg.norm(state.velocity[0])
     assert going @ way > 0.97
@@ -186,7 +186,7 @@ def test_casters_swivel_about_their_front(calm: PyBulletEngine, kind: int, face:
     tree = machine(ROOT, (kind, 0, face))
     right = np.array(Rig(calm, tree).blocks[1].right)
     rig = Rig(calm, tree, wind=12.0 * right)
-    rig.run(6.0)
+    rig.run(2.0)
     block = rig.blocks[1]
     rig.angle(1, block.front)
     assert rig.turned(1, block.up) @ right < -0.95

@@ -116,9 +116,9 @@ def test_a_car_drives_only_with_power() -> None:
     assert off < NEGLIGIBLE
 
 
-QUICK = {"delivery", "gearing"}
-"""First levels of one trial; every other level is looked at in the slow part, and movement and
-throwing by tests/env/test_determinism.py."""
+QUICK = {"gearing"}
+"""Every other level is looked at in the slow part; in the fast one, test_determinism.py repeats
+movement and throwing, and test_references.py knows scores of others to the last digit."""
 
 
 @pytest.mark.parametrize(

@@ -52,21 +52,20 @@ def told(folder: Path, *names: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def test_a_family_from_elsewhere_is_one_of_all(tmp_path: Path) -> None:
-    folder = distribution(tmp_path, "sweeping = broom.sweeping:Sweeping")
-    shown = told(folder, "sweeping/2")
-    assert shown.returncode == 0, shown.stderr
+def test_a_family_from_elsewhere_is_one_of_all_beside_a_broken_one(tmp_path: Path) -> None:
+    points = "sweeping = broom.sweeping:Sweeping\nmopping = broom.nowhere:Mopping"
+    shown = told(distribution(tmp_path, points), "sweeping/2", "mopping")
+    assert shown.returncode == 20, shown.stderr
     assert "walls at x = -12 m and x = 12 m, 2 m high" in shown.stdout
+    assert shown.stderr.startswith(
+        "agentflow: the task family 'mopping' (broom.nowhere:Mopping) of the distribution 'broom' "
+        "cannot be loaded: ModuleNotFoundError: No module named 'broom.nowhere'"
+    )
 
 
 @pytest.mark.parametrize(
     ("points", "module", "problem"),
     [
-        (
-            "sweeping = broom.nowhere:Sweeping",
-            FAMILY,
-            "cannot be loaded: ModuleNotFoundError: No module named 'broom.nowhere'",
-        ),
         pytest.param(
             "sweeping = broom.sweeping:Sweeping",
             "1 / 0",
