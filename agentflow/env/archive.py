@@ -6,6 +6,7 @@ import json
 import zlib
 from dataclasses import asdict
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 from zipfile import BadZipFile
 
@@ -22,7 +23,11 @@ UNREADABLE = (
     KeyError,
     TypeError,
     AttributeError,
+    RuntimeError,
+    SyntaxError,
+    MemoryError,
     BadZipFile,
+    TokenError,
     zlib.error,
 )
 """What reading a file that is empty, cut short, damaged or none of ours raises."""
