@@ -14,11 +14,9 @@ from agentflow.machine.problems import Problem, named
 BRACE = 7
 DECOUPLER = 4
 SUSPENSION = 16
-CASTERS = frozenset({50, 86})
 
 Piece = tuple[int, int]
-"""Block and which end of it: 0 is what its parent holds, 1 what other blocks hang on. Casters and
-two-ended blocks have two ends that are not the same piece."""
+"""Block and which end of it: 0 is what its parent holds, 1 the second end of a two-ended block."""
 Bond = tuple[Piece, Piece]
 
 
@@ -33,12 +31,12 @@ def locked_joints(geometry: Geometry) -> list[Problem]:
     for bond in _tree(geometry):
         groups.join(bond)
     found = []
-    for (one, other), holder in _bridges(geometry):
-        groups.join((one, other))
+    for bridge, holder in _bridges(geometry):
+        groups.join(bridge)
         for block, bond in tuple(joints.items()):
             if groups.joined(bond):
                 del joints[block]
-                found.append(_warning(geometry, block, holder, (one[0], other[0])))
+                found.append(_warning(geometry, block, holder, bridge[0][0]))
     return sorted(found, key=lambda problem: problem.blocks)
 
 
@@ -48,50 +46,39 @@ def _moves(placed: Placed) -> bool:
     return loose or placed.type == SUSPENSION
 
 
-def _ends(placed: Placed) -> tuple[Piece, Piece]:
-    """The two ends of a block, the same piece for most."""
-    apart = placed.two_ended or placed.type in CASTERS
-    return (placed.id, 0), (placed.id, int(apart))
-
-
 def _joints(geometry: Geometry) -> Iterator[tuple[int, Bond]]:
-    """What each moving joint holds together: its parent's far end and its own near one."""
+    """What each moving joint holds together: its parent and itself."""
     for placed in geometry.blocks:
         if not placed.two_ended and placed.step.parent >= 0 and _moves(placed):
-            yield placed.id, (_ends(geometry[placed.step.parent])[1], _ends(placed)[0])
+            yield placed.id, ((placed.step.parent, 0), (placed.id, 0))
 
 
 def _tree(geometry: Geometry) -> Iterator[Bond]:
     """The rigid connections of blocks to their parents, first ends of two-ended blocks included."""
     for placed in geometry.blocks:
-        near, _ = _ends(placed)
-        if placed.two_ended:
-            yield _ends(geometry[placed.step.parents[0]])[0], near
-        elif placed.step.parent >= 0 and not _moves(placed) and placed.type != BOULDER:
-            yield _ends(geometry[placed.step.parent])[1], near
+        parent, rigid = placed.step.parents[:1], placed.two_ended or not _moves(placed)
+        if parent and rigid and placed.type != BOULDER:
+            yield (parent[0], 0), (placed.id, 0)
 
 
 def _bridges(geometry: Geometry) -> Iterator[tuple[Bond, int]]:
-    """What else holds pieces together, and the block that does."""
+    """What else holds pieces together, and the block that does; last in a bond."""
     for placed in geometry.blocks:
         if placed.two_ended:
-            near, far = _ends(placed)
-            yield (far, _ends(geometry[placed.step.parents[1]])[0]), placed.id
+            yield ((placed.step.parents[1], 0), (placed.id, 1)), placed.id
             if placed.type == BRACE:
-                yield (near, far), placed.id
+                yield ((placed.id, 0), (placed.id, 1)), placed.id
     for link in geometry.auto_connections:
-        bond = (_ends(geometry[link.partner])[1], _ends(geometry[link.block])[1])
-        yield bond, link.block
+        yield ((link.partner, 0), (link.block, 0)), link.block
 
 
-def _warning(geometry: Geometry, block: int, holder: int, pieces: tuple[int, int]) -> Problem:
+def _warning(geometry: Geometry, block: int, holder: int, partner: int) -> Problem:
     def name(which: int) -> str:
         return named(which, geometry[which].type)
 
     if geometry[holder].two_ended:
         reason = f"{name(holder)} bridges it"
     else:
-        partner = pieces[0] if pieces[1] == holder else pieces[1]
         reason = f"the front of {name(holder)} connects to {name(partner)} as well"
     text = f"the moving joint of {name(block)} cannot move: {reason}"
     return Problem("locked", tuple(sorted({block, holder})), text)

@@ -50,6 +50,8 @@ def test_a_train_turns_by_turns() -> None:
 def test_a_loop_that_wants_both_ways_is_locked() -> None:
     ring = (Meshing(1, 2, 1.0), Meshing(2, 3, 1.0), Meshing(1, 3, 1.0))
     assert trains((1, 2, 3), ring) == (Train({1: 0.0, 2: 0.0, 3: 0.0}, locked=True),)
+    uneven = (Meshing(1, 2, 1.0), Meshing(2, 3, 1.0), Meshing(3, 4, 1.0), Meshing(1, 4, 1.1))
+    assert trains((1, 2, 3, 4), uneven) == (Train(dict.fromkeys((1, 2, 3, 4), 0.0), locked=True),)
     square = (Meshing(1, 2, 1.0), Meshing(2, 3, 1.0), Meshing(3, 4, 1.0), Meshing(1, 4, 1.0))
     assert trains((1, 2, 3, 4), square) == (
         Train({1: 1.0, 2: -1.0, 3: 1.0, 4: -1.0}, locked=False),

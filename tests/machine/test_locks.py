@@ -30,6 +30,29 @@ def test_a_brace_across_a_hinge_locks_it() -> None:
     )
 
 
+def test_what_closes_a_frame_beside_a_hinge_locks_it() -> None:
+    frame = machine(
+        (0, -1, -1),
+        (15, 0, 2),
+        (15, 1, 0),
+        (5, 0, 4),
+        (15, 2, 3),
+        (15, 3, 0),
+        (15, 4, 0),
+        (15, 5, 1),
+    )
+    (warning,) = check(frame).warnings
+    assert warning.blocks == (3, 7)
+    assert warning.message == (
+        "the moving joint of block 3 (Hinge) cannot move: the front of block 7 (Small Wooden "
+        "Block) connects to block 6 (Small Wooden Block) as well"
+    )
+
+
+def test_a_decoupler_is_no_joint_that_could_move() -> None:
+    assert locked_joints(place(machine((0, -1, -1), (4, 0, 0), (63, 1, 0), (7, 0, 4, 1, 2)))) == []
+
+
 def test_without_a_brace_or_with_a_spring_in_its_place_it_moves() -> None:
     assert check(machine(*HINGED)).warnings == ()
     assert check(machine(*HINGED, (9, 0, 4, 2, 9))).warnings == ()

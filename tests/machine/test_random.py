@@ -38,6 +38,11 @@ def test_one_seed_gives_one_machine() -> None:
     assert random_machine(Random(5)) == random_machine(Random(5)) != random_machine(Random(6))
 
 
+def test_sizes_are_drawn_from_the_whole_range() -> None:
+    rng = Random(8)
+    assert {len(random_machine(rng, None, (2, 4))) for _ in range(20)} == {2, 3, 4}
+
+
 @pytest.mark.parametrize(
     ("task", "size"),
     [

@@ -37,6 +37,11 @@ def test_driving_backwards_scores_nothing() -> None:
     assert drive(0.0, -4.0, -2.0)[0] == 0.0
 
 
+def test_the_greatest_distance_is_told_with_the_time_at_which_it_was_reached_first() -> None:
+    assert drive(0.0, 0.0, 0.0)[1]["time"] == 0.0
+    assert drive(0.0, 3.0, 3.0)[1]["time"] == 1.0
+
+
 def test_the_road_has_walls_on_three_sides() -> None:
     things = {thing.name: thing for thing in get_task("movement").scene().things}
     assert set(things) == {"wall left", "wall right", "wall back"}
@@ -55,6 +60,7 @@ def test_the_feedback_tells_distance_speeds_and_path() -> None:
     referee.watch(world)
     velocity = np.zeros((26, 2, 3))
     velocity[:, :, 2] = 5.0
+    velocity[5, :, 2] = 11.0  # at 1 s, which ends one second and begins the next
     spin = np.zeros((26, 2, 3))
     spin[6:, 1, 0] = 10.0
     trace = make_trace(
@@ -69,14 +75,14 @@ def test_the_feedback_tells_distance_speeds_and_path() -> None:
     feedback = task.feedback(CAR, trace, broken, referee.verdict(trace))
     assert feedback.text.splitlines()[:-1] == [
         "Score: 25.00 m",
-        "Root: greatest distance 25.00 m along z+ at 5.00 s, greatest speed 5.00 m/s, "
+        "Root: greatest distance 25.00 m along z+ at 5.00 s, greatest speed 11.00 m/s, "
         "ends at x = 0.00 m",
-        "Mean speed in each second (m/s): 5.00, 5.00, 5.00, 5.00, 5.00",
+        "Mean speed in each second (m/s): 6.00, 6.00, 5.00, 5.00, 5.00",
         "Broken: block 1 (Powered Wheel) off block 0 at 4.32 s, load 1.04",
         "Orientation of block 0: faces z+ 0.0-5.0 s",
         "Most loaded connections (load 1 breaks): 1-0 0.25 at 0.0 s (26 of 26)",
     ]
-    assert feedback.data["mean_speed_per_second"] == pytest.approx([5.0] * 5)
+    assert feedback.data["mean_speed_per_second"] == pytest.approx([6.0, 6.0, 5.0, 5.0, 5.0])
     assert feedback.data["broken"] == [
         {"block": 1, "type": 2, "partner": 0, "time": 4.321, "load": 1.04}
     ]
