@@ -67,6 +67,7 @@ async def test_a_spent_budget_ends_it_with_the_best_so_far() -> None:
     found = await run(words, SearchSettings(rounds=5, width=4))
     assert [n.candidate for n in found.nodes] == ["r", "b", "a", "b"]
     assert (found.result, found.stopped, found.tally.rollouts) == (1, True, 2)
+    assert words.waves == [("r", 4, 0)]
 
 
 async def test_completion_order_changes_nothing() -> None:

@@ -1,0 +1,50 @@
+"""What all strategies owe to the tree that they share: its order, its books, its end."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.search.node import Evaluation
+from agentflow.search.registry import STRATEGIES, strategy
+from agentflow.search.settings import SearchSettings
+from agentflow.search.tree import better
+from tests.search.domain import Words
+
+ROOT = Evaluation(valid=True, score=1.0)
+FAILED, INVALID = Evaluation(valid=True, score=None), Evaluation(valid=False, score=0.0)
+
+
+@pytest.mark.parametrize(
+    ("new", "old", "expected"),
+    [
+        (Evaluation(True, 2.0), ROOT, True),
+        (Evaluation(True, 1.0), ROOT, False),
+        (Evaluation(True, -1.0), FAILED, True),
+        (Evaluation(True, -1.0), INVALID, True),
+        (Evaluation(False, 2.0), ROOT, False),
+        (FAILED, INVALID, False),
+    ],
+)
+def test_better_is_valid_scored_and_above(new: Evaluation, old: Evaluation, expected: bool) -> None:
+    assert better(new, old) is expected
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+async def test_a_root_that_is_fallen_back_to_is_not_tried_again(name: str) -> None:
+    words = Words({f"round-1/node-0/try-{i}": None for i in (1, 2)}, {})
+    numbers = SearchSettings(rounds=1, width=1, waves=2)
+    found = await strategy(name)("r", ROOT, words.expand, words.evaluate, numbers)
+    assert [(node.candidate, node.evaluation) for node in found.nodes] == [("r", ROOT)] * 2
+    assert (words.rollouts, found.tally.rollouts) == ([], 0)
+
+
+@pytest.mark.parametrize("name", STRATEGIES)
+async def test_a_budget_spent_before_the_first_answer_ends_it_without_an_expansion(
+    name: str,
+) -> None:
+    words = Words({}, {}, budget=0)
+    numbers = SearchSettings(rounds=3, width=2, waves=3)
+    found = await strategy(name)("r", ROOT, words.expand, words.evaluate, numbers)
+    assert len(words.waves) == 1
+    assert (len(found.nodes), found.result, found.stopped) == (1, 0, True)
+    assert (found.tally.expansions, found.tally.attempts) == (0, 0)
