@@ -49,7 +49,7 @@ def foreign(
             stderr=subprocess.STDOUT,
         )
     try:
-        wait_for(f"http://127.0.0.1:{port}{health}", process, seconds=120)
+        wait_for(f"http://127.0.0.1:{port}{health}", process, seconds=240)
         yield f"http://127.0.0.1:{port}/v1"
     finally:
         process.terminate()
