@@ -90,6 +90,7 @@ def _refuse(error: BaseException) -> int:
     if message.startswith("Usage:"):  # a group without a command is answered with its help
         print(message, file=sys.stderr)
         return USAGE
+    message = message.replace("Value error, ", "")  # of pydantic, by which some typers read values
     return _say(f"{message.rstrip('.?')}. Try '{command} --help'.", USAGE)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -36,7 +37,7 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     console.print(f"run: {result['run']}")
     for name, path in pictures.items():
         console.print(f"{name}: {path}")
-    console.print(f"every step of it in 3D: agentflow report {result['run']}")
+    console.print(f"every step of it in 3D: agentflow report {shlex.quote(result['run'])}")
     if ending := ending_of(result):
         console.print(ending)
 

@@ -5,6 +5,7 @@ Machines and films are added by whoever can simulate; the page itself is page.py
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -94,7 +95,9 @@ class RunStory:
         config = self.document.get("config", {})
         counted = Counter(event.kind for event in self.events)
         machines = len({e.data["machine"] for e in self.events if e.kind == "evaluation"})
-        model = (self.result or {}).get("model") or config.get("model", {}).get("name", "")
+        begun = (event.data.get("model") for event in self.events if event.kind == "run")
+        known = ((self.result or {}).get("model"), *begun, config.get("model", {}).get("name"))
+        model = next(filter(None, known), "")
         return {
             "task": config.get("task", ""),
             "workflow": config.get("workflow", ""),
@@ -129,7 +132,7 @@ class RunStory:
         command = "design --resume" if self.result is None else "replay"
         facts = {
             "Run": str(self.path.name),
-            again: f"agentflow {command} {place}",
+            again: f"agentflow {command} {shlex.quote(place)}",
             "Knobs": ", ".join(f"{k} = {v}" for k, v in config.get("knobs", {}).items()) or "none",
             "Prompt set": f"{config.get('prompts', '')} {said.get('prompts', '')}",
             "Physical constants": str(said.get("constants", "")),

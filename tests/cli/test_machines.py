@@ -255,7 +255,7 @@ WRONG = [
     (["render", ".", "--task", "movement"], ". is no run: it has no readable run.yaml"),
     (["convert", "none.json", "x.json"], "cannot read none.json: No such file or directory"),
     (["check", "bomb.bsg"], "bomb.bsg holds no machine: the XML declares a document type; such "),
-    (["check", "car.json", "--format", "xml"], "Invalid value for '--format': "),
+    (["check", "car.json", "--format", "xml"], "Invalid value for '--format': 'xml' is "),
     (["edit", "-"], "machine and script cannot both come from standard input; give --script"),
     (["edit", "bad.json", "--script", "bad.json"], "bad.json cannot be edited: block 0 has no 't"),
     (["edit", "car.json", "--script", "none"], "cannot read none: No such file or directory"),

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.cli.show import ending_of
+from agentflow.cli.show import ending_of, show_result
 
 
 def _stage(name: str, valid: int, attempts: int = 0, children: int = 0) -> dict[str, Any]:
@@ -46,3 +46,13 @@ def _result(**changes: Any) -> dict[str, Any]:
 )
 def test_ending(changes: dict[str, Any], expected: str) -> None:
     assert ending_of(_result(**changes)) == expected
+
+
+def test_the_next_command_holds_where_a_folder_has_spaces(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    told = {"score": None, "model": "m", "calls": 1, "tokens": 0, "rollouts": 0, "seconds": 1.0}
+    changes = {"valid": False, "reason": "none", "stages": [], "run": "my runs/one"}
+    show_result(_result(**told, **changes), {})
+    line = "every step of it in 3D: agentflow report 'my runs/one'"
+    assert line in capsys.readouterr().out.splitlines()

@@ -271,3 +271,16 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     assert "failed" in cells  # its reason is in sight
     assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []
+
+
+def test_where_nothing_scored_the_axis_has_plain_numbers(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    spreads = {("throwing", "none"): Scores((0.0, 0.0), 0)}
+    table = Table("", ("task", "variant"), (Column("", "a"),), (Row(("throwing", "none"), (0.0,)),))
+    file = tmp_path / "sweep.html"
+    file.write_text(whole_page("sweep", sweep_data("zero", "about", spreads, [table], [])), "utf-8")
+    browser.get(file.as_uri())
+    until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".chart .tick"))
+    ticks = browser.find_elements(By.CSS_SELECTOR, ".chart .tick.middle")
+    assert [tick.text for tick in ticks] == ["0", "0.2", "0.4", "0.6", "0.8", "1"]

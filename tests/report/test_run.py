@@ -6,6 +6,7 @@ import base64
 import json
 import zlib
 from pathlib import Path
+from shutil import copytree
 
 import pytest
 
@@ -94,6 +95,16 @@ def test_an_unfinished_run_shows_its_best_so_far(tmp_path: Path) -> None:
     assert data["usage"][-1]["cost"] == 1.5
     said = json.loads(zlib.decompress(base64.b64decode(data["calls"])))
     assert said["calls"][0]["reply"] == NASTY
+
+
+def test_an_unfinished_run_names_its_model_as_a_finished_one(tmp_path: Path) -> None:
+    """Who answers stands in the record from the start, rules and chance as no language model."""
+    run = tmp_path / "my runs" / "one"
+    copytree(RECORDED, run)
+    (run / "result.json").unlink()
+    data = RunStory.read(run, None, None).to_json(lambda _model, _usage: 0.0, priced=True)
+    assert data["run"]["about"].startswith("procedural (no language model): 19 calls")
+    assert data["facts"][1] == ("Continue it", "agentflow design --resume 'my runs/one'")
 
 
 def test_a_run_without_a_machine_says_why(tmp_path: Path) -> None:

@@ -70,15 +70,12 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
     config = build(document.get("config"))
     result = finished(path) if (path / "result.json").exists() else None
     story = RunStory.read(path, result, best_of(result))
+    priced = bool(config.model.prices) or config.model.name == PROCEDURAL
+    data = story.to_json(cost_by(config.model), priced)
+    data["failures"] = count_failures(path)["kinds"]  # now: a run under way goes on meanwhile
     shapes = Shapes()
     machines = asyncio.run(exhibits(_chosen(path, story, config, films), shapes, workers, say))
-    priced = bool(config.model.prices) or config.model.name == PROCEDURAL
-    data = story.to_json(cost_by(config.model), priced) | {
-        "machines": machines,
-        "shapes": shapes.rows,
-        "task": asked(config),
-        "failures": count_failures(path)["kinds"],
-    }
+    data |= {"machines": machines, "shapes": shapes.rows, "task": asked(config)}
     write(out, page(f"{config.task} · agentflow", data))
     return out
 

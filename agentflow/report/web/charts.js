@@ -12,7 +12,7 @@ const UPPER = 24;
 export function climb(title, across, points) {
   return drawn(title, (width) => {
     const xs = scale([0, Math.max(...points.map(([x]) => x), 1)], [LEFT, width - RIGHT]);
-    const ys = scale([Math.min(0, ...points.map(([, y]) => y)), Math.max(...points.map(([, y]) => y), 1e-9)], [HEIGHT - BOTTOM, UPPER]);
+    const ys = scale([Math.min(0, ...points.map(([, y]) => y)), Math.max(...points.map(([, y]) => y), 0)], [HEIGHT - BOTTOM, UPPER]);
     let best = -Infinity;
     let way = "";
     for (const [x, y] of points) {
@@ -72,7 +72,7 @@ export function intervals(title, unit, rows) {
 
 /** From 0 to the greatest value; where all lie close together far from 0, as far as they reach. */
 function reach(values) {
-  const [low, high] = [Math.min(0, ...values), Math.max(...values, 1e-9)];
+  const [low, high] = [Math.min(0, ...values), Math.max(...values, 0)];
   const least = Math.min(...values);
   return least > NEAR * high ? [least - (high - least) / 10, high] : [low, high];
 }

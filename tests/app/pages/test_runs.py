@@ -60,6 +60,20 @@ def test_machines_without_a_film_are_shown_as_built(tmp_path: Path) -> None:
     }
 
 
+def test_a_run_under_way_is_counted_at_one_moment(tmp_path: Path) -> None:
+    """Films take a while, and the run goes on meanwhile: its numbers are all of the beginning."""
+    run = hostile_run(tmp_path)
+    before = (run / "calls.jsonl").read_bytes()
+
+    def goes_on(_done: int, _of: int) -> None:
+        with (run / "calls.jsonl").open("wb") as file:
+            file.write(before + before)
+
+    usage = data_of(report(run, tmp_path / "r.html", films=1, workers=1, say=goes_on))["usage"]
+    assert (run / "calls.jsonl").stat().st_size == 2 * len(before)
+    assert usage[-1]["calls"] == 3
+
+
 def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
