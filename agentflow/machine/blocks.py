@@ -17,9 +17,13 @@ from agentflow.machine.blocktype import DIRECTIONS, Blade, BlockType, Face, Vec3
 from agentflow.machine.plates import plate_type
 
 STARTING_BLOCK = 0
+DECOUPLER = 4
+BRACE = 7
+SUSPENSION = 16
 GRABBER = 27
 CONTAINER = 30
 BOULDER = 36
+POWERED_COG = 39
 
 
 class Library(Mapping[int, BlockType]):

@@ -7,13 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from agentflow.machine.blocks import BOULDER, GRABBER, library
+from agentflow.machine.blocks import BOULDER, BRACE, DECOUPLER, GRABBER, SUSPENSION, library
 from agentflow.machine.geometry import Geometry, Placed
 from agentflow.machine.problems import Problem, named
-
-BRACE = 7
-DECOUPLER = 4
-SUSPENSION = 16
 
 Piece = tuple[int, int]
 """Block and which end of it: 0 is what its parent holds, 1 the second end of a two-ended block."""

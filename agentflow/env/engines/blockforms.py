@@ -13,7 +13,7 @@ from agentflow.env.constants import Constants
 from agentflow.env.engines.base import Color, Drive, JointKind, Part, Shape
 from agentflow.env.engines.vectors import add, length, scale, subtract, upright_to
 from agentflow.env.scene import Vec3
-from agentflow.machine.blocks import CONTAINER, GRABBER
+from agentflow.machine.blocks import BRACE, CONTAINER, DECOUPLER, GRABBER, SUSPENSION
 from agentflow.machine.blocktype import BlockType
 from agentflow.machine.geometry import Placed
 from agentflow.machine.plates import HOLE, Plate, plate_of
@@ -23,11 +23,8 @@ ROUND = frozenset({2, 38, 39, 40, 46, 51, 60})
 TURNING = frozenset({13, 19, 22})
 """Joints that turn about their Front axis: round too, so that they clear their neighbours."""
 BALLS = frozenset({36, 44})
-DECOUPLER = 4
-SUSPENSION = 16
 HINGE = 5
 STEERING_HINGE = 28
-BRACE = 7
 WALL = 0.2
 """Thickness of a container's floor and walls, m."""
 HINGE_PLATE = 0.3
