@@ -40,5 +40,5 @@ def columns(*names: str) -> Cells:
     """An empty table."""
     table = Cells(box=None, pad_edge=False, header_style="bold")
     for name in names:
-        table.add_column(name)
+        table.add_column(name, overflow="fold")  # a number that is cut reads as another one
     return table

@@ -32,3 +32,15 @@ def test_the_script_of_a_model_cannot_move_the_cursor(capsys: pytest.CaptureFixt
     assert capsys.readouterr().out == (
         f"refused: {SHOWN}\nnext\n  unreadable: no command\nfailure\n"
     )
+
+
+def test_in_a_narrow_terminal_no_digit_is_lost(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "6")
+    table = columns("best", "of")
+    table.add_row("11.13", "40")
+    output().print(table)
+    lines = capsys.readouterr().out
+    assert "…" not in lines
+    assert sorted(lines.replace("\n", "").replace(" ", "")) == sorted("bestof11.1340")
