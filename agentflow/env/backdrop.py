@@ -51,9 +51,8 @@ def backdrop(camera: Camera, solids: Sequence[Thing], spacing: float) -> Image.I
 
 
 def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float) -> None:
-    font = ImageFont.load_default(size=max(10, camera.height // 32))
     width = max(1, camera.height // 300)
-    zs = spacing * np.arange(-LINES, LINES + 1)
+    zs: Array = spacing * np.arange(-LINES, LINES + 1, dtype=np.float64)
     xs = np.linspace(-SIDE_REACH, SIDE_REACH, PIECES)
     points = np.stack([np.tile(xs, len(zs)), np.zeros(len(zs) * PIECES), np.repeat(zs, PIECES)], 1)
     for line in project(points, camera).reshape(len(zs), PIECES, 2):
@@ -61,10 +60,28 @@ def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float) -> None:
         if len(seen) > 1:
             pen.line(seen.ravel().tolist(), fill=LINE, width=width)
     if spacing > 1.0:
-        labels = np.stack([np.full(len(zs), LABEL_X), np.zeros(len(zs)), zs], axis=1)
-        places = project(labels, camera)
-        for z, place in zip(zs[_near(places, camera)], places[_near(places, camera)], strict=True):
-            pen.text(place.tolist(), f"{z:g} m", fill=INK, font=font, anchor="lb")
+        _distances(pen, camera, zs)
+
+
+def _distances(pen: ImageDraw.ImageDraw, camera: Camera, zs: Array) -> None:
+    """Say how far each line is, the rounder numbers first, wherever there is room."""
+    font = ImageFont.load_default(size=max(10, camera.height // 32))
+    places = project(np.stack([np.full(len(zs), LABEL_X), np.zeros(len(zs)), zs], axis=1), camera)
+    near = _near(places, camera)
+    taken: list[tuple[float, float, float, float]] = []
+    for z, place in sorted(
+        zip(zs[near].tolist(), places[near].tolist(), strict=True),
+        key=lambda item: (item[0] % 50 != 0, item[0] % 10 != 0, item[0]),
+    ):
+        words = f"{z:g} m"
+        left, top, right, bottom = pen.textbbox(place, words, font=font, anchor="lb")
+        gap = (bottom - top) / 2
+        if all(
+            right + gap < other[0] or other[2] + gap < left or bottom < other[1] or other[3] < top
+            for other in taken
+        ):
+            taken.append((left, top, right, bottom))
+            pen.text(place, words, fill=INK, font=font, anchor="lb")
 
 
 def _near(places: Array, camera: Camera) -> NDArray[np.bool_]:
