@@ -86,7 +86,13 @@ def design(
         if resume is not None:
             result = go_on(resume, say, listener)
         else:
-            result = start(configured(config, settings or (), options), out, say, listener)
+            built = configured(config, settings or (), options)
+            if rollouts is not None and built.workflow != "random-dsl":
+                raise UsageError(
+                    "--rollouts is for --workflow random-dsl; others take --set search.rounds=N "
+                    "and --set trajectories=N"
+                )
+            result = start(built, out, say, listener)
         drawn = result["valid"] and not finished
         if drawn and listener is not None:
             listener(Event(DRAWING, "best", {}))

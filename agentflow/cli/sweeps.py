@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -166,11 +167,11 @@ def _as_data(outcome: Outcome) -> dict[str, Any]:
 
 
 def _in_words(outcome: Outcome) -> str:
-    runs = len(outcome.done) + len(outcome.failed)
+    runs, folder = len(outcome.done) + len(outcome.failed), quote(str(outcome.path))
     lines = [f"{len(outcome.done)} of {runs} runs are done: {outcome.path}"]
     lines += [f"failed: {name}: {reason}" for name, reason in outcome.failed.items()]
     if outcome.failed:
-        lines.append(f"try these again with: agentflow sweep {outcome.path} --resume")
+        lines.append(f"try these again with: agentflow sweep {folder} --resume")
     if outcome.done:
-        lines.append(f"compare them with: agentflow table {outcome.path}")
+        lines.append(f"compare them with: agentflow table {folder}")
     return "\n".join(lines)

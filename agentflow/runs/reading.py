@@ -9,6 +9,7 @@ import fcntl
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from shlex import quote
 from typing import Any, Literal
 
 from agentflow.errors import RunError
@@ -90,7 +91,7 @@ def read_result(path: Path) -> dict[str, Any]:
     except FileNotFoundError:
         raise RunError(
             f"{path} has no {RESULT}: the run is unfinished; continue it with "
-            f"agentflow design --resume {path}"
+            f"agentflow design --resume {quote(str(path))}"
         ) from None
     except OSError as error:
         raise RunError(f"cannot read {path / RESULT}: {error.strerror}") from None

@@ -192,6 +192,7 @@ WRONG = [
         2,
         "model.sampling.temperature: expected a finite number, not nan",
     ),
+    (["design", "--rollouts", "3"], 2, "--rollouts is for --workflow random-dsl; others take"),
     (["design", "--workers", "100000"], 2, "workers: must be at most 256, not 100000"),
     (["design", "--resume", "x", "--seed", "1"], 2, "--resume continues a run as it was begun"),
     (["check", "words", "--set", "window=5"], 2, "--set changes a task; name it with --task"),

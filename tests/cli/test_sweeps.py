@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A sweep of which one run works and one cannot reach its endpoint; begun with exit 3."""
-    folder = tmp_path_factory.mktemp("cli")
+    folder = tmp_path_factory.mktemp("my sweeps")
     axes = {"condition": {"lives": {}, "dead": DEAD}}
     (folder / "mixed.yaml").write_text(yaml.safe_dump({**TINY, "seeds": [0], "axes": axes}))
     assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--quiet"]) == 3
@@ -38,8 +38,8 @@ def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
     assert lines[0] == f"1 of 2 runs are done: {path}"
     assert lines[1].startswith("failed: dead.seed-0: no answer from http://127.0.0.1:9/v1")
     assert lines[2:] == [
-        f"try these again with: agentflow sweep {path} --resume",
-        f"compare them with: agentflow table {path}",
+        f"try these again with: agentflow sweep '{path}' --resume",
+        f"compare them with: agentflow table '{path}'",
     ]
     assert told.splitlines()[0] == "dead.seed-0: begun"
     assert told.splitlines()[-1].startswith("agentflow: dead.seed-0: failed: no answer from")

@@ -17,7 +17,7 @@ from agentflow.env.film import hero_of, interval_of
 from agentflow.env.scene import IDENTITY, Scene, Thing
 from agentflow.env.trace import Broken, Event, Rollout, Trace
 from agentflow.env.trials import SHOWN_TRIAL
-from agentflow.machine.blocks import library
+from agentflow.machine.blocks import POWERED_COG, library
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine
 from agentflow.report.film import Motion, packed
@@ -27,7 +27,6 @@ GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
     ("target", (0.13, 0.50, 0.66, 1.0)),
 )
 """What given blocks are called and how they are coloured: those with a motor, and the others."""
-POWERED_COG = 39
 STALLED = "motor_stalled"
 THINNED = 3
 """One of so many samples is kept of the trials that are not shown first."""

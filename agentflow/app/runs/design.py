@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from agentflow.app.runs.conduct import Plan, answer, asked, changed, conduct
@@ -171,7 +172,7 @@ class _Work:
 
     @property
     def how_to_go_on(self) -> str:
-        return f"continue with: agentflow design --resume {self.run.path}"
+        return f"continue with: agentflow design --resume {quote(str(self.run.path))}"
 
     def _goes_on(self, tape: Tape) -> bool:
         """Whether there is a run to go on with: an answer, or whatever an earlier process left."""

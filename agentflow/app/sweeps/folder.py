@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime, timezone
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import yaml
@@ -120,7 +121,7 @@ def _same(path: Path, document: Mapping[str, Any], resume: bool) -> None:
     if different:
         raise RunError(
             f"{path} was begun with another {different}: continue it as it was begun with "
-            f"agentflow sweep {path} --resume, or choose another folder with --out"
+            f"agentflow sweep {quote(str(path))} --resume, or choose another folder with --out"
         )
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from shlex import quote
 from typing import Any, Protocol
 
 from agentflow.app.runs.conduct import changed
@@ -93,7 +94,7 @@ def run_sweep(
         except KeyboardInterrupt:
             raise InterruptedRunError(
                 f"interrupted; {len(work.done)} of {len(plan.members)} runs are done; continue "
-                f"with: agentflow sweep {folder} --resume"
+                f"with: agentflow sweep {quote(str(folder))} --resume"
             ) from None
     order = [member.name for member in plan.members]
     return Outcome(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
 from agentflow.app.runs.results import finished
 from agentflow.app.sweeps.folder import RUNS, failures, read_folder
@@ -93,7 +94,8 @@ def read_swept(path: Path) -> Swept:
             done.append(Finished(member, run, finished(run)["model"], numbers))
     if not done:
         raise RunError(
-            f"no run of {path} is done; carry it out with agentflow sweep {path} --resume"
+            f"no run of {path} is done; carry it out with agentflow sweep {quote(str(path))} "
+            "--resume"
         )
     return Swept(path, sweep, tuple(done), every, failures(path))
 

@@ -7,6 +7,8 @@ import { Player } from "./player.js";
 import { asked, call, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
 
+const PLURAL = { reply: "replies", machine: "machines" };
+
 export function runPage(data) {
   const player = new Player(data.shapes);
   const calls = once(() => recorded(data.calls));
@@ -108,7 +110,7 @@ function failures({ validity, reasons, failures: kinds }) {
       : el("p", { class: "quiet" }, "No reply was refused."),
     el("h3", {}, "What went wrong, by rule"),
     counted.length ? bars("What went wrong", counted.map(({ name, count, unit, level, rule }) =>
-      [name, count, `${level}, of ${unit}: ${rule}`])) : el("p", { class: "quiet" }, "Nothing that the rules count."));
+      [name, count, `${level}, of ${PLURAL[unit]}: ${rule}`])) : el("p", { class: "quiet" }, "Nothing that the rules count."));
 }
 
 function usage({ usage: rows, run }) {

@@ -17,8 +17,10 @@ export function sweepPage(data) {
 /** Each task has a chart of its own, because its scores have their own unit. */
 function spreads(rows) {
   const tasks = [...new Set(rows.map((row) => row.task))];
+  const known = rows.some((row) => Number.isFinite(row.low));
+  const about = `Each dot is a machine, invalid ones at 0. Below them the mean of all${known ? ", with its 95 % bootstrap interval" : ""}.`;
   return section("How scores are spread",
-    el("p", { class: "quiet" }, "Each dot is a machine, invalid ones at 0. Below them the mean of all, with its 95 % bootstrap interval."),
+    el("p", { class: "quiet" }, about),
     ...tasks.map((task) => intervals(task, "score", rows.filter((row) => row.task === task))));
 }
 
