@@ -52,6 +52,10 @@ def test_force_and_torque_are_judged_apart() -> None:
     assert loads.update(pull(10.0, torque=51.0)) == {0: pytest.approx(1.02)}
 
 
+def test_a_joint_gives_way_at_just_its_strength() -> None:
+    assert Loads(joints(1), SHORT, STEP).update(pull(100.0)) == {0: 1.0}
+
+
 def test_of_joints_in_a_row_the_furthest_gives_way_and_relieves_the_others() -> None:
     loads = Loads(joints(3), 0.02, STEP)
     loads.update(pull(10.0, 10.0, 10.0))

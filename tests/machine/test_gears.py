@@ -56,3 +56,10 @@ def test_a_loop_that_wants_both_ways_is_locked() -> None:
     assert trains((1, 2, 3, 4), square) == (
         Train({1: 1.0, 2: -1.0, 3: 1.0, 4: -1.0}, locked=False),
     )
+
+
+def test_a_loop_that_agrees_but_for_rounding_turns() -> None:
+    ring = (Meshing(1, 2, 1.1), Meshing(2, 3, 1.1), Meshing(3, 4, 1.1), Meshing(1, 4, 1.1**3))
+    (train,) = trains((1, 2, 3, 4), ring)
+    assert not train.locked
+    assert train.speeds == pytest.approx({1: 1.0, 2: -1 / 1.1, 3: 1 / 1.21, 4: -1 / 1.331})

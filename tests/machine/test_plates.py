@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -105,3 +107,14 @@ def test_overlaps_on_a_plate_are_told_in_few_words() -> None:
     (problem,) = check(Machine(twins), BRIEF).problems
     assert problem.message.startswith("block 2 (Medium Cog) and block 1 (Powered Cog) overlap by")
     assert problem.message.endswith("and 263 more")
+
+
+@pytest.mark.parametrize(("free", "end"), [(24, "all"), (25, "all and 1 more")])
+def test_up_to_twenty_four_free_faces_are_all_told(free: int, end: str) -> None:
+    tiny = Plate(5, 1)
+    brief = replace(BRIEF, given=Machine((Step(0, tiny.type, -1, -1),)))
+    faces = [face for face in range(tiny.row**2) if face not in tiny.closed]
+    cogs = (Step(i, 38, 0, face) for i, face in enumerate(faces[free:], start=1))
+    problem = check(Machine((*brief.given, *cogs)), brief).problems[0]
+    told = problem.message.partition("faces still free on block 0: ")[2]
+    assert told.replace(", ".join(map(str, faces[:24])), "all") == end

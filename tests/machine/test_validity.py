@@ -157,3 +157,12 @@ def test_very_many_overlaps_are_counted_and_not_all_told() -> None:
     assert [problem.message for problem in heap.problems][-1] == (
         "235 more pairs of blocks overlap"
     )
+
+
+@pytest.mark.parametrize(("more", "left"), [(0, 0), (2, 1)])
+def test_two_hundred_overlaps_are_all_told(more: int, left: int) -> None:
+    """Twenty blocks on one face, five on another, `more` on a third: 190 pairs, 10, `left`."""
+    heap = check(build(*[(15, 0, 0)] * 20, *[(15, 0, 1)] * 5, *[(15, 0, 2)] * more))
+    told = [len(problem.blocks) for problem in heap.problems if problem.code == "overlap"]
+    assert len(heap.overlaps) == 200 + left
+    assert told == [2] * 200 + [0] * left

@@ -9,7 +9,6 @@ from math import sqrt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binomtest
 
 from agentflow.metrics.intervals import Interval, bootstrap_mean, lacking, wilson
 
@@ -19,6 +18,8 @@ Z = 1.959963984540054
 
 @given(st.integers(1, 300).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
 def test_wilson_is_scipys(counts: tuple[int, int]) -> None:
+    from scipy.stats import binomtest  # a second, which only the worker of these tests should pay
+
     found = binomtest(*counts).proportion_ci(method="wilson")
     assert wilson(*counts) == pytest.approx((found.low, found.high), abs=1e-12)
 

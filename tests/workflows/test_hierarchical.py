@@ -190,13 +190,14 @@ async def test_switches(switch: str, value: object, gone: str) -> None:
     assert ("meta_designer" in roles) == (switch != "meta_designer")
 
 
-async def test_vision_shows_refiners_the_machine_they_refine() -> None:
-    run = Run(Author(refused=0.0), {**SMALL, "vision": True})
+@pytest.mark.parametrize("vision", [True, False])
+async def test_vision_shows_refiners_the_machine_they_refine(vision: bool) -> None:
+    run = Run(Author(refused=0.0), {**SMALL, "vision": vision})
     await run()
     for request in run.client.requests:
         images = request.messages[1].images
         assert ("## Views" in request.messages[1].text) == bool(images)
-        assert bool(images) == (request.role == "refiner")
+        assert bool(images) == (vision and request.role == "refiner")
         if images:
             shown = machine_in(request.messages[1].text).digest
             assert images == (f"data:image/png;base64,{shown}",)
@@ -279,6 +280,7 @@ async def test_candidates_fill_empty_places() -> None:
         machine((1, 0, 1), (2, 0, 2)),
         machine((1, 0, 0), (2, 0, 2)),
     ]
+    assert [c.first.valid for c in result.stages[0].candidates] == [False, True]
     assert [stage.name for stage in result.stages] == ["initial", "blind_refinement"]
     assert result.stages[1].survivors == ()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -74,6 +74,23 @@ async def test_selection_is_by_score_alone() -> None:
         if data["kept"]:
             best[place], kept = data["machine"], kept + 1
     assert kept > 5
+
+
+async def test_a_climb_begins_at_the_better_of_two_machines_the_first_among_equals() -> None:
+    scores = iter([1.0, 2.0, 3.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0])
+    _, notes = await run({"trajectories": 3, "rollouts": 9}, Shelf(lambda _: next(scores)))
+    tried, edits = notes.of("evaluation"), notes.of("edit")
+    for number, stage in enumerate(("blind_refinement", "initial", "initial"), start=1):
+        start = edits[f"env_feedback/traj-{number}/round-1"]["parent"]
+        assert start == tried[f"{stage}/traj-{number}"]["machine"]
+
+
+@pytest.mark.parametrize("score", [length, lambda _: 1.0], ids=["longer", "equal"])
+async def test_a_climb_tries_no_machine_twice(score: Callable[[Machine], float]) -> None:
+    _, notes = await run({"trajectories": 1, "rollouts": 30}, Shelf(score), seed=8)
+    edits = list(notes.of("edit").values())
+    tried = [edits[0]["parent"], *(edit["machine"] for edit in edits)]
+    assert len(set(tried)) == len(tried) > 25
 
 
 async def test_a_result_is_never_worse_than_what_was_seen() -> None:

@@ -104,6 +104,21 @@ async def test_no_rounds_leave_the_loop_out() -> None:
         assert len((await run(name)).stages) == stages
 
 
+async def test_a_stage_counts_no_rollouts_of_earlier_ones() -> None:
+    """The second trajectory is refined to the machine that the first one began with."""
+    replies = {
+        "designer/traj-1/attempt-1": fenced(steps((2, 0, 2), (1, 0, 0))),
+        "designer/traj-2/attempt-1": fenced(steps((2, 0, 2))),
+        "refiner/blind/traj-1/attempt-1": edit("Add 1 to 0 in 1"),
+        "refiner/blind/traj-2/attempt-1": edit("Add 1 to 0 in 0"),
+    }
+    settings = {"trajectories": 2, "inspector": False, "search": {"rounds": 0}}
+    run = Run(Script(replies), settings)
+    result = await run("iterative")
+    assert [stage.rollouts for stage in result.stages] == [2, 1]
+    assert [len(stage.survivors) for stage in result.stages] == [2, 2]
+
+
 async def test_one_querier_per_node() -> None:
     """Best-of-N expands a node again when nothing improves: the answers it had are told again."""
     run = Run(

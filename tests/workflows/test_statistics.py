@@ -2,7 +2,7 @@ import statistics
 
 from agentflow.search.node import Evaluation, Tally
 from agentflow.workflows.base import Candidate, First, Stage
-from agentflow.workflows.statistics import best_of, row
+from agentflow.workflows.statistics import best_of, passes, row
 
 
 def scored(trajectory: int, score: float | None, first: First = First()) -> Candidate:  # noqa: B008
@@ -43,6 +43,25 @@ def test_row() -> None:
         "attempts": 24,
         "children": 18,
     }
+
+
+def test_passes() -> None:
+    """A score of 1 passes, less does not; what the computer could not score is no attempt."""
+    stage = Stage(
+        "initial",
+        (
+            scored(1, 1.0, First(True, True, True)),
+            scored(2, 0.999, First(True, False, False)),
+            scored(3, 1.5, First(True, True, True)),
+            scored(4, None, First(True, True, True)),
+            Candidate(5, evaluation=Evaluation(False, 1.0)),
+        ),
+        calls=5,
+        tokens=0,
+        rollouts=4,
+    )
+    assert passes(stage) == {"attempts": 4, "parsed": 3, "spatial": 2, "passes": 2, "share": 0.5}
+    assert passes(Stage("initial", (scored(1, None),), 0, 0, 0))["share"] is None
 
 
 def test_best_is_the_earliest_among_equals() -> None:
