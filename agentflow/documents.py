@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 NOT_YAML = (yaml.YAMLError, ValueError, RecursionError)
 """What reading YAML raises: also for a date that there is not, and for a thousand brackets."""
 
-MOST = 1_000_000
+MOST_VALUES = 1_000_000
 """Values that a document may hold; chosen: far more than anybody writes."""
 
 _GROUP, _LIST = "expected a group of keys", "expected a list"
@@ -80,9 +80,8 @@ def read_yaml(text: str) -> Any:
 
 def _demand_size(node: yaml.Node) -> None:
     """Refuse a few lines of aliases of aliases that would fill the memory once written out."""
-    size = _values_in(node, {})
-    if size > MOST:
-        problem = f"with every alias written out it has {size:,} values, {MOST:,} at most"
+    if _values_in(node, {}) > MOST_VALUES:
+        problem = f"with every alias written out it has more than {MOST_VALUES:,} values"
         raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
 
 

@@ -82,6 +82,7 @@ class Store:
                 # (https://github.com/python/cpython/issues/106905).
                 with suppress(UsageError):
                     return load_npz(path)
+                self._kept.discard(key)
             rollout = await self._pool.run(machine, task, seed=seed)
             if rollout.score is not None:
                 _save(rollout, path)

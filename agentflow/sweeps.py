@@ -9,6 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
+from shlex import quote
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
@@ -129,7 +130,7 @@ def read_sweep(document: Mapping[str, Any], source: str) -> SweepConfig:
     if "table" not in document and "axes" not in document:
         raise ConfigError(
             f"{source} is no sweep: it has neither axes nor a table; a single run is started with "
-            f"agentflow design --config {source}"
+            f"agentflow design --config {quote(source)}"
         )
     try:
         found = SweepConfig.model_validate(dict(document))

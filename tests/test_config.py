@@ -116,7 +116,7 @@ def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
     (tmp_path / "bomb.yaml").write_text("\n".join(["x0: &x0 [1]", *bomb]))
     with pytest.raises(
         ConfigError,
-        match=r"bomb.yaml is not YAML: line 1: .* 102,908,576 values, 1,000,000 at most",
+        match=r"bomb.yaml is not YAML: line 1: .* it has more than 1,000,000 values",
     ):
         load(tmp_path / "bomb.yaml")
     (tmp_path / "alias.yaml").write_text("task: &a movement\nworkflow: *a\n")

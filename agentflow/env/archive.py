@@ -30,7 +30,9 @@ UNREADABLE = (
     TokenError,
     zlib.error,
 )
-"""What reading a file that is empty, cut short, damaged or none of ours raises."""
+"""What NumPy raises of a file that is empty, cut short, damaged or none of ours."""
+UNLIKE_OURS = (KeyError, TypeError, ValueError, AttributeError)
+"""What the content of a readable file raises that is none of ours."""
 
 
 def rollout_json(rollout: Rollout) -> dict[str, Any]:
@@ -95,13 +97,20 @@ def load_npz(path: Path) -> Rollout:
         with path.open("rb") as raw, np.load(raw) as file:
             result = json.loads(file["result"].item())
             states = file["states"] if result.get("trace") else None
-        return _restored(result, states)
     except UNREADABLE as error:
-        raise UsageError(f"{path} is no saved rollout: {error}") from None
+        raise _foreign(path, error) from None
+    try:
+        return _restored(result, states)
+    except UNLIKE_OURS as error:
+        raise _foreign(path, error) from None
+
+
+def _foreign(path: Path, error: Exception) -> UsageError:
+    return UsageError(f"{path} is no saved rollout: {error}")
 
 
 def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
-    """The rollout of these parts; what is missing or is something else raises one of UNREADABLE."""
+    """The rollout of these parts; what is missing or is something else raises UNLIKE_OURS."""
     trace = None
     if states is not None:
         named = result.pop("trace")

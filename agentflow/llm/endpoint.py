@@ -62,8 +62,9 @@ class Endpoint:
         """As shown in messages: without credentials and query."""
         self.url = bare.copy_with(path=bare.path.rstrip("/") + "/chat/completions")
         basic = b64encode(f"{given.username}:{given.password}".encode()).decode()
-        known = (key, given.password or given.username, basic)
-        self._secrets = [s for s in known if len(s) >= _SHORTEST_SECRET]
+        # A token may stand in a URL as the user, with no password or with any letter for one.
+        proof = max(given.password, given.username, key=_is_secret)
+        self._secrets = [secret for secret in (key, proof, basic) if _is_secret(secret)]
         self._auth: httpx.Auth | None = _Bearer(key) if key else None
         if self._auth is None and given.username:
             self._auth = httpx.BasicAuth(given.username, given.password)
@@ -85,6 +86,10 @@ class Endpoint:
 
     def __repr__(self) -> str:
         return f"Endpoint(model={self.model!r}, base_url={self.base_url!r})"
+
+
+def _is_secret(text: str) -> bool:
+    return len(text) >= _SHORTEST_SECRET
 
 
 def _parsed(base_url: str) -> httpx.URL:

@@ -169,7 +169,7 @@ def unreachable(endpoint: Endpoint, reason: str) -> TransientFault:
 
 
 def no_reply(endpoint: Endpoint, reason: str) -> RefusedError:
-    """The server answered 200, but not with a chat completion."""
+    """The server answered with success, but not with a chat completion."""
     return RefusedError(
         f"what answers at {endpoint.base_url} is no chat completion ({shown(endpoint, reason)}); "
         "check OPENAI_BASE_URL or --base-url"

@@ -109,6 +109,8 @@ class Gathered:
     """The endpoint's own word; empty until it says one."""
     usage: Usage = field(default_factory=Usage)
     model: str = ""
+    in_pieces: bool = False
+    """Whether a chunk (`delta`) has said anything."""
     answered: bool = False
     """Whether any choice has been seen."""
 
@@ -123,10 +125,12 @@ class Gathered:
                 raise NoReplyError("a choice is no object")
             self.answered = True
             self.finish = str(choice.get("finish_reason") or self.finish)
-            if isinstance(part := choice.get("delta"), dict) and part:
-                self._add_part(part)
-            elif isinstance(message := choice.get("message"), dict):
-                self._replace(message)
+            delta, message = choice.get("delta"), choice.get("message")
+            if isinstance(delta, dict) and any(delta[name] for name in delta if name != "role"):
+                self._add_part(delta)
+                self.in_pieces = True
+            elif isinstance(message, dict):
+                self._replace(message) if self.in_pieces else self._add_part(message)
 
     def _replace(self, message: Mapping[str, object]) -> None:
         """Take a whole message in place of what has come: some streams end with it."""

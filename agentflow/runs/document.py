@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import yaml
@@ -57,6 +58,6 @@ def read_document(path: Path) -> dict[str, Any]:
     if document.pop(_SEAL, None) != seal_of(document):
         raise RunError(
             f"{file} was changed after the run began, so the record no longer belongs to it; put "
-            f"it back, or begin another run with: agentflow design --config {file}"
+            f"it back, or begin another run with: agentflow design --config {quote(str(file))}"
         )
     return document

@@ -19,7 +19,7 @@ from agentflow.runs.lines import LineFile
 from agentflow.runs.reading import AGAIN, CALLS, EVENTS, RESULT, Event, read_events
 
 MACHINES, ROLLOUTS = "machines", "rollouts"
-TRIES, PAUSE = 20, 0.01
+TRIES, PAUSE = 50, 0.01
 """How often a run is taken hold of, and seconds between: `state_of` holds it for a moment."""
 Listener = Callable[[Event], None]
 
@@ -212,8 +212,11 @@ def _hold(path: Path) -> IO[str]:
     for _ in range(TRIES):
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except BlockingIOError:
             time.sleep(PAUSE)
+        except OSError as error:
+            held.close()
+            raise RunError(f"cannot lock {path / NAME}: {error.strerror}") from None
         else:
             return held
     held.close()

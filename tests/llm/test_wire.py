@@ -173,6 +173,13 @@ def test_a_stream_that_ends_with_the_whole_message_says_it_once() -> None:
     assert gathered(*parts, completion("")).text == "hi"
 
 
+def test_messages_beside_empty_deltas_or_in_their_place_are_taken() -> None:
+    empty = {"role": "assistant", "content": ""}
+    both = {"choices": [{"delta": empty, "message": {"role": "assistant", "content": "hi"}}]}
+    assert gathered(both).text == "hi"
+    assert gathered(completion("Hel"), completion("lo")).text == "Hello"
+
+
 def test_an_endpoint_that_reports_its_own_failure() -> None:
     with pytest.raises(BrokenAnswerError):
         gathered(completion("half", "error"))

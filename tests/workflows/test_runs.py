@@ -2,11 +2,12 @@
 
 import random
 import re
+from dataclasses import replace
 
 import pytest
 
 from agentflow.errors import UnknownNameError, UnreachableError
-from agentflow.workflows.registry import PLACEMENT, WITHOUT_MODEL, WORKFLOWS, workflow
+from agentflow.workflows.registry import OWN_SETTINGS, PLACEMENT, WITHOUT_MODEL, WORKFLOWS, workflow
 from tests.workflows.world import CRITIQUE, INQUIRY, Author, Run, Script, Shelf, edit, fenced, steps
 
 ASKING = [name for name in WORKFLOWS if name not in {*WITHOUT_MODEL, *PLACEMENT}]
@@ -20,6 +21,10 @@ def test_by_name() -> None:
         "unknown workflow 'hierachical'; known: hierarchical, iterative, single, random-dsl, "
         "placement, random-placement"
     )
+
+
+def test_own_settings_are_those_of_workflows() -> None:
+    assert OWN_SETTINGS.keys() <= WORKFLOWS.keys()
 
 
 @pytest.mark.parametrize("name", ASKING)
@@ -202,6 +207,25 @@ async def test_no_valid_initial_machine_is_a_result() -> None:
         result = await run(name)
         assert (result.best, result.stopped, len(result.stages)) == (None, None, 1)
         assert result.reason.startswith("no valid machine: The reply holds no valid machine:")
+
+
+async def test_a_budget_spent_on_the_first_machines_begins_no_later_stage() -> None:
+    run = Run(Author(refused=0.0), {"trajectories": 2}, budget=1)
+    result = await run("iterative")
+    assert [(stage.name, len(stage.survivors)) for stage in result.stages] == [("initial", 1)]
+    assert (result.stopped, result.best_stage) == ("budget", "initial")
+    reasons = [candidate.reason for candidate in result.stages[0].candidates]
+    assert reasons == ["", "the budget ran out before an answer"]
+
+
+async def test_what_the_simulation_refuses_is_told() -> None:
+    class Refusing(Shelf):
+        async def evaluate(self, found: Machine, label: str) -> Evaluation:
+            return replace(await super().evaluate(found, label), valid=False)
+
+    run = Run(Author(refused=0.0), {"trajectories": 1}, shelf=Refusing())
+    result = await run("iterative")
+    assert result.reason == "no valid machine: the simulation refused the machine"
 
 
 async def test_refinements_that_are_all_refused_leave_the_first_machines() -> None:

@@ -182,10 +182,16 @@ async def _played(item: Shown, pool: RolloutPool) -> Sequence[Rollout]:
     return await asyncio.gather(*runs)
 
 
-def _kept(item: Shown) -> Rollout:
-    """The recorded rollout, with what stood around the machine in the trial that it shows."""
+def _kept(item: Shown) -> Rollout | None:
+    """The recorded rollout, with what stood around the machine in the trial that it shows.
+
+    None where its file cannot be read.
+    """
     assert item.kept is not None
-    rollout = load_npz(item.kept)
+    try:
+        rollout = load_npz(item.kept)
+    except UsageError:
+        return None
     number = rollout.terms.get(SHOWN_TRIAL)
     trials = item.task.trials(item.seed)
     shown = item.task if number is None else trials[int(number) - 1]
@@ -193,6 +199,8 @@ def _kept(item: Shown) -> Rollout:
 
 
 def _remark(item: Shown, rollout: Rollout | None) -> str:
+    if rollout is None and item.kept is not None:
+        return "Shown as built: its recorded rollout cannot be read."
     if rollout is None:
         return "Shown as built: this page has films of better machines only."
     if item.kept is not None:

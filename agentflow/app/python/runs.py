@@ -135,7 +135,8 @@ def resume(
         listener: Told every event.
 
     Raises:
-        RunError: It is no run, damaged, in use, or was begun with other prompts or physics.
+        RunError: It is no run, damaged, in use, or was begun with other prompts, demands of the
+            task or physics.
         EndpointError: The model cannot be used.
         InterruptedRunError: Ctrl-C; the run can be resumed again.
     """

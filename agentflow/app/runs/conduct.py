@@ -135,7 +135,11 @@ def asked(config: DesignConfig, models: Models) -> str:
 
 
 def conditions(plan: Plan) -> dict[str, str]:
-    """What decides results besides the configuration and the replies: name -> hash, 16 digits."""
+    """What decides results besides the configuration and the replies: name -> hash, 16 digits.
+
+    What a task demands is all that a brief holds; a version whose briefs hold something else begins
+    anew.
+    """
     return {
         "prompts": plan.prompts.digest,
         "demands": hashlib.sha256(repr(plan.task.brief).encode()).hexdigest()[:16],
@@ -146,4 +150,4 @@ def conditions(plan: Plan) -> dict[str, str]:
 def changed(plan: Plan, document: Mapping[str, Any]) -> str:
     """What decides results and is no longer as when the run began, in words; "" if nothing."""
     now = conditions(plan)
-    return " and ".join(name for name in now if document.get(name, now[name]) != now[name])
+    return " and ".join(name for name in now if document.get(name) != now[name])

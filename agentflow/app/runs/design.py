@@ -103,7 +103,8 @@ async def resume_async(
     """Continue a run; recorded calls are not asked again. A finished run gives its result.
 
     Raises:
-        RunError: The run is damaged or in use, or prompts or physics have changed since.
+        RunError: The run is damaged or in use, or prompts, the task's demands or physics have
+            changed since.
         EndpointError: The model cannot be used.
     """
     if state_of(path) == "done":

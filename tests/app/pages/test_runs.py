@@ -83,6 +83,7 @@ def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> N
     out = report(run, tmp_path / "r.html", films=2, workers=1, say=lambda *done: told.append(done))
     kept = [file.stem for file in (run / "rollouts").glob("*.npz")]
     machines = data_of(out)["machines"]
+    assert kept
     for digest in kept:
         assert machines[digest]["film"]["interval"] == pytest.approx(0.2)
         assert (
@@ -95,6 +96,9 @@ def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> N
     ]
     assert len(best["solids"]) == len(read_result(run)["machine"])
     assert told[-1] == (2, 2)
+    (run / "rollouts" / f"{kept[0]}.npz").write_bytes(b"damaged")
+    damaged = data_of(report(run, out, films=0, workers=1, say=quiet))["machines"][kept[0]]
+    assert damaged["remark"] == "Shown as built: its recorded rollout cannot be read."
 
 
 @pytest.mark.slow
