@@ -9,6 +9,7 @@ from agentflow.env.scene import Vec3
 from agentflow.env.tasks.base import Body
 from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Trace, Verdict
+from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import LONE_ROOT, FakeWorld, make_trace
 
 GROUND: frozenset[Body] = frozenset({"ground"})
@@ -38,6 +39,7 @@ def test_what_is_pushed_scores_its_greatest_distance() -> None:
     verdict = judge(
         (1.0, (0.0, 1.5, 15.0), PUSHED),
         (2.0, (0.5, 1.5, 35.0), PUSHED),
+        (2.5, (0.5, 1.5, 35.0), PUSHED),
         (3.0, (0.5, 1.5, 30.0), GROUND),
     )
     assert verdict.score == 20.0
@@ -95,6 +97,31 @@ def test_coming_down_after_a_flight_is_a_landing() -> None:
     assert verdict.terms["height"] == 4.0
 
 
+@pytest.mark.parametrize(("down", "index"), [(1.4, 7), (1.35, None)])
+def test_a_flight_of_a_fifth_of_a_second_ends_in_a_landing(down: float, index: int | None) -> None:
+    """A landing on a sample counts for that sample."""
+    verdict = judge(
+        (1.2, (0.0, 2.0, 15.0), FREE),
+        (1.3, (0.0, 2.0, 16.0), FREE),
+        (down, (0.0, 1.5, 17.0), GROUND),
+    )
+    assert verdict.terms["landing_index"] == index
+
+
+def test_the_nearest_block_is_what_the_cargo_is_away_from() -> None:
+    pair = Machine((ROOT, Step(1, 15, 0, 0)))
+    path = np.array([[(0.0, 0.0, 15.0)]] * 2)
+    trace = make_trace(
+        2,
+        2,
+        paths={0: [(0.0, 0.0, 0.0), (0.0, 0.0, 12.0)], 1: [(0.0, 0.0, 1.0), (0.0, 0.0, 10.0)]},
+        thing_position=path,
+        things=("cargo",),
+    )
+    feedback = get_task("delivery").feedback(pair, trace, (), judge())
+    assert feedback.data["gap"] == [14.0, 3.0]
+
+
 def test_the_feedback_tells_the_cargo_and_its_distance_to_the_machine() -> None:
     task = get_task("delivery")
     referee = task.referee(LONE_ROOT)
@@ -132,6 +159,13 @@ def test_the_prompt_tells_what_lies_on_the_road() -> None:
         "A cone of diameter 12 m and height 1.5 m, tip upward, stands in the middle of the road "
         "at x = 38 m, z = 0 m." in get_task("delivery/5").brief.scene
     )
+
+
+def test_a_cone_stands_beyond_the_place_of_the_turn_also_where_nothing_turns() -> None:
+    task = get_task("delivery", {"cone.height": 1.5, "cone.further": 12, "curve.at": 30})
+    (cone,) = (thing for thing in task.scene().things if thing.name == "cone")
+    assert cone.position == (0.0, 0.75, 42.0)
+    assert any("at x = 0 m, z = 42 m" in line for line in task.brief.scene)
 
 
 def test_no_machine_may_begin_within_the_beam() -> None:

@@ -46,7 +46,7 @@ def judge(task: Flying, *places: Vec3) -> Verdict:
 
 
 def test_the_greatest_height_counts_and_falling_costs_nothing() -> None:
-    verdict = judge(level("flying"), (0.0, 2.5, 0.0), (3.0, 8.0, 4.0), (3.0, -1.5, 4.0))
+    verdict = judge(level("flying"), (0.0, 2.5, 0.0), *[(3.0, 8.0, 4.0)] * 2, (3.0, -1.5, 4.0))
     assert verdict.score == 7.5
     terms = dict(verdict.terms)
     assert (terms["height"], terms["time"], terms["end"], terms["drift"]) == (7.5, 2.0, -2.0, 5.0)
@@ -93,6 +93,37 @@ def test_coming_close_to_the_first_hoop_is_worth_something() -> None:
     verdict = judge(task, (0.0, y, z - 4.0), (0.0, 0.5, 0.0))
     assert verdict.score == pytest.approx(6.0)
     assert verdict.terms["result"] == ("passed: 0 of 3, closest to the centre of hoop 1: 4.00 m")
+
+
+def test_the_start_is_a_place_of_the_flight() -> None:
+    task = level("flying/4")
+    _, y, z = task.marks[0].centre
+    away = judge(task, (0.0, 0.5, -10.0)).terms["closest"]
+    assert away == pytest.approx(((y - 0.5) ** 2 + z**2) ** 0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "score"), [("flying", "Score: 1.50 m"), ("flying/4", "Score: 0.00")]
+)
+def test_the_feedback_tells_heights_and_marks(name: str, score: str) -> None:
+    task = level(name)
+    verdict = judge(task, (0.0, 2.0, 0.0), (0.0, 1.0, 0.0))
+    heights = [0.5, 1.0, 2.0, 1.0]
+    trace = make_trace(1, 4, paths={0: [(0.0, height, 0.0) for height in heights]})
+    feedback = task.feedback(LONE_ROOT, trace, (), verdict)
+    first, root, marks = feedback.text.splitlines()[:3]
+    assert first == score
+    assert root == (
+        "Root: greatest height 1.50 m above its start at 1.00 s, ends 0.50 m above it, greatest "
+        "climb 5.00 m/s"
+    )
+    assert marks.startswith("Marks: passed: 0 of 3, closest ") == (name == "flying/4")
+    assert feedback.data["greatest_climb"] == pytest.approx(5.0)
+
+
+def test_without_wind_nothing_is_told_of_gusts() -> None:
+    told = " ".join(level("flying", **{"gusts.swing": 0.5}).brief.scene)
+    assert "gusts" not in told
 
 
 def test_hoops_stand_where_the_brief_says_and_are_the_seeds() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from agentflow.env.rollout import simulate
@@ -10,8 +11,9 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.env.trace import Rollout
 from agentflow.errors import ConfigError
 from agentflow.machine.tree import Machine, Step
+from tests.env.fakes import make_trace
 
-MEDIUM = 38
+MEDIUM, LARGE = 38, 51
 
 
 def placed(level: str, *middles: tuple[float, float], power: bool = True) -> Rollout:
@@ -49,6 +51,38 @@ def test_the_wrong_sense_is_worth_nothing() -> None:
     wrong = placed("gearing/3", *row)
     assert wrong.score == 0.0
     assert wrong.terms["held"] == 0.0
+
+
+def test_the_feedback_tells_what_is_locked_and_speeds_with_the_source() -> None:
+    """A small and two large cogs that all mesh; the source turns at -2 rad/s about y."""
+    task = get_task("gearing", {"plate.size": 15})
+    assert isinstance(task.parameters, GearingKnobs)
+    faces = [task.parameters.base.face(x, z) for x, z in ((3.5, -2), (0, 1.5))]
+    cogs = (Step(i, LARGE, 0, face) for i, face in enumerate(faces, start=3))
+    machine = Machine((*task.brief.given.steps, *cogs))
+    spin = np.zeros((26, 5, 3))
+    spin[-6:, 1:, 1] = (-2.0, 0.5, 0.0, -1.0)
+    still = task.referee(machine).verdict(make_trace(5))
+    feedback = task.feedback(machine, make_trace(5, angular_velocity=spin), (), still)
+    assert feedback.text.splitlines()[2:6] == [
+        "Speeds at the end (rad/s, positive with the source): 1 2.00, 2 -0.50, 3 0.00, 4 1.00",
+        "Meshing: 1-3, 1-4, 3-4",
+        "Locked against each other: 1-3-4",
+        "Turning with the source: 3, 4",
+    ]
+    assert feedback.data["locked"] == [[1, 3, 4]]
+
+
+def test_each_of_two_targets_has_its_own_place_and_sense() -> None:
+    for spread, places in ((8, ((-4.0, 2.0), (4.0, 2.0))), (7, ((-3.5, 2.0), (3.5, 2.0)))):
+        asked = {"target.count": 2, "target.spread": spread, "target.second": "against"}
+        task = get_task("gearing", {"plate.size": 15, **asked})
+        assert isinstance(task.parameters, GearingKnobs)
+        assert task.parameters.targets == places
+        assert task.parameters.senses == ("with", "against")
+        told = task.brief.score[0]
+        assert "block 2 (target) turns in the same sense as the source and block 3 (target)" in told
+        assert "turns in the opposite sense to the source, at least" in told
 
 
 def test_two_targets_must_turn_together() -> None:

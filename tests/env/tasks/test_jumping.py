@@ -48,12 +48,15 @@ def test_the_root_and_half_of_the_mass_have_to_get_over() -> None:
     assert short.terms["miss"] == 1.25
 
 
-def test_half_of_the_mass_is_enough() -> None:
-    halves = Machine((ROOT, Step(1, 15, 0, 0), Step(2, 15, 0, 1), Step(3, 35, 0, 2)))
-    referee = level("jumping").referee(halves)
-    verdict = judge(referee, FakeWorld(), (0.5, 13), (0.5, 13), (0.5, 13), (0.5, 3))
-    assert verdict.terms["mass_beyond"] == pytest.approx(0.85 / 3.85)
-    assert not verdict.terms["success"]
+@pytest.mark.parametrize(("more", "share", "success"), [(15, 0.52, True), (41, 0.48, False)])
+def test_half_of_the_mass_is_enough(more: int, share: float, success: bool) -> None:
+    """The root (0.25) and a block get over, a block of 0.5 does not, nor one of 0.3."""
+    machine = Machine((ROOT, Step(1, more, 0, 0), Step(2, 1, 0, 1), Step(3, 15, 0, 2)))
+    machine = machine if more == 41 else Machine(machine.steps[:3])
+    ends = ((0.5, 13.0), (0.5, 13.0), (0.5, 3.0), (0.5, 3.0))
+    verdict = judge(level("jumping").referee(machine), FakeWorld(), *ends)
+    assert verdict.terms["mass_beyond"] == pytest.approx(share, abs=0.005)
+    assert verdict.terms["success"] is success
 
 
 def test_a_touch_fails_the_trial_whatever_comes_after() -> None:
@@ -148,6 +151,20 @@ def test_springs_and_steering_hinges_wait_for_the_jump() -> None:
     told = " ".join(task.brief.schedule)
     assert "At t = 1.75 s springs start to contract." in told
     assert "At t = 1.5 s steering hinges swing to their Left, once." in told
+
+
+def test_designers_are_told_to_which_side_the_machine_is_turned() -> None:
+    for yaw, side in ((3, "right"), (-2.5, "left")):
+        task = level("jumping", yaw=yaw)
+        assert f"Before that it is turned by {abs(yaw)} degrees to the {side}." in task.brief.scene
+        assert task.scene().start.yaw == yaw
+    assert not any("Before that" in line for line in level("jumping").brief.scene)
+
+
+def test_trials_vary_the_trench() -> None:
+    trenches = [trial.parameters.trench for trial in level("jumping/3").trials(0)]  # type: ignore[attr-defined]
+    assert all(14 <= trench.at <= 16 and 2.7 <= trench.depth <= 3.3 for trench in trenches)
+    assert len({trench.at for trench in trenches}) == len({t.depth for t in trenches}) == 10
 
 
 def test_a_lone_root_stays_where_it_is_in_every_trial() -> None:

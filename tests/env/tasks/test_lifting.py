@@ -54,6 +54,11 @@ def test_up_for_a_second_and_at_the_end_is_a_success() -> None:
     assert [(event.time, event.kind) for event in verdict.events] == [(3.9, "lifted")]
 
 
+def test_exactly_a_second_is_enough_and_sums_of_steps_may_miss_it() -> None:
+    assert judge((4.0, 3.0), (5.0, 3.0)).score == 1.0
+    assert judge((4.0 + 1e-7, 3.0), (5.0, 3.0)).score == 1.0
+
+
 def test_less_than_a_second_is_not_enough() -> None:
     verdict = judge((4.1, 3.0), (5.0, 3.2))
     assert (verdict.score, verdict.terms["success"]) == (0.0, False)
@@ -118,6 +123,10 @@ def test_a_throw_that_is_in_the_air_for_over_a_second_is_no_lift_however_late_it
         (LONG, 0.0, -1.0, 1.0),
         (LONG, 0.0, 1.0, 2.0),
         (LONG, 4.0, 0.0, 0.0),
+        (LONE_ROOT, 1.0, 0.0, 0.0),
+        (LONE_ROOT, -1.0, 0.0, 0.0),
+        (LONE_ROOT, 0.0, 1.0, 0.0),
+        (LONE_ROOT, 0.0, -1.0, 0.0),
     ],
 )
 def test_the_highest_point_is_looked_for_under_the_object(

@@ -284,10 +284,20 @@ def test_accuracy_counts_half_a_point_less_per_metre_from_the_target() -> None:
     assert verdict.score == 8.0
     assert verdict.terms["target_distance"] == 4.0
     assert judge(moments(STEP, 1.0, 0.0, 26.0, HELD), task).score == 0.0
+    assert judge(THROUGH, get_task("throwing", {"score": "accuracy", "target.at": 51})).score == 0.0
     assert "z = 26 m" in task.brief.score[0]
 
 
-def test_of_several_boulders_the_mean_counts() -> None:
+def test_feedback_on_a_target_tells_how_far_from_it_the_boulder_landed() -> None:
+    task = get_task("throwing", {"score": "accuracy", "target.at": 30})
+    held = moments(STEP, 1.0, 0.0, 30.0, HELD)
+    for script, told in ((THROUGH, "landed 0.00 m from it"), (held, "no throw landed")):
+        text = task.feedback(THROWER, make_trace(len(THROWER)), (), judge(script, task)).text
+        assert f"\nTarget: {told}\n" in text
+
+
+@pytest.mark.parametrize("thrown", [2, 4])
+def test_of_several_boulders_the_mean_counts(thrown: int) -> None:
     task = get_task("throwing", {"reload": 2})
     assert task.brief.required == {36: 2}
     steps = (ROOT, Step(1, 30, 0, 4), Step(2, 36, 1, 0), Step(3, 30, 0, 0), Step(4, 36, 3, 0))
@@ -298,13 +308,13 @@ def test_of_several_boulders_the_mean_counts() -> None:
     referee.start(world)
     for time, z, contacts in ((0.3, 6.0, FREE), (0.6, 12.0, DOWN)):
         world.time = time
-        world.centres[4], world.contacts[4] = (0.0, 2.0, z), contacts
+        world.centres[thrown], world.contacts[thrown] = (0.0, 2.0, z), contacts
         referee.watch(world)
     verdict = referee.verdict(make_trace(5))
     assert verdict.score == 6.0
-    assert (verdict.terms["boulder"], verdict.terms["throws"]) == (4, "1 of 2")
+    assert (verdict.terms["boulder"], verdict.terms["throws"]) == (thrown, "1 of 2")
     text = task.feedback(machine, make_trace(5), (), verdict).text
-    assert "Boulders: 1 of 2 thrown, the best is block 4 (Boulder)" in text
+    assert f"Boulders: 1 of 2 thrown, the best is block {thrown} (Boulder)" in text
 
 
 def test_feedback_on_rings_tells_how_close_it_came() -> None:
