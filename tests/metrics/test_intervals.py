@@ -35,6 +35,15 @@ def test_wilson_gives_the_published_intervals(successes: int, low: float, high: 
     assert (round(100 * found.low, 1), round(100 * found.high, 1)) == (low, high)
 
 
+def test_wilson_is_a_share_where_rounding_would_leave_it() -> None:
+    for trials in range(1, 200):
+        none, all_ = wilson(0, trials), wilson(trials, trials)
+        assert none is not None
+        assert all_ is not None
+        assert 0 <= none.low < none.high < 1
+        assert 0 < all_.low < all_.high <= 1
+
+
 def test_wilson_of_nothing_and_of_impossible_counts() -> None:
     assert wilson(0, 0) is None
     with pytest.raises(ValueError, match="successes must be 0 to 3, not 4"):

@@ -16,10 +16,13 @@ def test_one_point_per_evaluation() -> None:
         Event("expand", "env_feedback/traj-1/round-1", {}),
         evaluation("c", 2.0, at=3.0),
         evaluation("d", 9.0, valid=False, at=4.0),
+        Event("edit", "env_feedback/traj-1/round-2", {}),
+        evaluation("e", 1.0, at=5.0),
     ]
     assert list(progress(events)) == [
         Progress(1, 0, 1, 10, 1.0, None, None),
         Progress(2, 0, 1, 10, 2.0, 3.0, 3.0),
         Progress(3, 1, 2, 15, 3.0, 2.0, 3.0),
         Progress(4, 1, 2, 15, 4.0, 9.0, 3.0),
+        Progress(5, 2, 2, 15, 5.0, 1.0, 3.0),
     ]

@@ -19,6 +19,7 @@ RECORDED = Path(__file__).parent.parent.parent / "runs/recorded-throwing"
         ("meta_designer/attempt-1", "initial"),
         ("designer/structure-1/traj-2/candidate-1/attempt-3", "initial"),
         ("designer/traj-2/attempt-1", "initial"),
+        ("placer/traj-1/attempt-1", "initial"),
         ("inspector/traj-1/attempt-1", "blind_refinement"),
         ("refiner/blind/traj-1/attempt-1", "blind_refinement"),
         ("querier/traj-2/node-0/attempt-1", "env_feedback"),

@@ -14,7 +14,7 @@ def test_valid_and_all_are_two_things() -> None:
         [
             candidate("initial", 1, 4.0),
             candidate("initial", 2, 2.0),
-            candidate("initial", 3, None, valid=False),
+            candidate("initial", 3, 0.5, valid=False),
             candidate("initial", 4, None),  # simulated, and the computer failed at it
         ]
     )

@@ -69,6 +69,20 @@ def test_a_tree_cut_after_expansions(record: RunRecord) -> None:
     assert best_after_expansions(record, 4) == {1: 5.0, 3: 4.0}
 
 
+def test_a_search_without_a_machine_keeps_what_it_began_with() -> None:
+    """Nothing but refusals in the first; the second began with what the simulation refused."""
+    record = RunRecord.of(
+        [
+            candidate("initial", 1, 2.0),
+            candidate("initial", 2, 0.0, valid=False),
+            candidate("initial", 3, 7.0),
+            expansion(1, 1, "xx"),
+            expansion(2, 1, "xx"),
+        ]
+    )
+    assert best_after_rounds(record, 1) == best_after_expansions(record, 1) == {1: 2.0}
+
+
 def test_without_a_blind_refinement_searches_begin_with_the_initial_machines() -> None:
     record = RunRecord.of([candidate("initial", 1, 9.0), expansion(1, 1, "v"), node(1, 1, 1, 1.0)])
     assert best_after_rounds(record, 1) == {1: 9.0}

@@ -67,6 +67,10 @@ def test_the_recorded_run_has_as_many_calls_as_its_result_says() -> None:
     assert "other" not in found.stages
 
 
+def test_an_endpoint_that_reports_no_tokens_leaves_no_shares() -> None:
+    assert bill([call("designer/traj-1/attempt-1", 0, 0)]).token_shares == {}
+
+
 def test_rates_of_simulation() -> None:
     found = Simulated(8, 40.0, 2.0) + Simulated(2, 10.0, 3.0)
     assert (found.rollouts_per_second, found.speed) == (2.0, 10.0)

@@ -147,6 +147,17 @@ async def test_golden_record() -> None:
     assert set(notes.machines) >= set(run.shelf.tried)
 
 
+async def test_the_inspector_sees_which_blocks_are_of_which_structure() -> None:
+    prompt = (await golden()).prompt("inspector/traj-1/attempt-1")
+    assert prompt.partition("## Tree\n")[2].partition("\n\n")[0].splitlines() == [
+        "Body:",
+        "  0 Starting Block",
+        "    1 Wooden Block on face 0 Front",
+        "Drive:",
+        "  2 Powered Wheel on 0 Starting Block face 2 Left",
+    ]
+
+
 async def test_only_the_first_refiner_sees_the_critique() -> None:
     run = await golden()
     blind = run.prompt("refiner/blind/traj-1/attempt-1")
@@ -249,6 +260,8 @@ async def test_whole_machine_refinements() -> None:
     assert [stage.name for stage in result.stages][-1] == "env_feedback"
     assert result.best is not None
     assert len(result.best.machine or ()) > 3
+    told = run.prompt("refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1")
+    assert re.search(r"## Edit history\n> 1\. Success, score .*\n>    d\n", told)
 
 
 async def test_candidates_fill_empty_places() -> None:

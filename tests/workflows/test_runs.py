@@ -7,6 +7,8 @@ from dataclasses import replace
 import pytest
 
 from agentflow.errors import UnknownNameError, UnreachableError
+from agentflow.machine.tree import Machine
+from agentflow.search.node import Evaluation
 from agentflow.workflows.registry import OWN_SETTINGS, PLACEMENT, WITHOUT_MODEL, WORKFLOWS, workflow
 from tests.workflows.world import CRITIQUE, INQUIRY, Author, Run, Script, Shelf, edit, fenced, steps
 
