@@ -84,6 +84,7 @@ def test_imports_point_one_way(path: Path) -> None:
         assert not any(name.split(".")[0].startswith("pybullet") for name in names)
 
 
+@pytest.mark.slow
 def test_importing_everything_prints_nothing() -> None:
     modules = [
         ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")

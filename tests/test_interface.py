@@ -150,6 +150,7 @@ def test_a_design_by_a_function(tmp_path: Path) -> None:
     assert agentflow.resume(found.run) == found
 
 
+@pytest.mark.slow
 async def test_a_coroutine_function_answers_on_the_loop(tmp_path: Path) -> None:
     async def remote(request: agentflow.Request) -> agentflow.Reply:
         await asyncio.sleep(0)

@@ -350,6 +350,7 @@ FRAMES = (
 
 @pytest.mark.parametrize("task", [name for name in task_names() if "/" not in name])
 @pytest.mark.parametrize("blocks", [10, 20])
+@pytest.mark.slow
 def test_compact_prompts_fit(task: str, blocks: int) -> None:
     """Full histories, long reports and answers, many refusals: what is long is cut."""
     brief, found = get_task(task).brief, machine(*FRAMES[: blocks - 1])

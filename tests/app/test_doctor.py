@@ -40,6 +40,7 @@ def threaded(*answers: Answer) -> Iterator[Server]:
         thread.join(10)
 
 
+@pytest.mark.slow
 def test_a_third_party_server(
     stub_url: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

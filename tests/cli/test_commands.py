@@ -124,6 +124,7 @@ def test_a_rate_out_of_range_is_refused(
     assert "it must be from 30 to 1000 Hz" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_simulate_lines_gives_one_result_per_line_in_order(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -67,6 +67,7 @@ def test_a_misspelt_name_is_hinted_at(arguments: list[str], message: str, capsys
     ("words", "place", "completed"),
     [("agentflow des", 1, "design"), ("agentflow config s", 2, "show")],
 )
+@pytest.mark.slow
 def test_the_shell_completes(words: str, place: int, completed: str) -> None:
     environ = {
         **os.environ,

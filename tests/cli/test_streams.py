@@ -29,11 +29,13 @@ sys.exit(main(["check", "-"]))
         (f"set -o pipefail; {AGENTFLOW} blocks | true", 0),
     ],
 )
+@pytest.mark.slow
 def test_nobody_need_read(command: str, status: int) -> None:
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (status, "", "")
 
 
+@pytest.mark.slow
 def test_output_that_cannot_be_written_is_told() -> None:
     command = f"{AGENTFLOW} blocks >/dev/full"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
@@ -67,6 +69,7 @@ def test_a_group_alone_says_what_it_holds() -> None:
     assert done.stderr.endswith("Example: agentflow prompts show --role designer --task throwing\n")
 
 
+@pytest.mark.slow
 def test_an_interruption_is_told_in_one_line() -> None:
     process = subprocess.Popen(
         [sys.executable, "-c", INTERRUPTED],

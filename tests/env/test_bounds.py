@@ -104,6 +104,7 @@ def test_a_machine_that_falls_into_a_heap_of_blocks_ends() -> None:
     engine.close()
 
 
+@pytest.mark.slow
 async def test_a_rollout_over_its_wall_time_limit_leaves_the_others_alone() -> None:
     async with RolloutPool(2) as pool:
         pids = pool.pids

@@ -187,6 +187,7 @@ def ruin() -> Rollout:
     return simulate(BALLASTED, task_of(BALLASTED, window=2), physics=weak)
 
 
+@pytest.mark.slow
 def test_what_broke_off_breaks_again(ruin: Rollout) -> None:
     assert len(ruin.broken) >= 5
     assert len({(broken.block, broken.partner) for broken in ruin.broken}) == len(ruin.broken)

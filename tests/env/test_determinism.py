@@ -53,6 +53,7 @@ def test_the_cases_are_what_they_say(here: dict[str, Rollout]) -> None:
     assert sprung.length.shape == (6, 2)
 
 
+@pytest.mark.slow
 def test_in_another_order_after_each_other(here: dict[str, Rollout]) -> None:
     names = list(CASES)
     random.Random(3).shuffle(names)

@@ -76,6 +76,7 @@ def test_one_frame_alone_makes_an_mp4_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", [".gif", ".mp4"])
+@pytest.mark.slow
 def test_a_film_has_the_same_bytes_every_time(ending: str, tmp_path: Path) -> None:
     task, rollout = drive()
     paths = [(tmp_path / name).with_suffix(ending) for name in ("a", "b")]

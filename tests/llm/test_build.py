@@ -139,6 +139,7 @@ async def test_nobody_there() -> None:
     )
 
 
+@pytest.mark.slow
 async def test_slow_is_not_stalled(stub_url: str) -> None:
     impatient = EndpointSettings.model_validate({"http": {"idle_s": 1}, "retry": {"attempts": 1}})
     async with opened(stub_url, settings=impatient) as client:

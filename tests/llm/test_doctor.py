@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 
+import pytest
+
 from agentflow.llm.doctor import Diagnosis, diagnose
 from agentflow.llm.endpoint import Endpoint
 from agentflow.llm.settings import HttpSettings
@@ -15,6 +17,7 @@ async def examined(base_url: str, key: str | None = KEY) -> Diagnosis:
     return await diagnose(Endpoint("m", base_url, key), HttpSettings(connect_s=10, idle_s=60))
 
 
+@pytest.mark.slow
 async def test_a_third_party_server(stub_url: str) -> None:
     began = time.monotonic()
     found = await examined(stub_url)

@@ -56,6 +56,7 @@ async def test_a_connection_is_used_again_after_a_stream() -> None:
         assert (len(server.asked), server.connections) == (5, 1)
 
 
+@pytest.mark.slow
 async def test_a_stream_that_stays_open_after_its_end_mark_is_left() -> None:
     async def answer(writer: asyncio.StreamWriter) -> None:
         head = b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n\r\n"
@@ -195,6 +196,7 @@ async def test_an_overload_inside_the_stream_may_be_repeated() -> None:
     assert "cannot answer now (529: busy)" in str(caught.value)
 
 
+@pytest.mark.slow
 async def test_twenty_megabytes() -> None:
     text = "abcdefgh" * (20 * 2**20 // 8)
     async with serving(reply(text)) as server:

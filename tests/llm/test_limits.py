@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import time
 
+import pytest
+
 from agentflow.llm.limits import LimitedClient, Limiter
 from agentflow.llm.messages import Reply, Request, Usage
 from agentflow.llm.settings import LimitSettings
@@ -68,6 +70,7 @@ async def test_no_period_holds_more_calls_than_allowed() -> None:
     )
 
 
+@pytest.mark.slow
 async def test_tokens_are_counted_as_used_not_as_estimated() -> None:
     # Each call is estimated at 3 tokens and uses 40: two calls fill a period of 50.
     inner = Slow(0.01, tokens=40)

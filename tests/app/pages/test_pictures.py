@@ -49,6 +49,7 @@ def test_the_ending_says_what_is_written(
     assert out.read_bytes().startswith(first)
 
 
+@pytest.mark.slow
 def test_without_an_ending_both_a_picture_and_a_film_are_written(
     car: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -60,6 +60,7 @@ def test_machines_without_a_film_are_shown_as_built(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_run_under_way_is_counted_at_one_moment(tmp_path: Path) -> None:
     """Films take a while, and the run goes on meanwhile: its numbers are all of the beginning."""
     run = hostile_run(tmp_path)
@@ -74,6 +75,7 @@ def test_a_run_under_way_is_counted_at_one_moment(tmp_path: Path) -> None:
     assert usage[-1]["calls"] == 3
 
 
+@pytest.mark.slow
 def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
@@ -150,6 +152,7 @@ def test_each_trial_has_a_film_to_choose_but_one() -> None:
     assert exhibit(item, rollout, Shapes(), played=(rollout, rollout))["trials"] == []
 
 
+@pytest.mark.slow
 def test_given_cogs_and_wind_are_named() -> None:
     given = get_task("gearing").brief.given
     shapes = Shapes()
@@ -172,6 +175,7 @@ def test_block_types_share_their_solids() -> None:
     assert used == set(range(len(shapes.rows)))
 
 
+@pytest.mark.slow
 def test_a_sweep_is_reported_with_its_tables(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -197,6 +201,7 @@ def test_a_sweep_is_reported_with_its_tables(
     ]
 
 
+@pytest.mark.slow
 def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
     shutil.copytree(RECORDED, tmp_path / "runs" / "a")
     shutil.copytree(RECORDED, tmp_path / "runs" / "b")
@@ -235,6 +240,7 @@ def test_a_file_that_cannot_be_written_is_named_before_any_work(tmp_path: Path) 
         assert str(caught.value) == f"cannot write {out}: {why}"
 
 
+@pytest.mark.slow
 def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "r.html"
     assert main(["report", str(RECORDED), "--films", "0", "--out", str(out)]) == 0

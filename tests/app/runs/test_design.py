@@ -37,6 +37,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return Path(design(build(load(SMALL)), out, ignore)["run"])
 
 
+@pytest.mark.slow
 def test_a_run_holds_everything_that_the_record_promises(run: Path) -> None:
     result = read_result(run)
     document = yaml.safe_load((run / "run.yaml").read_text())
@@ -66,6 +67,7 @@ def test_a_run_holds_everything_that_the_record_promises(run: Path) -> None:
     assert list((run / "rollouts").iterdir())
 
 
+@pytest.mark.slow
 def test_the_best_machine_scores_again_what_the_run_says(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -117,6 +119,7 @@ def test_the_same_seed_gives_the_same_result_and_another_does_not(
 
 
 @pytest.mark.parametrize("what", ["constants", "demands", "prompts"])
+@pytest.mark.slow
 def test_a_run_is_not_continued_under_other_conditions(
     run: Path, tmp_path: Path, what: str
 ) -> None:

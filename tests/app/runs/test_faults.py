@@ -122,6 +122,7 @@ def kept(folder: Path) -> Iterator[tuple[RunDirectory, Tape, Remarks]]:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.slow
 async def test_a_fault_is_typed_bounded_recorded_and_keyless(fault: str, tmp_path: Path) -> None:
     answers, kind, said = FAULTS[fault]
     outcome: Reply | EndpointError

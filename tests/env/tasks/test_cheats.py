@@ -82,6 +82,7 @@ def test_a_cheat_throws_nothing(name: str) -> None:
 
 @pytest.mark.parametrize("power", [False, True])
 @pytest.mark.parametrize("family", TIPPING)
+@pytest.mark.slow
 def test_what_is_on_the_point_of_tipping_has_tipped_before_it_counts(
     family: str, power: bool
 ) -> None:
@@ -175,7 +176,7 @@ def test_every_listed_cheat_earns_nothing(case: tuple[Cheat, str]) -> None:
 
 
 def test_there_are_cheats_enough_for_every_level() -> None:
-    """Issue 5: at least 25 machines; spec 3.1: the lone root earns nothing anywhere."""
+    """At least 25 machines; spec 3.1: the lone root earns nothing anywhere."""
     machines = {cheat.machine for cheat, _ in LISTED}
     assert len(machines) >= 25
     assert {level for cheat, level in LISTED if cheat.machine == "common/lone_root.json"} == set(

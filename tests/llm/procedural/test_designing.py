@@ -87,7 +87,10 @@ WHOLE = [name for name in task_names() if brief_of(name).given == LONE_ROOT]
 """Tasks whose machines are designed; in the others something given is completed."""
 
 
-@pytest.mark.parametrize("task", WHOLE)
+@pytest.mark.parametrize(
+    "task",
+    [pytest.param(name, marks=pytest.mark.slow if "/" in name else ()) for name in WHOLE],
+)
 async def test_a_whole_machine_in_one_reply(task: str) -> None:
     brief = brief_of(task)
     made = [await whole_design(brief, seed) for seed in range(6)]

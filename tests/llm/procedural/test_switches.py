@@ -61,6 +61,7 @@ async def run(task: str, name: str, switches: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("task", DESIGNED)
+@pytest.mark.slow
 async def test_every_role_in_both_representations_and_formats(task: str) -> None:
     await run(task, "hierarchical", {})
     switches = {"representation": "coordinates", "refinement": "whole_machine"}
