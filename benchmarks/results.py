@@ -51,6 +51,11 @@ works from end to end and what its parts do, and nothing about any language mode
 Published rows are other models' numbers in the game itself, from the paper's tables: their order
 may be compared with other orders, their values not with ours (see [physics](physics.md)).
 
+Most sweeps have two seeds, as the published tables have few runs. The machines of one run share a
+blueprint, so they are more alike than those of different runs, and intervals over pooled machines
+are too narrow by that: differences of a few metres between two throwing rows are chance. Give
+`--seeds 20` to tell them apart.
+
 Everything here is made by `scripts/results`: each sweep by the command given with it, this page by
 `python benchmarks/results.py`. What a sweep is, and what the columns mean: [sweeps](sweeps.md).
 """
