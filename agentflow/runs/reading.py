@@ -84,11 +84,13 @@ def read_result(path: Path) -> dict[str, Any]:
     """The content of result.json.
 
     Raises:
-        RunError: The run is unfinished or the file is damaged.
+        RunError: It is no run, unfinished, or the file is damaged.
     """
     try:
         text = (path / RESULT).read_bytes()
     except FileNotFoundError:
+        if state_of(path) == "running":
+            raise RunError(f"{path} has no {RESULT} yet: a process is at work on it") from None
         raise RunError(
             f"{path} has no {RESULT}: the run is unfinished; continue it with "
             f"agentflow design --resume {quote(str(path))}"

@@ -130,10 +130,14 @@ def test_a_damaged_result_is_named(tmp_path: Path, text: str) -> None:
 
 
 def test_states(tmp_path: Path) -> None:
-    run = RunDirectory.create(tmp_path, "demo", {})
+    run = RunDirectory.create(tmp_path, "my demo", {})
     assert state_of(run.path) == "running"
+    with pytest.raises(RunError, match=r"has no result\.json yet: a process is at work on it$"):
+        read_result(run.path)
     run.close()
     assert state_of(run.path) == "stopped"
+    with pytest.raises(RunError, match=r"continue it with agentflow design --resume '.*my demo'$"):
+        read_result(run.path)
     again = RunDirectory.resume(run.path)
     again.finish({"score": 1.0})
     assert state_of(run.path) == "done"
