@@ -121,6 +121,7 @@ def test_it_opens_without_a_word_and_loads_nothing(opened: webdriver.Chrome, pag
         item["params"]["request"]["url"]
         for item in sent
         if item["method"] == "Network.requestWillBeSent"
+        and item["params"]["documentURL"] == page.as_uri()  # not the browser's own first tab
     ]
     assert asked == [page.as_uri()]
     assert find(opened, "h1").text == "throwing"
