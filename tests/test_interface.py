@@ -87,6 +87,7 @@ def test_check_refuses_what_the_command_refuses() -> None:
         agentflow.check(Path("none"))
 
 
+@pytest.mark.slow
 async def test_simulation_and_reward_agree_alone_and_in_a_pool() -> None:
     alone = agentflow.simulate(CAR, "movement", knobs={"window": 1})
     worth = agentflow.reward("movement", f"Like this:\n{car(None)}", knobs={"window": 1})  # type: ignore[arg-type]

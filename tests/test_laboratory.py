@@ -6,6 +6,7 @@ import asyncio
 import base64
 import io
 
+import pytest
 from PIL import Image
 
 from agentflow.env.pool import RolloutPool
@@ -14,6 +15,7 @@ from agentflow.laboratory import PICTURE, PhysicsLaboratory
 from agentflow.machine.tree import ROOT, Machine, Step
 
 
+@pytest.mark.slow
 async def test_views_are_pictures_and_the_same_whenever_asked() -> None:
     task = get_task("movement")
     pool = RolloutPool(1)  # never started: drawing needs no worker

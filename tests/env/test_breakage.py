@@ -203,6 +203,7 @@ def test_what_broke_off_breaks_again(ruin: Rollout) -> None:
     assert again
 
 
+@pytest.mark.slow
 def test_several_connections_break_in_one_step(ruin: Rollout) -> None:
     times = [broken.time for broken in ruin.broken]
     assert len(set(times)) < len(times)

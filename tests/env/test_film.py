@@ -85,6 +85,7 @@ def test_a_film_has_the_same_bytes_every_time(ending: str, tmp_path: Path) -> No
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
+@pytest.mark.slow
 def test_a_block_is_red_from_the_moment_it_breaks() -> None:
     rollout = drive()[1]
     broken = Broken(block=1, type=1, partner=0, time=0.5, load=1.1)
@@ -94,6 +95,7 @@ def test_a_block_is_red_from_the_moment_it_breaks() -> None:
     assert (more[3:] > 100).all()
 
 
+@pytest.mark.slow
 def test_the_path_grows_with_every_sample() -> None:
     counts = reds(drive()[1])
     assert counts[0] == 0

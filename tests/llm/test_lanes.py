@@ -15,6 +15,7 @@ from tests.llm.helpers import ask, client_for
 from tests.llm.hostile import reply, serving
 
 
+@pytest.mark.slow
 async def test_calls_in_flight_have_a_connection_each_and_leave_it_to_the_next() -> None:
     async with serving(reply("x")) as server:
         client = client_for(server.base_url)

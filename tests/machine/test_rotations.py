@@ -80,6 +80,7 @@ def level_machines(draw: st.DrawFn) -> Machine:
 
 @pytest.mark.parametrize("facing", ["z+", "z-", "x+", "x-"])
 @given(machine=level_machines())
+@pytest.mark.slow
 def test_level_machines_turn_about_the_vertical(facing: str, machine: Machine) -> None:
     assert legal(machine, FACINGS[facing])
     same_but_turned(machine, FACINGS[facing])

@@ -80,6 +80,7 @@ def test_killed_at_forty_moments_it_comes_to_the_same(tmp_path: Path) -> None:
     assert in_the_middle >= KILLS * 0.6
 
 
+@pytest.mark.slow
 def test_killed_twice_it_still_comes_to_the_same(tmp_path: Path) -> None:
     """A run cut off anywhere, and its continuation as well."""
     expected = contents(begin(tmp_path / "undisturbed", tmp_path / "log", 0))

@@ -100,6 +100,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Notes, Pat
 RUNS = ("one.seed-0", "one.seed-1", "other.seed-0", "other.seed-1")
 
 
+@pytest.mark.slow
 def test_every_run_is_an_ordinary_run(swept: tuple[Outcome, Notes, Path]) -> None:
     outcome, notes, _ = swept
     assert (outcome.done, outcome.failed) == (RUNS, {})

@@ -74,6 +74,7 @@ def throw(steps: tuple[Step, ...], **settings: bool) -> Rollout:
 
 
 @pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.slow
 def test_a_cheat_throws_nothing(name: str) -> None:
     rollout = throw(MACHINES[name])
     assert rollout.status == "ok", rollout.problems
@@ -163,6 +164,7 @@ def named(case: tuple[Cheat, str]) -> str:
 
 
 @pytest.mark.parametrize("case", FIRST, ids=named)
+@pytest.mark.slow
 def test_a_listed_cheat_of_each_family_earns_nothing(case: tuple[Cheat, str]) -> None:
     earns_nothing(*case)
 

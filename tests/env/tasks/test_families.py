@@ -52,6 +52,7 @@ def told(folder: Path, *names: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_a_family_from_elsewhere_is_one_of_all_beside_a_broken_one(tmp_path: Path) -> None:
     points = "sweeping = broom.sweeping:Sweeping\nmopping = broom.nowhere:Mopping"
     shown = told(distribution(tmp_path, points), "sweeping/2", "mopping")
@@ -93,6 +94,7 @@ def test_a_family_from_elsewhere_is_one_of_all_beside_a_broken_one(tmp_path: Pat
         ("throwing = broom.sweeping:Sweeping", FAMILY, "has a name that another family has"),
     ],
 )
+@pytest.mark.slow
 def test_a_broken_one_is_named(tmp_path: Path, points: str, module: str, problem: str) -> None:
     folder = distribution(tmp_path, points, module)
     shown = told(folder, "sweeping", "movement")

@@ -36,6 +36,7 @@ async def test_refinements_are_valid_and_various(task: str, form: str) -> None:
     assert len(scripts) >= 5
 
 
+@pytest.mark.slow
 async def test_a_machine_that_tips_often_gets_a_wider_base() -> None:
     machine = await machine_for("throwing", 1)
     names = []
