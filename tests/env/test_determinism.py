@@ -43,6 +43,7 @@ def here() -> dict[str, Rollout]:
     return {name: simulate(*case(name)) for name in CASES}
 
 
+@pytest.mark.slow
 def test_the_cases_are_what_they_say(here: dict[str, Rollout]) -> None:
     assert {rollout.status for rollout in here.values()} == {"ok"}
     assert [name for name, rollout in here.items() if rollout.broken] == list(CASES)[:4]

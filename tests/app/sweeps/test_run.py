@@ -110,6 +110,7 @@ def test_every_run_is_an_ordinary_run(swept: tuple[Outcome, Notes, Path]) -> Non
     assert notes.events > 4 * 5
 
 
+@pytest.mark.slow
 def test_machines_and_rollouts_lie_once(swept: tuple[Outcome, Notes, Path]) -> None:
     outcome, _, _ = swept
     store = outcome.path / "store"
@@ -122,6 +123,7 @@ def test_machines_and_rollouts_lie_once(swept: tuple[Outcome, Notes, Path]) -> N
     assert {path.stat().st_nlink for path in kept} == {3}
 
 
+@pytest.mark.slow
 def test_a_finished_sweep_is_not_run_again(swept: tuple[Outcome, Notes, Path]) -> None:
     outcome, _, path = swept
     before = {p: p.stat().st_mtime_ns for p in outcome.path.rglob("*") if p.is_file()}
@@ -133,6 +135,7 @@ def test_a_finished_sweep_is_not_run_again(swept: tuple[Outcome, Notes, Path]) -
     assert (from_folder.path, from_folder.done, notes.said) == (outcome.path, RUNS, [])
 
 
+@pytest.mark.slow
 def test_a_sweep_is_continued_only_on_request_and_only_as_it_was(
     swept: tuple[Outcome, Notes, Path], tmp_path: Path
 ) -> None:
@@ -199,6 +202,7 @@ def test_a_sweep_is_not_continued_beside_runs_of_other_conditions(
     assert not (copy / "runs" / RUNS[3]).exists()
 
 
+@pytest.mark.slow
 def test_failing_runs_are_recorded_and_harm_no_other(tmp_path: Path) -> None:
     path = write(tmp_path, seeds=[0], axes={"condition": {"lives": {}, "dead": DEAD}})
     outcome = carry_out(path, tmp_path)
@@ -219,6 +223,7 @@ def test_failing_runs_are_recorded_and_harm_no_other(tmp_path: Path) -> None:
     assert ("begun", "lives.seed-0") not in notes.said
 
 
+@pytest.mark.slow
 def test_a_bug_in_one_run_is_logged_whole_and_the_run_can_go_on(tmp_path: Path) -> None:
     path = write(tmp_path, seeds=[0])
     outcome = carry_out(path, tmp_path, Clumsy())
@@ -271,6 +276,7 @@ def test_wrong_sweeps_are_refused_before_anything_is_written(
     assert str(caught.value).startswith(message)
 
 
+@pytest.mark.slow
 def test_a_begun_sweep_takes_no_other_settings(swept: tuple[Outcome, Notes, Path]) -> None:
     outcome, _, _ = swept
     with pytest.raises(UsageError) as caught:
