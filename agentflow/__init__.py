@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from agentflow.app.python.functions import ModelFunction
     from agentflow.app.python.machines import check, simulate, simulate_async
     from agentflow.app.python.runs import Design, design, design_async, resume, resume_async
-    from agentflow.env.pool import RolloutPool
-    from agentflow.env.trace import Rollout
+    from agentflow.env.pool.pool import RolloutPool
+    from agentflow.env.rollout import Rollout
     from agentflow.errors import AgentflowError
     from agentflow.llm.messages import Message, Reply, Request, Usage
     from agentflow.machine import Machine, Problem, Report
@@ -26,8 +26,8 @@ _HOMES = {
     "agentflow.app.python.functions": ("ModelFunction",),
     "agentflow.app.python.runs": ("Design", "design", "design_async", "resume", "resume_async"),
     "agentflow.app.python.machines": ("check", "simulate", "simulate_async"),
-    "agentflow.env.pool": ("RolloutPool",),
-    "agentflow.env.trace": ("Rollout",),
+    "agentflow.env.pool.pool": ("RolloutPool",),
+    "agentflow.env.rollout": ("Rollout",),
     "agentflow.errors": ("AgentflowError",),
     "agentflow.llm.messages": ("Message", "Reply", "Request", "Usage"),
     "agentflow.machine": ("Machine", "Problem", "Report"),

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agentflow.env.pool import RolloutPool
-from agentflow.env.refusals import invalid
-from agentflow.env.rollout import simulate
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.refusals import invalid
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
 from agentflow.machine import Machine, Problem, Report, check, read_machine
 
 

@@ -14,8 +14,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.runs.design import design
-from agentflow.config import build, override
+from agentflow.app.design.design import design
+from agentflow.config.run import build, override
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.brief import LONE_ROOT
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from random import Random
 
 from agentflow.env.tasks.registry import get_task
-from agentflow.machine.blocks import BOULDER, CONTAINER, library
+from agentflow.machine.blocks.library import BOULDER, CONTAINER, library
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.machine.validity import check
 

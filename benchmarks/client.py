@@ -32,12 +32,12 @@ from pathlib import Path
 
 import httpx
 
-from agentflow.llm.budget import Budget
 from agentflow.llm.build import open_client
 from agentflow.llm.client import Client
-from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.messages import Message, Request
-from agentflow.llm.tape import Tape
+from agentflow.llm.wrappers.budget import Budget
+from agentflow.llm.wrappers.tape import Tape
 
 AT_ONCE = 64
 LONGEST = 1.1

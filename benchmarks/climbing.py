@@ -9,12 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-from agentflow.env.pool import RolloutPool
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
-from agentflow.env.trace import Rollout
 from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
-from agentflow.machine.random import random_edit, random_machine
+from agentflow.machine.edits.random import random_edit, random_machine
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 

@@ -17,11 +17,11 @@ from pathlib import Path
 from shelf import FOLDER, load, read
 
 from agentflow.env.constants import constants
-from agentflow.env.rollout import simulate
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
-from agentflow.machine.blocks import BOULDER
+from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.tree import Machine
 
 NEAR = 0.03

@@ -17,8 +17,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from agentflow.app.runs.design import design
-from agentflow.config import build
+from agentflow.app.design.design import design
+from agentflow.config.run import build
 
 
 def processor_seconds(who: int) -> float:

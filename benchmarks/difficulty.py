@@ -23,10 +23,10 @@ from typing import Any
 
 from shelf import families, load, read
 
-from agentflow.app.runs.design import design
-from agentflow.config import build
+from agentflow.app.design.design import design
+from agentflow.config.run import build
 from agentflow.env.constants import constants
-from agentflow.env.rollout import simulate
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_level, get_task, task_names
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.prompts.render import PromptSet

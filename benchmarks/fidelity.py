@@ -28,10 +28,10 @@ from published import (
 )
 
 from agentflow.env.constants import constants
-from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.rollout import simulate
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
 from agentflow.machine.tree import Machine, Step
 
 PLAIN_CAR = Machine(

@@ -18,9 +18,9 @@ from collections import defaultdict
 from typing import Any
 
 from agentflow.agents.base import Desk
-from agentflow.env.pool import RolloutPool
+from agentflow.app.design.laboratory import PhysicsLaboratory
+from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
-from agentflow.laboratory import PhysicsLaboratory
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.prompts.render import PromptSet

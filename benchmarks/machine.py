@@ -21,10 +21,10 @@ from pathlib import Path
 from random import Random
 
 from agentflow.machine import Machine, apply_script, check
-from agentflow.machine.bsg import read_bsg, to_bsg
-from agentflow.machine.coordinates import to_coordinates
-from agentflow.machine.formats import read_any
-from agentflow.machine.random import random_machine
+from agentflow.machine.edits.random import random_machine
+from agentflow.machine.formats.bsg_writing import read_bsg, to_bsg
+from agentflow.machine.formats.coordinates import to_coordinates
+from agentflow.machine.formats.detect import read_any
 
 BLOCKS, MACHINES, STEPS = 20, 50, 5
 PACKAGE = Path(__file__).parent.parent / "agentflow"

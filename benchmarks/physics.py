@@ -21,14 +21,14 @@ from pathlib import Path
 from cars import CAR
 
 from agentflow.env.constants import constants
-from agentflow.env.engines.assembly import assemble
-from agentflow.env.engines.bullet import pybullet
-from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.loads import Loads
-from agentflow.env.pool import RolloutPool
-from agentflow.env.rollout import simulate
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.loads import Loads
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.machine.geometry import place
+from agentflow.machine.geometry.placement import place
 
 TASK = get_task("movement")
 SHORT = get_task("movement", {"window": 1})

@@ -20,7 +20,7 @@ from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.env.query import answer
-from agentflow.env.rollout import simulate
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import Machine, read_machine
 from agentflow.machine.brief import LONE_ROOT, Brief

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from agentflow.env.constants import Constants, constants
-from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.rollout import simulate
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.rollout import Array, Rollout, Trace
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Array, Rollout, Trace
-from agentflow.machine.parse import read_machine
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 
 DATA = Path(__file__).parent / "data" / "published_throw.json"

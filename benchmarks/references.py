@@ -23,8 +23,8 @@ from climbing import Found, climb
 from PIL import Image
 from shelf import DIGITS, Shelf, families, here, load, load_file, read, write
 
-from agentflow.env.render import render_png
-from agentflow.env.rollout import simulate
+from agentflow.env.drawing.stills import render_png
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_level, get_task, task_names
 from agentflow.machine.tree import Machine
 

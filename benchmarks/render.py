@@ -12,10 +12,10 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from agentflow.env.film import save_film
-from agentflow.env.gltf import rollout_glb
-from agentflow.env.render import render_png
-from agentflow.env.rollout import simulate
+from agentflow.env.drawing.film import save_film
+from agentflow.env.drawing.gltf import rollout_glb
+from agentflow.env.drawing.stills import render_png
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.tree import Machine, Step
 

@@ -21,12 +21,12 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
+from agentflow.app.design.design import design
 from agentflow.app.pages.films import Shapes
 from agentflow.app.pages.runs import FINE, Shown, asked, exhibits, report, write
-from agentflow.app.runs.design import design
-from agentflow.config import build
+from agentflow.config.run import build
 from agentflow.env.tasks.registry import get_task
-from agentflow.machine.random import random_machine
+from agentflow.machine.edits.random import random_machine
 from agentflow.report.page import page
 from agentflow.runs import read_events
 from tests.report.browser import chromium

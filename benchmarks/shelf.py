@@ -12,7 +12,7 @@ from pathlib import Path
 import yaml
 from pydantic import BaseModel, ConfigDict
 
-from agentflow.machine.parse import read_machine
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 
 FOLDER = Path(__file__).parent.parent / "tests" / "machines"

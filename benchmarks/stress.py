@@ -22,11 +22,11 @@ from random import Random
 import numpy as np
 
 from agentflow.env.archive import rollout_json
-from agentflow.env.pool import RolloutPool
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task, task_names
-from agentflow.env.trace import Rollout
-from agentflow.machine.random import random_machine
+from agentflow.machine.edits.random import random_machine
 from agentflow.machine.tree import Machine
 
 SCORED = {"ok", "invalid", "diverged"}

@@ -17,19 +17,19 @@ from typing import Any
 
 import yaml
 
-from agentflow.app.runs.conduct import Plan, conduct
-from agentflow.app.runs.models import open_models
-from agentflow.app.runs.replay import Memory
+from agentflow.app.design.conduct import Plan, conduct
+from agentflow.app.design.models import open_models
+from agentflow.app.design.replay import Memory
 from agentflow.app.sweeps.plan import folder_of, plan_sweep
 from agentflow.app.sweeps.run import run_sweep
 from agentflow.app.sweeps.views import view
-from agentflow.env.rollout import simulate
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
-from agentflow.llm.budget import Budget
-from agentflow.llm.tape import Tape
-from agentflow.machine.formats import read_any
+from agentflow.llm.wrappers.budget import Budget
+from agentflow.llm.wrappers.tape import Tape
+from agentflow.machine.formats.detect import read_any
 from agentflow.machine.tree import Machine
 from agentflow.runs import Event
 

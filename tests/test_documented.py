@@ -22,7 +22,7 @@ import pytest
 from agentflow.cli import group, main
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import check
-from agentflow.machine.formats import read_any
+from agentflow.machine.formats.detect import read_any
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted(

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 import agentflow
-from agentflow.app.runs.replay import replay
-from agentflow.config import DesignConfig
+from agentflow.app.design.replay import replay
+from agentflow.config.run import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError, UsageError
 from agentflow.runs import read_document
 from tests.workflows.world import Author

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.runs.replay import replay
+from agentflow.app.design.replay import replay
 
 RUNS = sorted((Path(__file__).parent.parent / "runs").glob("recorded-*"))
 

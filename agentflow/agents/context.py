@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from agentflow.agents.replies import Representation, machine_text
-from agentflow.machine.blocks import library
-from agentflow.machine.blocktype import BlockType, Face
+from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.types import BlockType, Face
 from agentflow.machine.brief import Brief
-from agentflow.machine.describe import describe_text
+from agentflow.machine.description.geometry_info import describe_text
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import block_functions
 

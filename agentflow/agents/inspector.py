@@ -17,8 +17,8 @@ from agentflow.agents.replies import Representation
 from agentflow.agents.sections import sections
 from agentflow.agents.world import ID_LIST, world_answers, world_score
 from agentflow.machine.brief import Brief
-from agentflow.machine.describe import tree_text
-from agentflow.machine.geometry import place
+from agentflow.machine.description.geometry_info import tree_text
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
 WORLD = "Three-Dimensional Perception of the World"

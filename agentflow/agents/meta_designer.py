@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import task_context
 from agentflow.machine.brief import Brief
-from agentflow.machine.jsontext import found_json
+from agentflow.machine.formats.json_text import found_json
 
 MAX_TYPES = 3
 """Most block types per structure, the root not counted (spec 4.2)."""

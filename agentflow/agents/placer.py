@@ -15,7 +15,7 @@ from agentflow.agents.context import block_rows, task_context
 from agentflow.agents.designer import Design, rationale_of
 from agentflow.agents.replies import machine_text, read_reply
 from agentflow.agents.verdicts import shortcoming, told
-from agentflow.machine.blocks import library
+from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 
 

@@ -14,7 +14,7 @@ from agentflow.agents.context import machine_context, report_context, task_conte
 from agentflow.agents.replies import Representation
 from agentflow.agents.sections import sections
 from agentflow.machine.brief import Brief
-from agentflow.machine.parse import extract_json
+from agentflow.machine.formats.parse import extract_json
 from agentflow.machine.tree import Machine
 
 THOUGHT = "Thought Process"

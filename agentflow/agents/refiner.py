@@ -17,8 +17,8 @@ from agentflow.agents.replies import Representation, read_reply
 from agentflow.agents.sections import sections
 from agentflow.agents.verdicts import shortcoming, told
 from agentflow.machine.brief import Brief
-from agentflow.machine.commands import script_lines
-from agentflow.machine.edits import StepVerdict, apply_script
+from agentflow.machine.edits.commands import script_lines
+from agentflow.machine.edits.script import StepVerdict, apply_script
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 from agentflow.machine.brief import Brief
-from agentflow.machine.coordinates import read_coordinates, to_coordinates
-from agentflow.machine.parse import read_machine
+from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import Report, check
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from agentflow.machine.geometry import Geometry
+from agentflow.machine.geometry.placement import Geometry
 
 TIE = 1e-6
 """Metres within which two blocks reach equally far."""

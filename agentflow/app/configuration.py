@@ -10,9 +10,9 @@ from typing import Any
 
 import yaml
 
-from agentflow.app.runs.conduct import Plan
-from agentflow.app.runs.models import configured, shown, with_environment
-from agentflow.config import load, override
+from agentflow.app.design.conduct import Plan
+from agentflow.app.design.models import configured, shown, with_environment
+from agentflow.config.run import load, override
 
 DEFAULT, SETTING, ENVIRONMENT = "default", "--set", "environment"
 COLUMN = 52

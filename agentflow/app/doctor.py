@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 
-from agentflow.app.runs.models import answerers
-from agentflow.config import DesignConfig
+from agentflow.app.design.models import answerers
+from agentflow.config.run import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.doctor import Diagnosis, diagnose
 

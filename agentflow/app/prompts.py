@@ -18,7 +18,7 @@ from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.machine import Machine, check
 from agentflow.machine.brief import Brief
-from agentflow.machine.formats import read_for
+from agentflow.machine.formats.detect import read_for
 from agentflow.machine.tree import ROOT, Step
 from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
 

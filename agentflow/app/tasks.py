@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from agentflow.config import parted
+from agentflow.config.run import parted
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
-from agentflow.machine.blocks import library
+from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT
 
 

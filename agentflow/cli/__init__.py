@@ -13,7 +13,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from agentflow.cli.text import harmless, refusal
+from agentflow.cli.display.text import harmless, refusal
 from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
@@ -42,10 +42,10 @@ def group() -> Any:
     """
     import typer
 
-    from agentflow.cli.commands import commands
+    from agentflow.cli.root import commands
 
     for name in MODULES:
-        import_module(f"agentflow.cli.{name}")
+        import_module(f"agentflow.cli.commands.{name}")
     return typer.main.get_command(commands)
 
 

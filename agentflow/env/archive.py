@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.trace import Broken, Event, Feedback, Rollout, Trace
+from agentflow.env.rollout import Broken, Event, Feedback, Rollout, Trace
 from agentflow.errors import UsageError
 
 UNREADABLE = (

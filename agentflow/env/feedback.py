@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from agentflow.env.constants import constants
-from agentflow.env.rotations import rotate
-from agentflow.env.trace import Array, Broken, Event, Feedback, Trace, Verdict
-from agentflow.machine.blocks import library
+from agentflow.env.physics.rotations import rotate
+from agentflow.env.rollout import Array, Broken, Event, Feedback, Trace, Verdict
+from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 MAX_SAMPLES = 26

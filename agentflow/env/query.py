@@ -13,7 +13,7 @@ import numpy as np
 
 from agentflow.env.constants import constants
 from agentflow.env.feedback import block_name, number
-from agentflow.env.trace import Array, Rollout, Trace
+from agentflow.env.rollout import Array, Rollout, Trace
 from agentflow.machine.tree import Machine
 
 MAX_QUERIES = 12

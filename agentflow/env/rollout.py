@@ -1,79 +1,124 @@
-"""Owns the rollout: judge a machine, play the trials of a task with it, make one of them.
+"""Owns what a rollout yields: the recorded states, what broke, what happened, the result.
 
-What happens in a trial is play.py's, how trials are counted trials.py's, files are archive.py's.
+Arrays are float64 in the game frame; T samples, N blocks (index = block id), E connections,
+L two-ended blocks, M scene things.
 """
 
 from __future__ import annotations
 
-import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
 
-from agentflow.env.constants import Constants, constants
-from agentflow.env.engines.base import Engine, TooLargeError
-from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.play import Play
-from agentflow.env.refusals import invalid, timing
-from agentflow.env.tasks.base import Task
-from agentflow.env.trace import Rollout
-from agentflow.env.trials import joined
-from agentflow.machine.problems import Problem
-from agentflow.machine.tree import Machine
-from agentflow.machine.validity import check
+import numpy as np
+from numpy.typing import NDArray
 
-_local = threading.local()
+from agentflow.env.scene import Scene
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Status = Literal["ok", "invalid", "diverged", "timeout", "crashed"]
 
 
-def simulate(
-    machine: Machine,
-    task: Task,
-    *,
-    seed: int = 0,
-    rate: float | None = None,
-    power: bool = True,
-    interval: float | None = None,
-    wall_limit: float = 60.0,
-    engine: Engine | None = None,
-    physics: Constants | None = None,
-) -> Rollout:
-    """Try a machine at a task (spec 2.5), all trials of it. Never raises for what a machine does.
+@dataclass(frozen=True)
+class Trace:
+    """States sampled every `interval` seconds from t = 0 (after settling)."""
 
-    Args:
-        machine: File-valid; everything else is judged here first, and an invalid machine is not
-            simulated.
-        task: The level to play.
-        seed: Of a task's random trials. Scenes have their own seeds, so a task without trials
-            gives the same rollout for every seed.
-        rate: Steps per second; the constants' rate by default.
-        power: Off is the control experiment: the schedule never starts.
-        interval: Seconds between samples; the constants' by default, at least one step.
-        wall_limit: Wall-clock seconds after which a trial ends as `timeout`.
-        engine: Where to run it; by default one that this thread keeps.
-        physics: Other constants than those of `constants.json`, for fitting; give them to an
-            engine of your own as well.
+    times: Array
+    """(T,) seconds."""
+    position: Array
+    """(T, N, 3) block origins (building points), m. Two-ended blocks: midpoint of their ends."""
+    centre: Array
+    """(T, N, 3) box centres, m."""
+    rotation: Array
+    """(T, N, 4) quaternions x, y, z, w."""
+    velocity: Array
+    """(T, N, 3) of the block's centre, m/s."""
+    angular_velocity: Array
+    """(T, N, 3) rad/s."""
+    alive: Flags
+    """(T, N) whether the block still holds on to its parent."""
+    length: Array
+    """(T, L) distance between the ends of two-ended blocks, m; column i belongs to linear[i]."""
+    linear: tuple[int, ...]
+    """Ids of the two-ended blocks."""
+    utilisation: Array
+    """(T, E) load over strength of each connection, 1.0 breaks; after the break nan."""
+    connections: tuple[tuple[int, int], ...]
+    """(block, partner) of each connection."""
+    thing_position: Array
+    """(T, M, 3) centres."""
+    thing_rotation: Array
+    """(T, M, 4)."""
+    thing_velocity: Array
+    """(T, M, 3)."""
+    things: tuple[str, ...]
+    """Names of the scene's moving things, in scene order."""
 
-    Raises:
-        UsageError: `rate` is not within 30 to 1000 Hz, or `interval` not above 0.
+
+@dataclass(frozen=True)
+class Broken:
+    """One connection that gave way."""
+
+    block: int
+    type: int
+    partner: int
+    time: float
+    """Seconds since t = 0."""
+    load: float
+    """Load over strength when it broke."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something worth telling a designer, beside breakages."""
+
+    time: float
+    kind: str
+    blocks: tuple[int, ...] = ()
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a task says of a trace."""
+
+    score: float
+    terms: Mapping[str, float | bool | str | None]
+    """Every part of the score by name."""
+    events: tuple[Event, ...] = ()
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """What designers are told after a rollout: the same content as text and as data."""
+
+    text: str
+    data: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """The outcome of trying one machine at one task.
+
+    `diverged` is the machine's fault and scores 0; `timeout` and `crashed` are the computer's and
+    have score None; `invalid` was never simulated and scores 0.
     """
-    value = physics or constants()
-    rate, interval = timing(rate, interval, value)
-    report = check(machine, task.brief)
-    if not report.task_valid:
-        return invalid(report.problems)
-    chosen = engine or _own_engine()
-    played: list[Rollout] = []
-    for trial in task.trials(seed):
-        try:
-            play = Play(machine, trial, chosen, rate, power, interval, wall_limit, value)
-        except TooLargeError as error:
-            return invalid([Problem("too_many_parts", (), str(error))])
-        played.append(play.to_the_end())
-        if played[-1].status == "timeout":
-            break
-    return joined(played)
 
-
-def _own_engine() -> Engine:
-    """The engine that this thread keeps between rollouts."""
-    if not hasattr(_local, "engine"):
-        _local.engine = PyBulletEngine()
-    engine: Engine = _local.engine
-    return engine
+    status: Status
+    score: float | None
+    terms: Mapping[str, float | bool | str | None]
+    problems: tuple[Mapping[str, Any], ...]
+    """Why it is invalid: code, blocks, message of each problem (spec 1.12)."""
+    broken: tuple[Broken, ...]
+    events: tuple[Event, ...]
+    feedback: Feedback
+    trace: Trace | None
+    digest: str | None
+    """Hash of every recorded state: equal digests mean bitwise equal rollouts."""
+    sim_seconds: float | None
+    wall_seconds: float | None
+    constants: str | None
+    """Hash of the physical constants."""
+    scene: Scene | None = None
+    """What stood around the machine of the trace; not kept in files."""

@@ -8,16 +8,16 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 
-from agentflow.llm.budget import Budget, BudgetClient
 from agentflow.llm.client import Client
-from agentflow.llm.endpoint import Endpoint
-from agentflow.llm.http import OpenAIClient
-from agentflow.llm.limits import LimitedClient, Limiter
-from agentflow.llm.prices import Price
-from agentflow.llm.record import RecordingClient
-from agentflow.llm.retry import RetryClient
+from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.settings import EndpointSettings
-from agentflow.llm.tape import Tape
+from agentflow.llm.wrappers.budget import Budget, BudgetClient
+from agentflow.llm.wrappers.limits import LimitedClient, Limiter
+from agentflow.llm.wrappers.prices import Price
+from agentflow.llm.wrappers.record import RecordingClient
+from agentflow.llm.wrappers.retry import RetryClient
+from agentflow.llm.wrappers.tape import Tape
 
 
 def open_client(

@@ -12,9 +12,9 @@ from agentflow.errors import (
     UnauthorisedError,
     UnreachableError,
 )
-from agentflow.llm.endpoint import Endpoint
-from agentflow.llm.faults import TransientFault
-from agentflow.llm.http import OpenAIClient
+from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.faults import TransientFault
+from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.messages import JsonSchema, Message, Reply, Request, Sampling
 from agentflow.llm.settings import HttpSettings
 

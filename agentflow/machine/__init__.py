@@ -4,13 +4,13 @@ Pure Python and NumPy. Never imports an engine or a model, so a machine can be r
 edited in well under a millisecond.
 """
 
-from agentflow.machine.blocks import Library, library
-from agentflow.machine.blocktype import BlockType, Face
+from agentflow.machine.blocks.library import Library, library
+from agentflow.machine.blocks.types import BlockType, Face
 from agentflow.machine.brief import SIZE_LIMIT, Brief
-from agentflow.machine.describe import describe, describe_text, tree_text
-from agentflow.machine.edits import EditOutcome, StepVerdict, apply_script
-from agentflow.machine.geometry import AutoConnection, Geometry, Placed, PlacedFace, place
-from agentflow.machine.parse import Extracted, Reading, extract_json, read_machine
+from agentflow.machine.description.geometry_info import describe, describe_text, tree_text
+from agentflow.machine.edits.script import EditOutcome, StepVerdict, apply_script
+from agentflow.machine.formats.parse import Extracted, Reading, extract_json, read_machine
+from agentflow.machine.geometry.placement import AutoConnection, Geometry, Placed, PlacedFace, place
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.machine.validity import Report, check, spatial_problems

@@ -9,7 +9,7 @@ import reprlib
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from agentflow.machine.blocks import STARTING_BLOCK, library
+from agentflow.machine.blocks.library import STARTING_BLOCK, library
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,15 +9,15 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from agentflow.machine.blocks import library
-from agentflow.machine.blocktype import Vec3
+from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.plates import plate_of
+from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.brief import SIZE_LIMIT, Brief
-from agentflow.machine.connect import Located
-from agentflow.machine.geometry import Geometry, bounds, overlap_of, place
-from agentflow.machine.locks import locked_joints
-from agentflow.machine.parse import Reading, file_problems, read_machine
-from agentflow.machine.plates import plate_of
-from agentflow.machine.pose import to_metres
+from agentflow.machine.formats.connect import Located
+from agentflow.machine.formats.parse import Reading, file_problems, read_machine
+from agentflow.machine.geometry.locks import locked_joints
+from agentflow.machine.geometry.placement import Geometry, bounds, overlap_of, place
+from agentflow.machine.geometry.pose import to_metres
 from agentflow.machine.problems import Problem, listed, named
 from agentflow.machine.tree import Machine
 

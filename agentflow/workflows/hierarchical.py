@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.workflows.base import Candidate, WorkflowResult
-from agentflow.workflows.bench import Bench
-from agentflow.workflows.construction import build
-from agentflow.workflows.refinement import refined
-from agentflow.workflows.stages import failure_of, whole_machines
+from agentflow.workflows.context import Bench
+from agentflow.workflows.stages.construction import build
+from agentflow.workflows.stages.refinement import refined
+from agentflow.workflows.stages.shared import failure_of, whole_machines
 
 
 async def hierarchical(bench: Bench) -> WorkflowResult:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from agentflow.workflows.base import WorkflowResult
-from agentflow.workflows.bench import Bench
-from agentflow.workflows.refinement import refined
-from agentflow.workflows.stages import whole_machines
+from agentflow.workflows.context import Bench
+from agentflow.workflows.stages.refinement import refined
+from agentflow.workflows.stages.shared import whole_machines
 
 
 async def iterative(bench: Bench) -> WorkflowResult:

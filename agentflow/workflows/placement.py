@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.errors import UsageError
-from agentflow.machine.random import random_machine
+from agentflow.machine.edits.random import random_machine
 from agentflow.search.concurrency import together
 from agentflow.workflows.base import Candidate, First, StageName, WorkflowResult
-from agentflow.workflows.bench import Bench
+from agentflow.workflows.context import Bench
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages import failure_of, first_of, tried
+from agentflow.workflows.stages.shared import failure_of, first_of, tried
 
 STAGE: StageName = "initial"
 MOST_PLACED = 10

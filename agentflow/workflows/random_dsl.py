@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 from agentflow.agents.history import Entry
 from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
-from agentflow.machine.random import random_edit, random_machine
+from agentflow.machine.edits.random import random_edit, random_machine
 from agentflow.machine.tree import Machine
 from agentflow.search.concurrency import together
 from agentflow.search.node import Tally
 from agentflow.search.tree import better
 from agentflow.workflows.base import Candidate, First, Stage, WorkflowResult
-from agentflow.workflows.bench import Bench
-from agentflow.workflows.feedback import STAGE
-from agentflow.workflows.stages import BLIND, tried
+from agentflow.workflows.context import Bench
+from agentflow.workflows.stages.feedback import STAGE
+from agentflow.workflows.stages.shared import BLIND, tried
 
 VALID = First(parsed=True, spatial=True, valid=True)
 MAX_REPEATS = 20

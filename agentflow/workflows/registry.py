@@ -8,7 +8,7 @@ from types import MappingProxyType
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.workflows.base import Desks, Laboratory, Record, Workflow, WorkflowResult
-from agentflow.workflows.bench import Bench
+from agentflow.workflows.context import Bench
 from agentflow.workflows.hierarchical import hierarchical
 from agentflow.workflows.iterative import iterative
 from agentflow.workflows.placement import one_each, placement, random_placement

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from agentflow.search.concurrency import together
 from agentflow.workflows.base import WorkflowResult
-from agentflow.workflows.bench import Bench
-from agentflow.workflows.feedback import STAGE, feedback_loop
+from agentflow.workflows.context import Bench
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages import INITIAL, tried, whole_machines
+from agentflow.workflows.stages.feedback import STAGE, feedback_loop
+from agentflow.workflows.stages.shared import INITIAL, tried, whole_machines
 
 
 async def single(bench: Bench) -> WorkflowResult:

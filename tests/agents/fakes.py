@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from agentflow.agents.meta_designer import Blueprint, Structure
 from agentflow.machine.brief import Brief
-from agentflow.machine.parse import read_machine
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 
 THROWING = Brief(

@@ -20,9 +20,9 @@ from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.agents.replies import machine_text
 from agentflow.env.tasks.registry import get_task, task_names
-from agentflow.machine.blocks import library
+from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT, Brief
-from agentflow.machine.coordinates import read_coordinates
+from agentflow.machine.formats.coordinates import read_coordinates
 from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
 from agentflow.prompts.text import CL100K
 from tests.agents.fakes import FRAME, PLAN, THROWER, THROWING, machine

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentflow.agents.world import extreme_blocks, world_answers, world_score
-from agentflow.machine.geometry import place
+from agentflow.machine.geometry.placement import place
 from tests.agents.fakes import FRAME, THROWER
 
 LINES = """x+: right

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from agentflow.app.configuration import as_yaml, resolved
-from agentflow.config import DesignConfig, build, load
+from agentflow.config.run import DesignConfig, build, load
 from agentflow.errors import ConfigError
 from agentflow.runs import RunDirectory
 

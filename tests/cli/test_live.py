@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from agentflow.cli.live import Progress, sparkline, watch
+from agentflow.cli.display.live import Progress, sparkline, watch
 from agentflow.runs import Event
 
 ROW = {"name": "initial", "trajectories": 8, "valid": 7, "mean": 12.5, "max": 20.0}

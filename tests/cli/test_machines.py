@@ -15,8 +15,8 @@ import pytest
 from agentflow.app.machines.edits import edit_lines
 from agentflow.app.machines.files import check_lines
 from agentflow.cli import main
-from agentflow.machine.bsg import to_bsg
-from agentflow.machine.coordinates import to_coordinates
+from agentflow.machine.formats.bsg_writing import to_bsg
+from agentflow.machine.formats.coordinates import to_coordinates
 from tests.machine.builders import CAR, CATAPULT, build
 
 TREE = json.dumps(CAR.to_json())

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.cli.output import columns, output
-from agentflow.cli.show import show_edit
+from agentflow.cli.display.output import columns, output
+from agentflow.cli.display.show import show_edit
 
 EVIL = "\x1b]0;title\x07\x1b[2J\u202e\r[bold]\nnext"
 SHOWN = r"\x1b]0;title\x07\x1b[2J\u202e\r[bold]"

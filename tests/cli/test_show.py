@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.cli.show import ending_of, show_result
+from agentflow.cli.display.show import ending_of, show_result
 
 
 def _stage(name: str, valid: int, attempts: int = 0, children: int = 0) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from agentflow.cli.text import refusal
+from agentflow.cli.display.text import refusal
 
 AGENTFLOW = f'"{sys.executable}" -c "import sys; from agentflow.cli import main; sys.exit(main())"'
 INTERRUPTED = """

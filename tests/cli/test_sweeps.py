@@ -11,7 +11,7 @@ import yaml
 from rich.console import Console
 
 from agentflow.cli import main
-from agentflow.cli.sweeplive import View
+from agentflow.cli.display.sweep_live import View
 from agentflow.runs import Event
 from tests.app.sweeps.test_run import DEAD, TINY
 

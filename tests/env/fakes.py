@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from agentflow.env.rollout import Broken, Feedback, Rollout, Trace
 from agentflow.env.scene import IDENTITY, Quat, Vec3
 from agentflow.env.tasks.base import Body
-from agentflow.env.trace import Broken, Feedback, Rollout, Trace
 from agentflow.machine.tree import ROOT, Machine, Step
 
 BOULDER = 2

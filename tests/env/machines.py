@@ -6,8 +6,8 @@ from pathlib import Path
 
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.machine.blocks import BOULDER
-from agentflow.machine.parse import read_machine
+from agentflow.machine.blocks.library import BOULDER
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine, Step
 from tests.machine.builders import CAR, CATAPULT
 

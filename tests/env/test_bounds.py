@@ -9,17 +9,17 @@ from math import inf, nan
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.engines.bullet import pybullet
-from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.pool import RolloutPool
-from agentflow.env.rollout import simulate
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
 from agentflow.machine.tree import Machine
 from benchmarks.stress import cases, faults
 from tests.env.machines import BALLASTED, CAR, machine
-from tests.env.test_pool import alive
+from tests.env.pool.test_pool import alive
 
 SHORT = get_task("movement", {"window": 1})
 

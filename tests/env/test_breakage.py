@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.engines.assembly import assemble
-from agentflow.env.engines.base import Assembly
-from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.engines.tree import skeleton
-from agentflow.env.rollout import simulate
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Assembly
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.rollout import Broken, Rollout
 from agentflow.env.scene import Scene
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Broken, Rollout
-from agentflow.machine.geometry import place
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from benchmarks.shelf import load, read
 from tests.env.machines import BALLASTED, SHIPPED, machine, shipped, task_of

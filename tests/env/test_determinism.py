@@ -11,11 +11,11 @@ from collections.abc import Mapping
 
 import pytest
 
-from agentflow.env.pool import RolloutPool
-from agentflow.env.rollout import simulate
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
 from agentflow.machine.tree import Machine
 from tests.env.machines import shipped
 

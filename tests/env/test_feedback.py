@@ -17,7 +17,7 @@ from agentflow.env.feedback import (
     series,
     stalled_motors,
 )
-from agentflow.env.trace import Event, Verdict
+from agentflow.env.rollout import Event, Verdict
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import make_trace
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agentflow.env.query import answer
-from agentflow.env.trace import Broken
+from agentflow.env.rollout import Broken
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import make_rollout, make_trace
 

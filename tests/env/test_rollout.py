@@ -13,10 +13,10 @@ import pytest
 
 from agentflow.env.archive import load_npz, rollout_json, save_npz
 from agentflow.env.constants import constants
-from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.rollout import simulate
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.rollout import Event, Rollout
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Event, Rollout
 from agentflow.errors import UsageError
 from tests.env.machines import BALLASTED, CAR, PRINTED, machine, shipped
 

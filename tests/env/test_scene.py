@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agentflow.env.engines.vectors import turned
+from agentflow.env.physics.vectors import turned
 from agentflow.env.scene import Gust, Scene, Start
 
 

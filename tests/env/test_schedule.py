@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from agentflow.env.rollout import simulate
+from agentflow.env.rollout import Trace
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Schedule
-from agentflow.env.tasks.movement import Movement
+from agentflow.env.tasks.families.movement import Movement
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Trace
-from agentflow.machine.blocks import library
+from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
-from agentflow.machine.geometry import place
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
-from tests.env.engines.rig import face_towards
 from tests.env.machines import machine
+from tests.env.physics.rig import face_towards
 
 FOOT = ((0, -1, -1), (35, 0, 0), (35, 0, 1), (35, 0, 2), (35, 0, 3))
 FLYING, GRABBER, BOULDER, COG, WINCH = 14, 27, 36, 39, 45

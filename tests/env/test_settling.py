@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.settling import Settling
-from agentflow.env.trace import Array
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.rollout import Array
+from agentflow.env.simulation.settling import Settling
 from agentflow.machine.tree import ROOT, Machine
 
 RATE = 120.0

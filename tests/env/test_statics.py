@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.engines.assembly import assemble
-from agentflow.env.engines.base import Assembly
-from agentflow.env.engines.pybullet import PyBulletEngine
-from agentflow.env.engines.stiffness import rings
-from agentflow.env.engines.tree import skeleton
-from agentflow.env.loads import Loads
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Assembly
+from agentflow.env.physics.load_sharing import rings
+from agentflow.env.physics.loads import Loads
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
-from agentflow.env.trace import Array
-from agentflow.machine.blocks import library
-from agentflow.machine.geometry import place
+from agentflow.machine.blocks.library import library
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from tests.env.machines import machine
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass, replace
 import pytest
 
 from agentflow.env.archive import rollout_json
-from agentflow.env.pool import RolloutPool
-from agentflow.env.rollout import simulate
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.rollout import Feedback, Rollout
 from agentflow.env.scene import Scene
-from agentflow.env.tasks.jumping import Jumping, JumpingKnobs
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.simulation.trials import joined
+from agentflow.env.tasks.families.jumping import Jumping, JumpingKnobs
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Feedback, Rollout
-from agentflow.env.trials import joined
 from agentflow.machine.tree import Machine
 
 from .fakes import LONE_ROOT, make_rollout, make_trace

@@ -8,12 +8,12 @@ import pytest
 from pydantic import ValidationError
 
 from agentflow.errors import BudgetSpentError
-from agentflow.llm.budget import Budget, BudgetClient, BudgetSettings
 from agentflow.llm.build import wrap
 from agentflow.llm.messages import Reply, Usage
-from agentflow.llm.prices import FREE, Price
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.llm.tape import Tape
+from agentflow.llm.wrappers.budget import Budget, BudgetClient, BudgetSettings
+from agentflow.llm.wrappers.prices import FREE, Price
+from agentflow.llm.wrappers.tape import Tape
 from tests.llm.helpers import ask
 
 

@@ -19,15 +19,15 @@ from agentflow.errors import (
     UnauthorisedError,
     UnreachableError,
 )
-from agentflow.llm.budget import Budget, BudgetSettings
 from agentflow.llm.build import open_client, wrap
 from agentflow.llm.client import Client
-from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.messages import Reply
-from agentflow.llm.record import ReplayClient
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.settings import EndpointSettings
-from agentflow.llm.tape import Tape
+from agentflow.llm.wrappers.budget import Budget, BudgetSettings
+from agentflow.llm.wrappers.record import ReplayClient
+from agentflow.llm.wrappers.tape import Tape
 from tests.conftest import free_port
 from tests.llm.helpers import KEY, ask
 

@@ -13,8 +13,8 @@ import pytest
 
 from agentflow.errors import ModelNotFoundError
 from agentflow.llm.doctor import diagnose
-from agentflow.llm.endpoint import Endpoint
-from agentflow.llm.http import OpenAIClient
+from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.messages import Reply, Usage
 from agentflow.llm.settings import HttpSettings
 from tests.llm.foreign import ROOT, foreign

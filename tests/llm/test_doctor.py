@@ -7,7 +7,7 @@ import time
 import pytest
 
 from agentflow.llm.doctor import Diagnosis, diagnose
-from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.settings import HttpSettings
 from tests.llm.helpers import KEY
 from tests.llm.hostile import body, reply, serving

@@ -12,8 +12,8 @@ from agentflow.errors import (
     RefusedError,
     UnauthorisedError,
 )
-from agentflow.llm.endpoint import Endpoint
-from agentflow.llm.faults import (
+from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.faults import (
     Refusal,
     TransientFault,
     error_for,

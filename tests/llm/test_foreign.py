@@ -14,10 +14,10 @@ from agentflow.errors import EndpointError, ModelNotFoundError, RefusedError, Un
 from agentflow.llm.build import open_client
 from agentflow.llm.client import Client
 from agentflow.llm.doctor import diagnose
-from agentflow.llm.endpoint import Endpoint
+from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.messages import JsonSchema, Usage
 from agentflow.llm.settings import EndpointSettings, HttpSettings
-from agentflow.llm.tape import Tape
+from agentflow.llm.wrappers.tape import Tape
 from tests.llm.foreign import foreign
 from tests.llm.helpers import ask
 

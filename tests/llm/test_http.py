@@ -9,7 +9,7 @@ import traceback
 import pytest
 
 from agentflow.errors import EndpointError, RefusedError, UnauthorisedError, UnreachableError
-from agentflow.llm.faults import TransientFault
+from agentflow.llm.endpoint.faults import TransientFault
 from agentflow.llm.messages import Usage
 from tests.llm.helpers import KEY, ask, client_for, once
 from tests.llm.hostile import (

@@ -10,7 +10,7 @@ import pytest
 import trustme
 
 from agentflow.errors import ConfigError
-from agentflow.llm.faults import TransientFault
+from agentflow.llm.endpoint.faults import TransientFault
 from tests.llm.helpers import ask, client_for
 from tests.llm.hostile import reply, serving
 

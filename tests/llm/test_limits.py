@@ -7,9 +7,9 @@ import time
 
 import pytest
 
-from agentflow.llm.limits import LimitedClient, Limiter
 from agentflow.llm.messages import Reply, Request, Usage
 from agentflow.llm.settings import LimitSettings
+from agentflow.llm.wrappers.limits import LimitedClient, Limiter
 from tests.llm.helpers import ask
 
 

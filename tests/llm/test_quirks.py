@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.llm.faults import Refusal, read_refusal
+from agentflow.llm.endpoint.faults import Refusal, read_refusal
+from agentflow.llm.endpoint.quirks import Quirks
+from agentflow.llm.endpoint.wire import request_body
 from agentflow.llm.messages import JsonSchema
-from agentflow.llm.quirks import Quirks
-from agentflow.llm.wire import request_body
 from tests.llm.helpers import ask, client_for
 from tests.llm.hostile import body, reply, serving
 

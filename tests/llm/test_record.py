@@ -10,9 +10,9 @@ import pytest
 
 from agentflow.errors import BudgetSpentError, ReplayMissError
 from agentflow.llm.messages import Message, Reply, Request
-from agentflow.llm.record import RecordingClient, ReplayClient
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.llm.tape import Tape
+from agentflow.llm.wrappers.record import RecordingClient, ReplayClient
+from agentflow.llm.wrappers.tape import Tape
 from tests.llm.helpers import ask
 
 

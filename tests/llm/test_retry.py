@@ -9,11 +9,11 @@ from collections.abc import Callable
 import pytest
 
 from agentflow.errors import EndpointError, RefusedError, UnreachableError
-from agentflow.llm.faults import TransientFault
+from agentflow.llm.endpoint.faults import TransientFault
 from agentflow.llm.messages import Reply, Request
-from agentflow.llm.retry import RetryClient
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.settings import RetrySettings
+from agentflow.llm.wrappers.retry import RetryClient
 from tests.llm.helpers import ask, client_for
 from tests.llm.hostile import body, hang_up, reply, serving
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.llm.sse import Framing
+from agentflow.llm.endpoint.sse import Framing
 
 STREAM = (
     b": a comment\r\n\r\nevent: x\ndata: one\n\ndata:two\r\ndata: more\r\n\r\n"

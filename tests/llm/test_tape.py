@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from agentflow.errors import RunError
 from agentflow.llm.messages import Message, Reply, Request, Sampling
-from agentflow.llm.tape import Entry, Tape, key_of
+from agentflow.llm.wrappers.tape import Entry, Tape, key_of
 from tests.llm.helpers import ask
 
 

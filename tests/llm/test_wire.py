@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.llm.messages import Message, Reply, Request, Sampling, Usage
-from agentflow.llm.wire import (
+from agentflow.llm.endpoint.wire import (
     BrokenAnswerError,
     ErrorObjectError,
     Gathered,
@@ -19,6 +18,7 @@ from agentflow.llm.wire import (
     request_body,
     split_reasoning,
 )
+from agentflow.llm.messages import Message, Reply, Request, Sampling, Usage
 from tests.llm.helpers import ask
 from tests.llm.hostile import chunk, completion
 

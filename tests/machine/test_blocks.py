@@ -3,13 +3,13 @@ from pathlib import Path
 
 import pytest
 
-import agentflow.machine
+import agentflow.machine.blocks
 from agentflow.errors import UnknownNameError
-from agentflow.machine.blocks import library, load_library
-from agentflow.machine.blocktype import Blade, Face
+from agentflow.machine.blocks.library import library, load_library
+from agentflow.machine.blocks.types import Blade, Face
 
 ENTRIES = json.loads(
-    Path(agentflow.machine.__file__).with_name("blocks.json").read_text(encoding="utf-8")
+    Path(agentflow.machine.blocks.__file__).with_name("blocks.json").read_text(encoding="utf-8")
 )
 
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 
 from agentflow.machine import Machine, check, library
-from agentflow.machine.connect import facing_of
-from agentflow.machine.coordinates import read_coordinates, to_coordinates
-from agentflow.machine.pose import FACINGS
+from agentflow.machine.formats.connect import facing_of
+from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
+from agentflow.machine.geometry.pose import FACINGS
 from tests.machine.builders import CAR, CATAPULT, PUBLISHED_OVERLAP, build
 from tests.machine.strategies import machines
 

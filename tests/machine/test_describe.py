@@ -3,7 +3,7 @@ import re
 import pytest
 
 from agentflow.machine import Machine, apply_script, describe, describe_text, tree_text
-from agentflow.machine.frame import one_decimal
+from agentflow.machine.description.rounding import one_decimal
 from tests.machine.builders import CAR, CATAPULT, build
 
 SPRUNG = build((1, 0, 0), (22, 1, 6), (9, 0, 4, 1, 5), (45, 2, 0, 2, 0), (36, 2, 0))

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agentflow.machine import check
-from agentflow.machine.bsg import to_bsg
-from agentflow.machine.connect import Located
-from agentflow.machine.coordinates import to_coordinates
-from agentflow.machine.formats import FORMS, Form, read_any
-from agentflow.machine.parse import Reading
+from agentflow.machine.formats.bsg_writing import to_bsg
+from agentflow.machine.formats.connect import Located
+from agentflow.machine.formats.coordinates import to_coordinates
+from agentflow.machine.formats.detect import FORMS, Form, read_any
+from agentflow.machine.formats.parse import Reading
 from tests.machine.builders import CATAPULT, build
 
 COORDINATES = json.dumps(to_coordinates(CATAPULT))

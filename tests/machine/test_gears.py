@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.machine.gears import Meshing, Train, meshing, trains
-from agentflow.machine.geometry import place
-from agentflow.machine.plates import Plate
+from agentflow.machine.blocks.plates import Plate
+from agentflow.machine.geometry.gears import Meshing, Train, meshing, trains
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step
 
 PLATE = Plate(15)

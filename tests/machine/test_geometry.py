@@ -1,8 +1,8 @@
 import pytest
 
 from agentflow.machine import AutoConnection, library, place
-from agentflow.machine.blocktype import DIRECTIONS
-from agentflow.machine.geometry import overlap_of
+from agentflow.machine.blocks.types import DIRECTIONS
+from agentflow.machine.geometry.placement import overlap_of
 from tests.machine.builders import CAR, CATAPULT, Spec, build
 
 S = 0.5**0.5

@@ -7,11 +7,11 @@ from random import Random
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.engines.assembly import assemble
-from agentflow.env.engines.tree import skeleton
-from agentflow.machine.geometry import place
-from agentflow.machine.locks import locked_joints
-from agentflow.machine.random import random_machine
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.machine.edits.random import random_machine
+from agentflow.machine.geometry.locks import locked_joints
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 from tests.env.machines import machine

@@ -3,7 +3,7 @@ import json
 import pytest
 
 from agentflow.machine import ROOT, Machine, Step, read_machine
-from agentflow.machine.parse import MAX_BLOCKS
+from agentflow.machine.formats.parse import MAX_BLOCKS
 from tests.machine.builders import CATAPULT
 
 START = {"type": 0, "id": 0, "parent": -1, "face_id": -1}

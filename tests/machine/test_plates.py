@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.errors import ConfigError
-from agentflow.machine.blocks import library
+from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.plates import HOLE, HOLES, PATTERNS, SIZES, Plate, plate_of
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits import apply_script
-from agentflow.machine.geometry import place
-from agentflow.machine.plates import HOLE, HOLES, PATTERNS, SIZES, Plate, plate_of
+from agentflow.machine.edits.script import apply_script
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.machine.validity import check
 

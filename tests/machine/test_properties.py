@@ -22,7 +22,7 @@ from agentflow.machine import (
     read_machine,
     tree_text,
 )
-from agentflow.machine.geometry import overlap_of
+from agentflow.machine.geometry.placement import overlap_of
 from tests.machine.builders import CATAPULT
 from tests.machine.strategies import draw_step, machines, valid_machines
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from agentflow.errors import UsageError
 from agentflow.machine import ROOT, Brief, Machine, check, library
-from agentflow.machine.moves import ACTUATION, MOVES, Addition, additions
-from agentflow.machine.random import random_edit, random_machine
+from agentflow.machine.edits.moves import ACTUATION, MOVES, Addition, additions
+from agentflow.machine.edits.random import random_edit, random_machine
 from tests.machine.builders import CAR, CATAPULT, build
 
 

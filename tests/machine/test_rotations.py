@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.machine import ROOT, Geometry, Machine, Step, library, place
-from agentflow.machine.blocktype import DIRECTIONS
-from agentflow.machine.pose import FACINGS, Facing, Units3
+from agentflow.machine.blocks.types import DIRECTIONS
+from agentflow.machine.geometry.pose import FACINGS, Facing, Units3
 from tests.machine.builders import CAR, build
 from tests.machine.strategies import machines
 

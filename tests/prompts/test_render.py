@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from agentflow.errors import PromptError, UnknownNameError
-from agentflow.machine.blocks import library
+from agentflow.machine.blocks.library import library
 from agentflow.prompts.render import PromptSet, block_functions, prompt_sets
 
 ROLES = ("designer", "inspector", "meta_designer", "placer", "querier", "refiner")

@@ -9,14 +9,14 @@ import random
 from pathlib import Path
 
 from agentflow.agents.base import Desk
-from agentflow.llm.budget import Budget
 from agentflow.llm.build import wrap
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.llm.tape import Tape
+from agentflow.llm.wrappers.budget import Budget
+from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
-from agentflow.workflows.bench import outline
+from agentflow.workflows.context import outline
 from agentflow.workflows.registry import workflow
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import row

@@ -14,8 +14,8 @@ from agentflow.errors import UsageError
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.machine.gears import meshing, trains
-from agentflow.machine.geometry import place
+from agentflow.machine.geometry.gears import meshing, trains
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step
 from agentflow.prompts.render import PromptSet
 from agentflow.search.node import Evaluation

@@ -11,13 +11,13 @@ from typing import Any
 
 from agentflow.agents.base import Desk
 from agentflow.agents.replies import machine_items
-from agentflow.llm.budget import Budget, BudgetClient, BudgetSettings
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Reply, Request, Usage
 from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.wrappers.budget import Budget, BudgetClient, BudgetSettings
 from agentflow.machine.brief import Brief
-from agentflow.machine.coordinates import read_coordinates
-from agentflow.machine.parse import read_machine
+from agentflow.machine.formats.coordinates import read_coordinates
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
 from agentflow.search.node import Evaluation

@@ -9,14 +9,14 @@ from typing import Any
 
 from agentflow.app.machines.files import machine_text
 from agentflow.app.outputs import written
-from agentflow.env.gltf import machine_glb
+from agentflow.env.drawing.gltf import machine_glb
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Problem, library
-from agentflow.machine.bsg import to_bsg
-from agentflow.machine.connect import Located
-from agentflow.machine.coordinates import to_coordinates
-from agentflow.machine.formats import read_any
-from agentflow.machine.plates import plate_of
+from agentflow.machine.blocks.plates import plate_of
+from agentflow.machine.formats.bsg_writing import to_bsg
+from agentflow.machine.formats.connect import Located
+from agentflow.machine.formats.coordinates import to_coordinates
+from agentflow.machine.formats.detect import read_any
 
 
 def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:

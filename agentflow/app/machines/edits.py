@@ -8,7 +8,7 @@ from typing import Any
 from agentflow.app.machines.files import line_value, machine_text, read_text
 from agentflow.errors import UsageError
 from agentflow.machine import Brief, Report, StepVerdict, apply_script, check
-from agentflow.machine.formats import read_for
+from agentflow.machine.formats.detect import read_for
 
 FORM = '{"machine": [...], "script": "Remove 3"}'
 

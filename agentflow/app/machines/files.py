@@ -12,7 +12,7 @@ from typing import Any, AnyStr, TextIO
 from agentflow.errors import UsageError
 from agentflow.machine import BlockType, Brief, library, place
 from agentflow.machine import check as judge
-from agentflow.machine.formats import Form, read_any, read_for
+from agentflow.machine.formats.detect import Form, read_any, read_for
 
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 LARGEST = 64 * 2**20

@@ -12,14 +12,14 @@ from typing import Any
 from agentflow.app.machines.files import line_value
 from agentflow.app.outputs import written
 from agentflow.env.archive import rollout_json, save_npz
-from agentflow.env.pool import RolloutPool
+from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.query import answer
-from agentflow.env.refusals import invalid
-from agentflow.env.rollout import simulate
+from agentflow.env.simulation.refusals import invalid
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import check
-from agentflow.machine.formats import read_for
+from agentflow.machine.formats.detect import read_for
 
 
 def simulate_text(

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from agentflow.env.engines.base import Color
-from agentflow.env.figures import Figures
-from agentflow.env.film import hero_of, interval_of
+from agentflow.env.drawing.figures import Figures
+from agentflow.env.drawing.film import hero_of, interval_of
+from agentflow.env.physics.engine import Color
+from agentflow.env.rollout import Broken, Event, Rollout, Trace
 from agentflow.env.scene import IDENTITY, Scene, Thing
-from agentflow.env.trace import Broken, Event, Rollout, Trace
-from agentflow.env.trials import SHOWN_TRIAL
-from agentflow.machine.blocks import POWERED_COG, library
+from agentflow.env.simulation.trials import SHOWN_TRIAL
+from agentflow.machine.blocks.library import POWERED_COG, library
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine
 from agentflow.report.film import Motion, packed

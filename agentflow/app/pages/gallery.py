@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.design.results import finished
 from agentflow.app.pages.films import Shapes
 from agentflow.app.pages.runs import (
     FINE,
@@ -20,9 +21,8 @@ from agentflow.app.pages.runs import (
     ready,
     write,
 )
-from agentflow.app.runs.results import finished
-from agentflow.config import build
-from agentflow.env.render import png_url
+from agentflow.config.run import build
+from agentflow.env.drawing.stills import png_url
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError
 from agentflow.machine import library, read_machine

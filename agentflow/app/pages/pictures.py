@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from agentflow.app.design.results import finished
 from agentflow.app.machines.files import machine_text
 from agentflow.app.outputs import written
-from agentflow.app.runs.results import finished
-from agentflow.config import build
-from agentflow.env.film import save_film
-from agentflow.env.gltf import rollout_glb
-from agentflow.env.render import render_png
-from agentflow.env.rollout import simulate
+from agentflow.config.run import build
+from agentflow.env.drawing.film import save_film
+from agentflow.env.drawing.gltf import rollout_glb
+from agentflow.env.drawing.stills import render_png
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
 from agentflow.errors import RunError, UnknownNameError, UsageError
 from agentflow.machine import Machine, check, library, read_machine
-from agentflow.machine.formats import read_any
+from agentflow.machine.formats.detect import read_any
 from agentflow.runs import read_document
 
 STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"

@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.design.prices import cost_by
+from agentflow.app.design.results import finished
+from agentflow.app.inspect.failures import count_failures
+from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.outputs import written
 from agentflow.app.pages.films import Shapes, exhibit
-from agentflow.app.records.failures import count_failures
-from agentflow.app.records.reading import recorded_machine
-from agentflow.app.runs.prices import cost_by
-from agentflow.app.runs.results import finished
-from agentflow.config import PROCEDURAL, DesignConfig, build
+from agentflow.config.run import PROCEDURAL, DesignConfig, build
 from agentflow.env.archive import load_npz
 from agentflow.env.constants import constants
-from agentflow.env.pool import RolloutPool
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.trials import SHOWN_TRIAL, joined
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_level, get_task
-from agentflow.env.trace import Rollout
-from agentflow.env.trials import SHOWN_TRIAL, joined
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.report.page import check_bundle, page

@@ -10,8 +10,8 @@ from PIL import Image
 
 from agentflow.app.outputs import written
 from agentflow.app.tasks import find_task, task_json, task_list
-from agentflow.env.drawings import PngPen, SvgPen, draw_plans, sheets
-from agentflow.env.plans import plans
+from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, sheets
+from agentflow.env.drawing.plans import plans
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 

@@ -12,11 +12,11 @@ from agentflow.errors import UsageError
 from agentflow.machine import Machine, Report
 from agentflow.machine import check as judge
 from agentflow.machine.brief import Brief
-from agentflow.machine.formats import read_for
+from agentflow.machine.formats.detect import read_for
 
 if TYPE_CHECKING:  # checking a machine needs no physics
-    from agentflow.env.pool import RolloutPool
-    from agentflow.env.trace import Rollout
+    from agentflow.env.pool.pool import RolloutPool
+    from agentflow.env.rollout import Rollout
 
 MachineLike = Machine | str | list[dict[str, Any]] | Path
 """A machine: itself, any text that holds one (also .bsg), JSON data, or the path of a file."""
@@ -66,8 +66,8 @@ def simulate(
     Raises:
         UsageError: There is no such task, knob or file, or the rate is out of range.
     """
-    from agentflow.env.refusals import invalid
-    from agentflow.env.rollout import simulate as roll_out
+    from agentflow.env.simulation.refusals import invalid
+    from agentflow.env.simulation.simulate import simulate as roll_out
     from agentflow.env.tasks.registry import get_task
 
     level = get_task(task, knobs)
@@ -92,7 +92,7 @@ async def simulate_async(
     Raises:
         UsageError: As `simulate`.
     """
-    from agentflow.env.refusals import invalid
+    from agentflow.env.simulation.refusals import invalid
     from agentflow.env.tasks.registry import get_task
 
     level = get_task(task, knobs)

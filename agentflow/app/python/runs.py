@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.design import design as runs
+from agentflow.app.design.models import completed
+from agentflow.app.design.remarks import Say
 from agentflow.app.python.functions import FunctionClient, ModelFunction
-from agentflow.app.runs import design as runs
-from agentflow.app.runs.models import completed
-from agentflow.app.runs.remarks import Say
-from agentflow.config import PROCEDURAL, DesignConfig, build, load, put
-from agentflow.env.pool import RolloutPool
+from agentflow.config.run import PROCEDURAL, DesignConfig, build, load, put
+from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.runs import Listener

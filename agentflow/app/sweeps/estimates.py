@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from agentflow.app.runs.conduct import Plan
-from agentflow.config import PROCEDURAL, DesignConfig
+from agentflow.app.design.conduct import Plan
+from agentflow.config.run import PROCEDURAL, DesignConfig
 from agentflow.env.tasks.base import Task
 from agentflow.llm.messages import Usage
-from agentflow.llm.prices import Price
+from agentflow.llm.wrappers.prices import Price
 from agentflow.workflows.settings import WorkflowSettings
 
 STRUCTURES = 4

@@ -21,12 +21,12 @@ from typing import Any
 import yaml
 
 from agentflow import __version__
-from agentflow.app.runs.models import shown
-from agentflow.config import PROCEDURAL, build
-from agentflow.documents import NOT_YAML
+from agentflow.app.design.models import shown
+from agentflow.config.run import PROCEDURAL, build
+from agentflow.config.sweep import SweepConfig, read_sweep
+from agentflow.config.yaml import NOT_YAML
 from agentflow.env.constants import constants
 from agentflow.errors import RunError
-from agentflow.sweeps import SweepConfig, read_sweep
 
 SCHEMA = 1
 NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"

@@ -12,14 +12,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.runs.conduct import Plan
-from agentflow.app.runs.models import demand_name, with_credentials, with_environment
+from agentflow.app.design.conduct import Plan
+from agentflow.app.design.models import demand_name, with_credentials, with_environment
 from agentflow.app.sweeps.folder import folder_name, is_sweep, read_folder
-from agentflow.config import build, load, override, put
+from agentflow.config.run import build, load, override, put
+from agentflow.config.sweep import Member, SweepConfig, members, read_sweep, varied
 from agentflow.errors import ConfigError, UsageError
 from agentflow.metrics.cells import check_metrics
 from agentflow.metrics.published import check_source
-from agentflow.sweeps import Member, SweepConfig, members, read_sweep, varied
 
 
 @dataclass(frozen=True)

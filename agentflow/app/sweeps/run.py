@@ -12,20 +12,19 @@ from pathlib import Path
 from shlex import quote
 from typing import Any, Protocol
 
-from agentflow.app.runs.conduct import changed
-from agentflow.app.runs.design import design_async, resume_async
+from agentflow.app.design.conduct import changed
+from agentflow.app.design.design import design_async, resume_async
 from agentflow.app.sweeps.folder import LOG, RUNS, STORE, document_of, held
 from agentflow.app.sweeps.plan import SweepPlan
-from agentflow.config import build
-from agentflow.env.pool import RolloutPool
+from agentflow.config.run import build
+from agentflow.config.sweep import Member
+from agentflow.env.pool.pool import RolloutPool, Simulator
+from agentflow.env.pool.store import Store
 from agentflow.errors import AgentflowError, EndpointError, InterruptedRunError, RunError
-from agentflow.laboratory import Simulator
-from agentflow.llm.limits import Limiter
+from agentflow.llm.wrappers.limits import Limiter
 from agentflow.runs import Event, read_document
 from agentflow.runs.lines import LineFile
 from agentflow.search.concurrency import together
-from agentflow.store import Store
-from agentflow.sweeps import Member
 
 LEFTOVERS = {"run.yaml.part"}
 """What a process that was killed while it began a run may have left of it."""

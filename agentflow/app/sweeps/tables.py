@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 
-from agentflow.app.runs.results import finished
+from agentflow.app.design.results import finished
 from agentflow.app.sweeps.folder import RUNS, failures, read_folder
-from agentflow.config import DesignConfig
+from agentflow.config.run import DesignConfig
+from agentflow.config.sweep import Member, SweepConfig, members
 from agentflow.errors import RunError
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import METRICS, Cell, Value
@@ -20,7 +21,6 @@ from agentflow.metrics.cells import Member as Numbers
 from agentflow.metrics.records import STAGES, RunRecord
 from agentflow.metrics.tables import Column, Row, Table
 from agentflow.runs import read_events
-from agentflow.sweeps import Member, SweepConfig, members
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from agentflow.app.runs.prices import cost_by
+from agentflow.app.design.prices import cost_by
 from agentflow.app.sweeps.tables import Finished, Swept, layout, listed, read_swept, task_of
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.metrics import published as literature

@@ -11,8 +11,8 @@ from typing import ClassVar, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
+from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Quat, Scene, Vec3
-from agentflow.env.trace import Broken, Feedback, Trace, Verdict
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 

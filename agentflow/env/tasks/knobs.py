@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from pydantic import Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from agentflow.documents import truth_for_number
+from agentflow.config.yaml import truth_for_number
 from agentflow.env.tasks.base import Parameters
 from agentflow.errors import ConfigError
 

@@ -13,9 +13,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from agentflow.documents import NOT_YAML, first_fault, in_words, read_yaml
+from agentflow.config.yaml import NOT_YAML, first_fault, in_words, read_yaml
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.families import family, family_names, level_files
+from agentflow.env.tasks.discovery import family, family_names, level_files
 from agentflow.env.tasks.knobs import (
     Knob,
     knobs_of,

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from agentflow.llm.procedural.mechanisms import JOINTS, LOADS, MOVERS, RIGID, WHEELS, clusters, data
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine import Geometry, place
-from agentflow.machine.balance import centre_of_mass, stands, support_polygon
+from agentflow.machine.geometry.balance import centre_of_mass, stands, support_polygon
 
 _NUMBER = r"(-?\d{1,6}\.?\d{0,6})"
 _BROKEN = re.compile(rf"block (\d{{1,6}}) \([^()\n]*\) off block (\d{{1,6}}) at {_NUMBER} s")

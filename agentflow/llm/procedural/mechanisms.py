@@ -17,8 +17,8 @@ import yaml
 
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine import Brief, Geometry, Machine, Step, library, place, spatial_problems
-from agentflow.machine.blocks import BOULDER, CONTAINER, STARTING_BLOCK
-from agentflow.machine.geometry import PlacedFace
+from agentflow.machine.blocks.library import BOULDER, CONTAINER, STARTING_BLOCK
+from agentflow.machine.geometry.placement import PlacedFace
 
 Dims = Mapping[str, int]
 BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine import Geometry, Machine, Step, library, place
-from agentflow.machine.gears import meshing, trains
-from agentflow.machine.plates import plate_of
+from agentflow.machine.blocks.plates import plate_of
+from agentflow.machine.geometry.gears import meshing, trains
 
 TRIES, LONGEST = 8, 12  # begun ways; cogs that one has at most
 _ASKED = re.compile(r"block (\d{1,3}) \(target\) turns in the (same|opposite) sense")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from agentflow.llm.messages import Message
 from agentflow.machine import Brief, Machine, library, read_machine
 from agentflow.machine.brief import LONE_ROOT
-from agentflow.machine.coordinates import read_coordinates, to_coordinates
+from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
 
 _HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
 _ROW = re.compile(r"^\| *([0-9]{1,6}) *\|", re.MULTILINE)

@@ -14,7 +14,7 @@ from typing import Any
 from agentflow.llm.procedural.mechanisms import WHEELS, clusters, data, locked, purpose
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine import Geometry, apply_script, check, place
-from agentflow.machine.blocks import BOULDER, CONTAINER
+from agentflow.machine.blocks.library import BOULDER, CONTAINER
 
 Spot = tuple[tuple[float, ...], str]  # a face's place in the machine, and its name in a command
 TRIES, LONG = 200, 1.5  # most tries; least length of a two-ended block, m

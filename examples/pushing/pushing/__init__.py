@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from agentflow.env.feedback import compose
+from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Parameters, World
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.knobs import knob
-from agentflow.env.trace import Broken, Feedback, Trace, Verdict
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 

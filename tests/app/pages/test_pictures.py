@@ -9,7 +9,7 @@ import pytest
 from PIL import Image, features
 
 from agentflow.cli import main
-from agentflow.env.gltf import machine_glb
+from agentflow.env.drawing.gltf import machine_glb
 from tests.env.machines import CAR
 
 SHORT = ["--task", "movement", "--set", "window=1"]

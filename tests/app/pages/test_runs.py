@@ -15,9 +15,9 @@ from agentflow.app.pages.films import Shapes, exhibit
 from agentflow.app.pages.gallery import gallery
 from agentflow.app.pages.runs import best_of, report
 from agentflow.cli import main
-from agentflow.env.rollout import simulate
+from agentflow.env.rollout import Event
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Event
 from agentflow.errors import RunError, UsageError
 from agentflow.runs import read_document, read_result
 from agentflow.runs.document import document_text

@@ -9,7 +9,7 @@ from PIL import Image
 
 from agentflow.app.pages.tasks import draw_task, picture_name, write_page
 from agentflow.app.tasks import task_json
-from agentflow.env.plans import base_name, plans
+from agentflow.env.drawing.plans import base_name, plans
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UnknownNameError, UsageError
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from agentflow.app.runs.conduct import Plan
+from agentflow.app.design.conduct import Plan
 from agentflow.app.sweeps.estimates import TOKENS, Estimate, estimate, total
-from agentflow.config import build, load
+from agentflow.config.run import build, load
 from agentflow.metrics.usage import bill
 from agentflow.runs import read_calls, read_result
 

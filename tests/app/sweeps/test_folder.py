@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from agentflow.app.sweeps.folder import NAME, document_of, held, read_folder
+from agentflow.config.sweep import read_sweep
 from agentflow.errors import RunError
-from agentflow.sweeps import read_sweep
 
 SWEEP = read_sweep({"title": "T", "table": {"metrics": ["valid"]}}, "t.yaml")
 DOCUMENT = document_of("t", SWEEP)

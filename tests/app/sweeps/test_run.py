@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 import yaml
 
-from agentflow.app.runs.replay import replay
+from agentflow.app.design.replay import replay
 from agentflow.app.sweeps.plan import folder_of, plan_sweep
 from agentflow.app.sweeps.run import Outcome, run_sweep
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError

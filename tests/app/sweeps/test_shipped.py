@@ -10,7 +10,7 @@ from agentflow.app.sweeps.plan import folder_of, plan_sweep
 from agentflow.app.sweeps.run import run_sweep
 from agentflow.app.sweeps.tables import layout, read_swept
 from agentflow.app.sweeps.views import VIEWS, view
-from agentflow.config import load
+from agentflow.config.run import load
 from agentflow.metrics.published import published
 from tests.app.sweeps.test_run import Notes
 

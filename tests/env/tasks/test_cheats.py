@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.env.rollout import simulate
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_level, get_task, task_names
-from agentflow.env.trace import Rollout
 from agentflow.machine.tree import ROOT, Machine, Step
 from benchmarks.shelf import Cheat, families, load, read
 from tests.env.machines import machine

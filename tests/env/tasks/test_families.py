@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.env.tasks.families import OURS, family, family_names
+from agentflow.env.tasks.discovery import OURS, family, family_names
 from agentflow.errors import UnknownNameError
 
 FAMILY = """
 from dataclasses import dataclass
 from typing import ClassVar
-from agentflow.env.tasks.movement import Movement
+from agentflow.env.tasks.families.movement import Movement
 
 @dataclass(frozen=True)
 class Sweeping(Movement):

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from agentflow.env.feedback import MAX_SAMPLES, stalled_motors
+from agentflow.env.rollout import Broken, Feedback, Flags, Rollout, Trace
+from agentflow.env.simulation.trials import joined
 from agentflow.env.tasks.base import Body, Task
 from agentflow.env.tasks.registry import get_task, task_names
-from agentflow.env.trace import Broken, Feedback, Flags, Rollout, Trace
-from agentflow.env.trials import joined
-from agentflow.machine.blocks import GRABBER, library
+from agentflow.machine.blocks.library import GRABBER, library
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import FakeWorld, make_rollout, make_trace
 

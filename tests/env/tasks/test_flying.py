@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.env.rollout import simulate
+from agentflow.env.rollout import Verdict
 from agentflow.env.scene import Vec3
-from agentflow.env.tasks.flying import Flying, hoops_of
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.families.flying import Flying, hoops_of
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Verdict
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.prompts.text import token_estimate
 

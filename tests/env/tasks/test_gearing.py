@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agentflow.env.rollout import simulate
-from agentflow.env.tasks.gearing import GearingKnobs
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.families.gearing import GearingKnobs
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Rollout
 from agentflow.errors import ConfigError
 from agentflow.machine.tree import Machine, Step
 from tests.env.fakes import make_trace

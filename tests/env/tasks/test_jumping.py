@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.env.rollout import simulate
-from agentflow.env.tasks.barriers import WIDTH
-from agentflow.env.tasks.jumping import Jumping, JumpReferee
+from agentflow.env.rollout import Verdict
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.families.jumping import Jumping, JumpReferee
+from agentflow.env.tasks.features.barriers import WIDTH
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Verdict
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.prompts.text import token_estimate
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agentflow.env.rollout import simulate
+from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.families import family_names
+from agentflow.env.tasks.discovery import family_names
 from agentflow.env.tasks.knobs import Knob
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
-from agentflow.env.trace import Rollout
 from agentflow.errors import ConfigError
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.env.rollout import simulate
+from agentflow.env.rollout import Verdict
 from agentflow.env.scene import Vec3
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Body
-from agentflow.env.tasks.lifting import OBJECT, Lifting, LiftingKnobs, highest
+from agentflow.env.tasks.families.lifting import OBJECT, Lifting, LiftingKnobs, highest
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Verdict
 from agentflow.errors import ConfigError
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.prompts.text import token_estimate

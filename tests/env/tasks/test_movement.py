@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from agentflow.env.rollout import Broken
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Broken
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import LONE_ROOT, FakeWorld, make_trace
 

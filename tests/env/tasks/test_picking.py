@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agentflow.env.rollout import simulate
+from agentflow.env.rollout import Verdict
 from agentflow.env.scene import Vec3
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Verdict
-from agentflow.machine.blocks import GRABBER
+from agentflow.machine.blocks.library import GRABBER
 from agentflow.machine.tree import ROOT, Machine, Step
 from benchmarks.shelf import load
 from tests.env.fakes import LONE_ROOT, FakeWorld, make_trace

@@ -7,10 +7,10 @@ from math import radians, sin
 import numpy as np
 import pytest
 
-from agentflow.env.raster import corners_of
-from agentflow.env.rotations import rotate
+from agentflow.env.drawing.raster import corners_of
+from agentflow.env.physics.rotations import rotate
 from agentflow.env.scene import Start
-from agentflow.env.tasks.platforms import Platform
+from agentflow.env.tasks.features.platforms import Platform
 
 
 @pytest.mark.parametrize(("height", "angle"), [(2, 0), (0, 15), (1, -20)])

@@ -8,8 +8,8 @@ from functools import cache
 import pytest
 from PIL import Image
 
-from agentflow.env.rollout import simulate
-from agentflow.env.tasks.families import family_names
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.discovery import family_names
 from agentflow.env.tasks.registry import get_level, get_task, task_names
 from benchmarks.shelf import DIGITS, FOLDER, Reference, families, here, load, read
 

@@ -6,9 +6,9 @@ from math import hypot, inf
 
 import pytest
 
-from agentflow.env.raster import corners_of
+from agentflow.env.drawing.raster import corners_of
 from agentflow.env.scene import Vec3
-from agentflow.env.tasks.rings import SIDES, Passage, Ring
+from agentflow.env.tasks.features.rings import SIDES, Passage, Ring
 
 NEAR, FAR = Ring((0.0, 7.0, 14.0), 4.0), Ring((0.0, 7.0, 22.0), 4.0)
 

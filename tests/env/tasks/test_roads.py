@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.env.scene import Thing
-from agentflow.env.tasks.registry import get_task
-from agentflow.env.tasks.roads import (
+from agentflow.env.tasks.features.roads import (
     LEAP,
     Curve,
     Road,
@@ -19,6 +18,7 @@ from agentflow.env.tasks.roads import (
     road_walls,
     track,
 )
+from agentflow.env.tasks.registry import get_task
 
 ROAD = Road(half_width=10)
 CORNER = Curve(angle=90, at=40, inner_radius=5, back=90, further=60)

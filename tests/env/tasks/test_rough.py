@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.env.raster import corners_of
+from agentflow.env.drawing.raster import corners_of
+from agentflow.env.tasks.features.rough import Roughness, Stones, slabs, stones
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.tasks.rough import Roughness, Stones, slabs, stones
 
 WIDTH = 23.0
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import pytest
 
+from agentflow.env.rollout import Verdict
 from agentflow.env.tasks.base import Body, Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.env.trace import Verdict
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import BOULDER, THROWER, FakeWorld, make_trace
 

@@ -6,8 +6,8 @@ from math import cos, radians, sin
 
 import pytest
 
-from agentflow.env.raster import corners_of
-from agentflow.env.rollout import simulate
+from agentflow.env.drawing.raster import corners_of
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from benchmarks.shelf import load
 

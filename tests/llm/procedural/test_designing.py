@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from agentflow.env.tasks.registry import task_names
-from agentflow.machine.blocks import GRABBER
+from agentflow.machine.blocks.library import GRABBER
 from agentflow.machine.brief import LONE_ROOT, Brief
-from agentflow.machine.geometry import place
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.validity import check
 from tests.llm.procedural.asking import blueprint_of, brief_of, designs, whole_design
 

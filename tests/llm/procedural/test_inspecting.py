@@ -7,7 +7,7 @@ import pytest
 from agentflow.agents.base import ask
 from agentflow.agents.inspector import Inspection, Inspector, InspectorInput
 from agentflow.agents.querier import Querier, QuerierInput
-from agentflow.machine.parse import read_machine
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from tests.llm.procedural.asking import blueprint_of, brief_of, designs, desk
 

@@ -1,0 +1,72 @@
+"""The commands on prompt sets: list, show, diff. Importing it adds them to the others."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from agentflow.cli.root import Json, commands, print_json
+
+prompts = typer.Typer(
+    help="Look at what models are told.",
+    epilog="Example: agentflow prompts show --role designer --task throwing",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+commands.add_typer(prompts, name="prompts")
+
+Set = Annotated[str, typer.Argument(help="Prompt set.")]
+
+
+@prompts.command("list", epilog="Example: agentflow prompts list")
+def list_(as_json: Json = False) -> None:
+    """List the prompt sets with their content hashes."""
+    from agentflow.app.prompts import set_list
+
+    found = set_list()
+    if as_json:
+        print_json(found)
+        return
+    for item in found:
+        print(f"{item['name']:<12} {item['digest']}  {item['about']}")
+
+
+@prompts.command(epilog="Example: agentflow prompts show --role refiner --task throwing")
+def show(
+    role: Annotated[
+        str, typer.Option(help="meta_designer, designer, inspector, querier, refiner or placer.")
+    ] = "designer",
+    task: Annotated[str, typer.Option(help="Task, for instance throwing.")] = "throwing",
+    name: Annotated[str, typer.Option("--set", help="Prompt set.")] = "default",
+    knobs: Annotated[list[str] | None, typer.Option("--knob", help="knob=value of the task.")] = (
+        None
+    ),
+    machine: Annotated[
+        str | None, typer.Option(help="Machine file to tell of; by default a small one.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Print a prompt as a model gets it, and about how many tokens it has."""
+    from agentflow.app.machines.files import machine_text
+    from agentflow.app.prompts import rendered
+    from agentflow.app.tasks import find_task
+
+    text = None if machine is None else machine_text(machine)
+    found = rendered(name, role, find_task(task, knobs or ()).brief, text)
+    if as_json:
+        print_json(found)
+        return
+    print(f"--- system\n{found['system']}\n--- user\n{found['user']}")
+    print(
+        f"--- about {found['tokens']} tokens; prompt set {found['set']}, content hash "
+        f"{found['digest']}"
+    )
+
+
+@prompts.command(epilog="Example: agentflow prompts diff default compact")
+def diff(first: Set, second: Set) -> None:
+    """Compare the templates of two prompt sets."""
+    from agentflow.app.prompts import difference
+
+    print(difference(first, second) or "equal")

@@ -1,0 +1,177 @@
+"""Owns the commands for sweeps and their tables, and how estimates and outcomes are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from agentflow.cli.display.text import harmless
+from agentflow.cli.root import BaseUrl, Json, ModelName, Quiet, Settings, commands, print_json
+
+if TYPE_CHECKING:
+    from agentflow.app.sweeps.estimates import Estimate
+    from agentflow.app.sweeps.plan import SweepPlan
+    from agentflow.app.sweeps.run import Outcome
+
+LISTED = 1000
+"""Most runs that a dry run lists one by one; of more, those that differ in the seed in one line."""
+PARTLY, NO_ENDPOINT = 3, 4
+"""Exit statuses: some runs failed; all did, because of the endpoint (spec 6.5)."""
+
+
+@commands.command(epilog="Example: agentflow sweep configs/inspector.yaml --dry-run")
+def sweep(
+    config: Annotated[Path, typer.Argument(help="Sweep file, or the folder of a begun sweep.")],
+    model: ModelName = None,
+    base_url: BaseUrl = None,
+    settings: Settings = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Seeds 0 to N-1 instead of the file's.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Runs at once; they share the workers.")] = 2,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes for rollouts, of all runs together.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder that holds sweeps.")] = Path("sweeps"),
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with what is not done, failed runs included.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="List the runs and what they will cost.")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Carry out many runs that differ in a few settings; `agentflow table` compares them."""
+    from agentflow.app.sweeps.plan import folder_of, plan_sweep
+    from agentflow.app.sweeps.run import run_sweep
+    from agentflow.cli.display.sweep_live import watch_sweep
+
+    options = {"model.name": model, "model.base_url": base_url, "workers": workers}
+    plan = plan_sweep(config, settings or (), options, seeds)
+    folder = folder_of(plan, config, out)
+    if dry_run:
+        _print_estimate(plan, folder, as_json)
+        return
+    with watch_sweep(len(plan.members), quiet) as watcher:
+        outcome = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
+    if as_json:
+        print_json(_as_data(outcome))
+    else:
+        print(harmless(_in_words(outcome), "\n"))
+    if outcome.failed:
+        raise typer.Exit(NO_ENDPOINT if outcome.endpoint and not outcome.done else PARTLY)
+
+
+@commands.command(epilog="Example: agentflow table sweeps/inspector --format md --published")
+def table(
+    sweep: Annotated[Path, typer.Argument(help="Folder of a sweep, done or not.")],
+    show: Annotated[
+        Literal["published", "scores", "usage", "players", "expansions"],
+        typer.Option(
+            help="published: the layout of the published table; scores: means with intervals, "
+            "Best@N; usage: calls, tokens, time; players: best score over the experienced "
+            "players' mean; expansions: score against expansions."
+        ),
+    ] = "published",
+    form: Annotated[
+        Literal["text", "md", "csv", "latex", "json"], typer.Option("--format", help="How.")
+    ] = "text",
+    published: Annotated[
+        bool, typer.Option("--published", help="Add the published numbers in rows of their own.")
+    ] = False,
+) -> None:
+    """Compare the runs of a sweep in a table."""
+    from agentflow.app.sweeps.views import written
+
+    text = written(sweep, show, form, published=published)
+    print(harmless(text, "\n") if form == "text" else text, end="")
+
+
+def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
+    from agentflow.app.design.models import answerers
+    from agentflow.app.sweeps.estimates import NOTHING, estimate
+    from agentflow.app.sweeps.folder import RUNS
+    from agentflow.config.run import build
+
+    base, seeds = build(plan.sweep.base), len(plan.sweep.seeds)
+    wanted = set(map(str, plan.sweep.seeds))
+    one_by_one = as_json or len(plan.firsts) * seeds <= LISTED
+    runs: list[dict[str, Any]] = []
+    left, undone = NOTHING, 0
+    for first, its in zip(plan.firsts, plan.plans, strict=True):
+        cost = estimate(its)
+        stem = first.name.removesuffix(str(plan.sweep.seeds[0]))
+        found = (path.parent.name for path in (folder / RUNS).glob(f"{stem}*/result.json"))
+        done = {name for name in found if name.removeprefix(stem) in wanted}
+        left, undone = left + cost.times(seeds - len(done)), undone + seeds - len(done)
+        names = [f"{stem}{seed}" for seed in plan.sweep.seeds] if one_by_one else []
+        runs += [{"run": name, "done": name in done, **_as_numbers(cost)} for name in names]
+        if not one_by_one:
+            print(
+                f"{first.name} ... {stem}{plan.sweep.seeds[-1]}: {seeds} runs, {len(done)} done, "
+                f"{cost.calls} calls, {cost.rollouts} rollouts each"
+            )
+    whole = _as_numbers(left)
+    if as_json:
+        print_json({"sweep": str(folder), "runs": runs, "left": whole})
+        return
+    for run in runs:
+        state = "done" if run["done"] else f"{run['calls']} calls, {run['rollouts']} rollouts"
+        print(f"{run['run']}: {state}")
+    who = [one for first in plan.firsts for one in answerers(first.config.model).values()]
+    print(_left_in_words(whole, undone, all(one.procedural for one in who), base.workers))
+
+
+def _as_numbers(cost: Estimate) -> dict[str, Any]:
+    return {
+        "calls": cost.calls,
+        "prompt_tokens": cost.prompt,
+        "completion_tokens": cost.completion,
+        "money": cost.money,
+        "rollouts": cost.rollouts,
+        "worker_seconds": round(cost.seconds, 1),
+    }
+
+
+def _left_in_words(cost: Mapping[str, Any], runs: int, procedural: bool, workers: int) -> str:
+    minutes = cost["worker_seconds"] / workers / 60
+    tokens = cost["prompt_tokens"] + cost["completion_tokens"]
+    if procedural:
+        priced = "no tokens and no money: the procedural model answers"
+    else:
+        money = (
+            "cost unknown (no model.prices)"
+            if cost["money"] is None
+            else f"cost {cost['money']:.2f}"
+        )
+        priced = f"about {tokens} tokens, reasoning not counted; {money}"
+    answers = "" if procedural else "; waiting for answers comes on top"
+    return (
+        f"{runs} run{'s' if runs != 1 else ''} to do: about {cost['calls']} calls without retries, "
+        f"{priced}; at most {cost['rollouts']} rollouts, "
+        f"{minutes:.1f} min with {workers} workers{answers}"
+    )
+
+
+def _as_data(outcome: Outcome) -> dict[str, Any]:
+    return {
+        "sweep": str(outcome.path),
+        "done": list(outcome.done),
+        "failed": dict(outcome.failed),
+    }
+
+
+def _in_words(outcome: Outcome) -> str:
+    runs, folder = len(outcome.done) + len(outcome.failed), quote(str(outcome.path))
+    lines = [f"{len(outcome.done)} of {runs} runs are done: {outcome.path}"]
+    lines += [f"failed: {name}: {reason}" for name, reason in outcome.failed.items()]
+    if outcome.failed:
+        lines.append(f"try these again with: agentflow sweep {folder} --resume")
+    if outcome.done:
+        lines.append(f"compare them with: agentflow table {folder}")
+    return "\n".join(lines)

@@ -1,0 +1,69 @@
+"""The command on tasks: list, one level, pictures, a page. Importing it adds it to the others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agentflow.cli.root import Json, Knobs, commands, print_json
+from agentflow.errors import UsageError
+
+
+@commands.command(epilog="Example: agentflow tasks throwing/4 --picture throwing-4.png")
+def tasks(
+    name: Annotated[
+        str | None, typer.Argument(help="One level in full: its name, or an own YAML file.")
+    ] = None,
+    knobs: Knobs = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the level from above and from the right: a .png file.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Draw into this folder: the level, or all of them.")
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option(help="Write one page with drawings: of the level, or of all.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """List the tasks, or show one level with scene, schedule, score, blocks and knobs."""
+    if name is None and (knobs or picture):
+        raise UsageError("--set and --picture take one level; name it")
+    if html and knobs:
+        raise UsageError("--html shows levels as they are; leave out --set")
+    if picture or out or html:
+        _draw(name, knobs or [], picture, out, html)
+    else:
+        _show(name, knobs or [], as_json)
+
+
+def _draw(
+    name: str | None, knobs: list[str], picture: Path | None, out: Path | None, html: Path | None
+) -> None:
+    from agentflow.app.pages import tasks as taskpages
+    from agentflow.app.tasks import task_list
+
+    if name is not None and picture:
+        print(taskpages.draw_task(name, knobs, picture))
+    if name is not None and out:
+        print(taskpages.draw_task(name, knobs, out / taskpages.picture_name(name)))
+    if name is None and out:
+        for path in taskpages.draw_all(out):
+            print(path)
+    if html:
+        names = [item["name"] for item in task_list()] if name is None else [name]
+        print(taskpages.write_page(names, html))
+
+
+def _show(name: str | None, knobs: list[str], as_json: bool) -> None:
+    from agentflow.app.tasks import task_json, task_list
+    from agentflow.cli.display.show_tasks import show_task, show_tasks
+
+    if name is None:
+        found = task_list()
+        print_json(found) if as_json else show_tasks(found)
+    else:
+        level = task_json(name, knobs)
+        print_json(level) if as_json else show_task(level)

@@ -1,0 +1,180 @@
+"""Owns how results look on standard output for a person; programs use --json."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from agentflow.cli.display.output import columns, output
+from agentflow.cli.display.text import number
+
+Data = Mapping[str, Any]
+
+
+def show_result(result: Data, pictures: Mapping[str, str]) -> None:
+    """A design run: score, stages, model, where everything lies."""
+    console = output()
+    if result["valid"]:
+        console.print(
+            f"best score {number(result['score'])} ({result['task']}), "
+            f"{len(result['machine'])} blocks, found in stage {result['best_stage']}"
+        )
+    table = columns("stage", "valid at first", "valid", "mean", "best")
+    for row in result["stages"]:
+        counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
+        table.add_row(row["name"], *counts, number(row["mean"]), number(row["max"]))
+    console.print(table)
+    if attempts := result.get("attempts"):
+        console.print(_passes(attempts))
+    cost = result.get("cost")
+    console.print(
+        f"model: {result['model']}; {result['calls']} calls, {result['tokens']} tokens, "
+        f"cost {'unknown' if cost is None else format(cost, '.4g')}, "
+        f"{result['rollouts']} rollouts, {result['seconds']:.1f} s"
+    )
+    console.print(f"run: {result['run']}")
+    for name, path in pictures.items():
+        console.print(f"{name}: {path}")
+    console.print(f"every step of it in 3D: agentflow report {shlex.quote(result['run'])}")
+    if ending := ending_of(result):
+        console.print(ending)
+
+
+def _passes(attempts: Data) -> str:
+    """How many of independent attempts do what is asked."""
+    count, total = attempts["passes"], attempts["attempts"]
+    if not total:
+        return "passes: none of no attempts"
+    low, high = attempts["interval"]
+    return (
+        f"passes: {count} of {total} attempts ({attempts['share']:.0%}; 95 % interval {low:.0%} to "
+        f"{high:.0%}); {attempts['parsed']} parsed, {attempts['spatial']} spatially valid"
+    )
+
+
+def ending_of(result: Data) -> str:
+    """What kept a run from going all the way, in one line; "" when nothing did."""
+    if result["stopped"] == "budget":
+        after = "the result is the best so far" if result["valid"] else "no machine was found"
+        return f"stopped early: the budget is spent; {after}"
+    if not result["valid"]:
+        return " ".join(result["reason"].split())
+    last = result["stages"][-1]
+    if last["valid"] == 0:
+        return f"ended early: no machine of stage {last['name']} was valid"
+    if last["attempts"] and not last["children"]:
+        return f"none of the {last['attempts']} refinements of stage {last['name']} was valid"
+    return ""
+
+
+def show_report(report: Data, warnings: Sequence[str]) -> None:
+    """A validity report, and what else there is to say of the machine."""
+    console = output()
+    for key in ("file_valid", "spatial_valid", "machine_valid"):
+        words = {True: "yes", False: "no", None: "not judged"}[report[key]]
+        console.print(f"{key.replace('_', ' ')}: {words}")
+    if report["size"] is not None:
+        console.print("size: " + " x ".join(f"{extent:g}" for extent in report["size"]) + " m")
+    for problem in report["problems"]:
+        console.print(f"{problem['code']}: {problem['message']}")
+    for warning in warnings:
+        console.print(f"warning: {warning}")
+    for block in report.get("blocks", ()):
+        if "end_a" in block:
+            console.print(f"block {block['id']}: from {block['end_a']} to {block['end_b']}")
+        else:
+            console.print(
+                f"block {block['id']}: at {block['position']} facing {block['orientation']}"
+            )
+
+
+def show_edit(outcome: Data) -> None:
+    """What became of a script, and the new machine when it succeeded."""
+    console = output()
+    for step in outcome["steps"]:
+        console.print(f"{step['verdict']}: {step['text']}")
+        if step["reason"]:
+            console.print(f"  {step['code']}: {step['reason']}")
+    console.print(outcome["outcome"])
+    if outcome["outcome"] == "success":
+        console.print(json.dumps(outcome["machine"]))
+
+
+def show_conversion(result: Data) -> None:
+    """What was written, and what was not."""
+    console = output()
+    for problem in result["left_out"]:
+        console.print(f"left out: {problem['message']}")
+    for note in result["notes"]:
+        console.print(f"note: {note}")
+    console.print(f"{result['out']}: {result['blocks']} blocks")
+
+
+def show_rollout(result: Data) -> None:
+    """A rollout: status, score and its terms, feedback."""
+    console = output()
+    console.print(f"{result['status']}, score {number(result['score'])}")
+    for problem in result["problems"] or ():
+        console.print(f"{problem['code']}: {problem['message']}")
+    if result["feedback"]:
+        console.print(result["feedback"])
+    for answer in result.get("answers", ()):
+        console.print(str(answer))
+
+
+def show_blocks(blocks: Sequence[Data]) -> None:
+    """The block library."""
+    table = columns("type", "name", "category", "size", "mass", "faces", "set")
+    for block in blocks:
+        table.add_row(
+            str(block["type"]),
+            block["name"],
+            block["category"],
+            _size(block),
+            f"{block['mass']:g}",
+            str(len(block["faces"])),
+            "extended" if block["extended"] else "core",
+        )
+    output().print(table)
+
+
+def show_block(block: Data) -> None:
+    """One block with its faces."""
+    console = output()
+    facts = (block["category"], _size(block), f"{block['mass']:g} kg")
+    console.print(f"{block['type']} {block['name']}: {', '.join(facts)}")
+    table = columns("face", "position", "direction")
+    for face in block["faces"]:
+        position = ", ".join(f"{value:g}" for value in face["position"])
+        table.add_row(str(face["face_id"]), position, face["direction"])
+    console.print(table)
+
+
+def _size(block: Data) -> str:
+    if block["size"] is None:
+        return "two-ended"
+    return " x ".join(f"{extent:g}" for extent in block["size"])
+
+
+def show_diagnosis(found: Data) -> None:
+    """What `agentflow doctor` found; what went wrong is told on standard error."""
+    console = output()
+    console.print(f"endpoint: {found['base_url']}")
+    name = found["answered_as"]
+    console.print(f"model: {found['model']}" + (f" (answers as {name})" if name else ""))
+    for key in ("reachable", "authorised", "model_exists", "streaming", "usage", "reasoning"):
+        words = {True: "yes", False: "no", None: "not known"}[found[key]]
+        console.print(f"{_DIAGNOSED.get(key, key)}: {words}")
+    for parameter, action in found["refused"].items():
+        console.print(f"refuses {parameter}: {action}")
+    if found["latency_s"] is not None:
+        console.print(f"latency: {found['latency_s']:.2f} s")
+
+
+_DIAGNOSED = {
+    "model_exists": "model exists",
+    "usage": "reports tokens",
+    "reasoning": "returns reasoning",
+}

@@ -1,0 +1,106 @@
+"""Owns how recorded runs look on standard output for a person; programs use --json."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from agentflow.cli.display.output import columns, output
+from agentflow.cli.display.show import Data
+from agentflow.cli.display.text import number
+
+LONG = 1000
+"""Characters; a line with a path may be longer than the terminal is wide, so that it is whole."""
+
+
+def show_runs(runs: Iterable[Data]) -> None:
+    """The list of runs."""
+    console = output()
+    table = columns("run", "state", "task", "workflow", "model", "seed", "score", "cost")
+    for item in runs:
+        cells = [item[key] for key in ("run", "state", "task", "workflow", "model", "seed")]
+        shown = ["-" if cell is None else str(cell) for cell in cells]
+        table.add_row(*shown, number(item["score"]), _money(item["cost"]))
+        if item["problem"]:
+            console.print(item["problem"])
+    if table.row_count:
+        console.width = LONG
+        console.width = console.measure(table).maximum
+        console.print(table)
+    else:
+        console.print("no runs")
+
+
+def show_run(run: Data) -> None:
+    """One run."""
+    console = output()
+    console.print(f"{run['run']}: {run['state']}")
+    console.print(f"{run['task']}, {run['workflow']}, {run['model']}, seed {run['seed']}")
+    place = f", {run['blocks']} blocks, found in stage {run['best_stage']}" if run["blocks"] else ""
+    console.print(f"best score {number(run['score'])}{place}")
+    if run["stopped"] or run["reason"]:
+        why = " ".join((run["reason"] or f"stopped by the {run['stopped']}").split())
+        console.print(why)
+    table = columns("stage", "valid at first", "valid", "mean", "best", "calls", "rollouts")
+    for row in run["stages"]:
+        counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
+        scores = (number(row["mean"]), number(row["max"]))
+        table.add_row(row["name"], *counts, *scores, str(row["calls"]), str(row["rollouts"]))
+    console.print(table)
+    table = columns("role", "calls", "tokens", "reasoning", "seconds", "cost")
+    for role, spent in run["spent"].items():
+        whole = (str(spent[key]) for key in ("calls", "tokens", "reasoning"))
+        table.add_row(role, *whole, f"{spent['seconds']:.1f}", _money(spent["money"]))
+    console.print(table)
+    _print_failures(run["failures"], every=False)
+    for remark in run["remarks"]:
+        console.print(f"remark: {remark}")
+
+
+def show_rescored(found: Data) -> None:
+    """What has changed since a run was recorded."""
+    console = output()
+    other = [item for item in found["machines"] if not item["identical"]]
+    if other:
+        table = columns("machine", "first tried as", "recorded", "now", "difference")
+        for item in other:
+            then, now = (_outcome(item[key]) for key in ("recorded", "now"))
+            change = item["difference"]
+            shown = "-" if change is None else f"{change:+.3f}"
+            table.add_row(item["machine"], item["place"], then, now, shown)
+        console.print(table)
+    constants = found["constants"]
+    if constants["recorded"] != constants["now"]:
+        console.print(f"constants: {constants['recorded']} then, {constants['now']} now")
+    total = len(found["machines"])
+    console.print(f"{found['identical']} of {total} machines have the same rollout as recorded")
+
+
+def show_failures(found: Data) -> None:
+    """What went wrong, kind by kind."""
+    _print_failures(found, every=True)
+
+
+def _print_failures(found: Data, *, every: bool) -> None:
+    """The count of each kind, also of those that did not occur when `every`."""
+    console = output()
+    console.print(
+        f"{found['refused']} of {found['replies']} replies refused; "
+        f"{found['machines']} machines simulated"
+    )
+    kinds = [kind for kind in found["kinds"] if every or kind["count"]]
+    if kinds:
+        table = columns("level", "what went wrong", "count", "of")
+        for kind in kinds:
+            total = found["replies"] if kind["unit"] == "reply" else found["machines"]
+            of = f"{total} {'replies' if kind['unit'] == 'reply' else 'machines'}"
+            table.add_row(kind["level"], kind["name"], str(kind["count"]), of)
+        console.print(table)
+
+
+def _money(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def _outcome(item: Data) -> str:
+    status = "" if item["status"] == "ok" else f" ({item['status']})"
+    return f"{number(item['score'])}{status}"

@@ -1,0 +1,1 @@
+"""Typed configuration: runs, sweeps, YAML files."""

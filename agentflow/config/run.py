@@ -1,0 +1,248 @@
+"""Owns the configuration of a run: one typed tree, YAML files, dotted overrides (spec 6.5).
+
+What the switches do belongs to the components whose classes are joined here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from agentflow.config.yaml import NOT_YAML, first_fault, in_words, read_yaml, truth_for_number
+from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
+from agentflow.llm.messages import Sampling
+from agentflow.llm.settings import EndpointSettings
+from agentflow.llm.wrappers.budget import BudgetSettings
+from agentflow.llm.wrappers.prices import Price
+from agentflow.workflows.settings import WorkflowSettings
+
+PROCEDURAL = "procedural"
+"""The embedded model: rules and chance, no language model, no endpoint."""
+
+
+KEY_VARIABLE = "OPENAI_API_KEY"
+_VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
+
+
+class RoleModel(BaseModel):
+    """Who answers for one role instead of the run's model."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str = Field(min_length=1, description="model name at the endpoint")
+    base_url: str | None = Field(
+        None, min_length=1, description="None is the run's endpoint, with its key"
+    )
+    key_variable: str | None = Field(
+        None,
+        pattern=_VARIABLE,
+        description="environment variable of the key; None with a base_url sends no key",
+    )
+    sampling: Sampling | None = Field(None, description="None is the run's")
+
+
+class ModelConfig(BaseModel):
+    """Who answers, and how answers are drawn. Keys come from the environment alone."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
+
+    name: str = Field(PROCEDURAL, min_length=1, description="model name at the endpoint")
+    base_url: str | None = Field(None, min_length=1, description="what precedes /chat/completions")
+    key_variable: str = Field(
+        KEY_VARIABLE, pattern=_VARIABLE, description="environment variable of the key"
+    )
+    roles: dict[str, RoleModel] = Field({}, description="roles that another model answers for")
+    prices: dict[str, Price] = Field(
+        {}, description="model name: input, output and cached, per million tokens"
+    )
+    sampling: Sampling = Field(Sampling(), description="temperature, top_p, max_tokens ...")
+    endpoint: EndpointSettings = Field(
+        EndpointSettings(), description="time limits, retries, rate limits"
+    )
+    budget: BudgetSettings = Field(
+        BudgetSettings(), description="most calls, tokens and money of a run"
+    )
+
+
+class DesignConfig(BaseModel):
+    """Everything that decides what a run does; together with the replies it decides its result."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    task: str = Field("throwing", description="level, for instance throwing or throwing/3")
+    knobs: dict[str, Any] = Field({}, description="knobs of the level that differ from its file")
+    workflow: str = Field("hierarchical", description="way from the task to a machine")
+    seed: int = Field(0, ge=-(2**63), lt=2**63, description="of everything that is left to chance")
+    model: ModelConfig = ModelConfig()
+    prompts: str = Field("default", description="prompt set")
+    rationale_from: str | None = Field(
+        None,
+        description="run whose designers' plans are followed; read once, then kept in settings",
+    )
+    max_retry: int = Field(5, ge=1, description="attempts per question outside a search")
+    settings: WorkflowSettings = Field(WorkflowSettings(), description="switches of the workflow")
+    keep_rollouts: Literal["winners", "all"] = Field(
+        "winners", description="whose states are kept: of each stage's best machine, or of all"
+    )
+    workers: int = Field(2, ge=1, le=256, description="processes for rollouts; changes no result")
+
+
+def load(path: Path) -> dict[str, Any]:
+    """A configuration file, or the configuration in a run.yaml, not yet validated.
+
+    Raises:
+        ConfigError: The file cannot be read or is no YAML mapping.
+    """
+    try:
+        document = read_yaml(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"cannot read {path}: {error.strerror}") from None
+    except NOT_YAML as error:
+        raise ConfigError(f"{path} is not YAML: {yaml_problem(error)}") from None
+    if not isinstance(document, dict):
+        raise ConfigError(f"{path} must hold a mapping of configuration keys")
+    config = document.get("config")
+    return config if "schema" in document and isinstance(config, dict) else document
+
+
+def override(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
+    """Lay `a.b=value` settings over a document.
+
+    A path that begins with a key of `DesignConfig` (or of its `settings`, for short) sets that
+    key; any other is a knob of the task. Values are read as YAML.
+
+    Raises:
+        ConfigError: A setting has no `=`, or its path runs through a plain value.
+    """
+    result = dict(document)
+    for setting in settings:
+        result = put(result, *parted(setting))
+    return result
+
+
+def parted(setting: str) -> tuple[str, Any]:
+    """Name and value of an `a.b=value` setting; the value is read as YAML.
+
+    Raises:
+        ConfigError: It has no `=`, or the value is not YAML.
+    """
+    path, equals, text = setting.partition("=")
+    if not equals or not path:
+        raise ConfigError(f"--set takes name=value, not {setting!r}")
+    return path.strip(), _value(text, path)
+
+
+def put(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """The document with one key set; `path` as in `override`.
+
+    Raises:
+        ConfigError: The path runs through a plain value.
+    """
+    result = dict(document)
+    _put(result, _keys_of(path), value, path)
+    return result
+
+
+def hint(knobs: Iterable[str]) -> str:
+    """What to add to an error about knobs, when one of them looks like a configuration key.
+
+    Keys are known by their last parts, too: `rounds` is `search.rounds`.
+    """
+    keys = [key.removeprefix("settings.") for key in _keys_in(DesignConfig)]
+    for knob in knobs:
+        parts = knob.count(".") + 1
+        ends = {".".join(key.split(".")[-parts:]): key for key in reversed(keys)}
+        near = get_close_matches(knob, ends, n=1, cutoff=0.75)
+        if near:
+            return f"; or is {ends[near[0]]!r} meant, a key of the configuration?"
+    return ""
+
+
+def _keys_in(kind: type[BaseModel], above: str = "") -> Iterator[str]:
+    """Every key and group of keys, dotted; groups before what is in them."""
+    for name, field in kind.model_fields.items():
+        yield above + name
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            yield from _keys_in(inner, f"{above}{name}.")
+
+
+def build(document: object) -> DesignConfig:
+    """Validate a document.
+
+    Raises:
+        ConfigError: Names the first wrong key, what came and what was expected.
+    """
+    if not isinstance(document, Mapping):
+        raise ConfigError("the configuration must be a mapping of keys")
+    try:
+        found = DesignConfig.model_validate(dict(document))
+    except ValidationError as error:
+        raise ConfigError(_explain(error)) from None
+    if key := truth_for_number(document, found.model_dump()):
+        raise ConfigError(f"{key}: expected a number, not true or false")
+    return found
+
+
+def _keys_of(path: str) -> tuple[str, ...]:
+    first, *rest = path.split(".")
+    if first in DesignConfig.model_fields:
+        if first == "knobs" and rest:
+            return ("knobs", ".".join(rest))
+        return (first, *rest)
+    if first in WorkflowSettings.model_fields:
+        return ("settings", first, *rest)
+    return ("knobs", path)
+
+
+def _value(text: str, path: str) -> Any:
+    try:
+        return read_yaml(text)
+    except NOT_YAML as error:
+        why = yaml_problem(error)
+        raise ConfigError(f"--set {path}: {text!r} is not a YAML value: {why}") from None
+
+
+def _put(document: dict[str, Any], keys: tuple[str, ...], value: Any, path: str) -> None:
+    *branches, last = keys
+    for key in branches:
+        below = document.get(key, {})
+        if not isinstance(below, Mapping):
+            raise ConfigError(f"--set {path}: {key} is a single value, not a group of keys")
+        document[key] = dict(below)
+        document = document[key]
+    document[last] = value
+
+
+def _explain(error: ValidationError) -> str:
+    first = first_fault(error)
+    place = [str(part) for part in first["loc"]]
+    name = ".".join(place)
+    if first["type"] == "extra_forbidden":
+        return str(UnknownNameError("configuration key", name, _names_beside(place)))
+    if place[-1] == "key_variable":  # whoever wrote the key itself there finds it nowhere again
+        return f"{name} takes the name of an environment variable, never a key"
+    if first["type"] == "missing":
+        return f"{name} {in_words(first)}"
+    return f"{name}: {in_words(first)}, not {first['input']!r}"
+
+
+def _names_beside(place: list[str]) -> list[str]:
+    """The keys that exist where an unknown one was given."""
+    kind: type[BaseModel] = DesignConfig
+    for part in place[:-1]:
+        if part in kind.model_fields:  # not so the keys of mappings
+            kind = _model_in(kind.model_fields[part].annotation) or kind
+    return [".".join([*place[:-1], name]) for name in kind.model_fields]
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The group of keys that an annotation allows: plain, optional, or as values of a mapping."""
+    for kind in (annotation, *get_args(annotation)):
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            return kind
+    return None

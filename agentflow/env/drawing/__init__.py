@@ -1,0 +1,1 @@
+"""Pictures, films and 3D files of machines, rollouts and levels."""

@@ -1,0 +1,118 @@
+"""Owns cameras: where to stand so that everything is in the picture, and where a point appears.
+
+Game frame: left-handed, y up. What is in the picture is render.py's and film.py's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import radians, tan
+
+import numpy as np
+
+from agentflow.env.rollout import Array
+from agentflow.env.scene import Vec3
+
+Size = tuple[int, int]
+"""Width and height in pixels."""
+THREE_QUARTER = (0.72, 0.42, -0.62)
+"""From the middle of a machine towards the eye: right, above and behind, so that z+ (where
+things fly and drive) leads into the picture and to the right."""
+SIDE = (0.9, 0.3, -0.35)
+"""From further right: distance along z+ shows as width."""
+VIEWS: dict[str, Vec3] = {
+    "front": (0.0, 0.0, 1.0),
+    "back": (0.0, 0.0, -1.0),
+    "left": (-1.0, 0.0, 0.0),
+    "right": (1.0, 0.0, 0.0),
+    "top": (0.0, 1.0, -1e-6),
+    "three-quarter": THREE_QUARTER,
+}
+"""From the middle of a machine towards the eye; the top view has z+ at its upper edge."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A view of the world, game frame."""
+
+    eye: Vec3
+    target: Vec3
+    width: int = 640
+    height: int = 480
+    field_of_view: float = 45.0
+    """Vertical, degrees."""
+
+    @cached_property
+    def axes(self) -> tuple[Array, Array, Array]:
+        """Unit vectors to the right, to the top and towards the eye."""
+        return axes_of(np.subtract(self.eye, self.target))
+
+    @property
+    def focal_length(self) -> float:
+        """How many pixels one metre takes that is one metre ahead."""
+        return self.height / 2 / tan(radians(self.field_of_view) / 2)
+
+
+@dataclass(frozen=True)
+class View:
+    """A direction to look from, a picture size, and how much of it to fill."""
+
+    back: tuple[float, float, float] = THREE_QUARTER
+    size: Size = (800, 600)
+    field_of_view: float = 30.0
+    """Vertical, degrees."""
+    fill: float = 0.82
+    """Share of the picture's width or height that the points may take."""
+
+
+def axes_of(back: Array) -> tuple[Array, Array, Array]:
+    """Unit vectors to the right, to the top and towards the eye, of a camera that looks along
+    -back."""
+    towards = back / np.linalg.norm(back)
+    right = np.cross((0.0, 1.0, 0.0), -towards)
+    right /= np.linalg.norm(right)
+    return right, np.cross(-towards, right), towards
+
+
+def fit(points: Array, view: View, nearest: float = 6.0) -> tuple[Array, float]:
+    """Target and distance from which all points are in the picture, as close as that allows.
+
+    Args:
+        points: (K, 3), m.
+        nearest: least distance, m.
+    """
+    right, up, towards = axes_of(np.asarray(view.back, dtype=np.float64))
+    across = np.stack([points @ right, points @ up, points @ towards], axis=1)
+    middle = (across.min(axis=0) + across.max(axis=0)) / 2
+    rest = np.abs(across - middle)
+    slope = tan(radians(view.field_of_view) / 2) * view.fill
+    aspect = view.size[0] / view.size[1]
+    needed = np.maximum(rest[:, 0] / (slope * aspect), rest[:, 1] / slope)
+    distance = float((needed + across[:, 2] - middle[2]).max())
+    target = middle[0] * right + middle[1] * up + middle[2] * towards
+    return target, max(nearest, distance)
+
+
+def camera_at(target: Array, distance: float, view: View) -> Camera:
+    """The camera of a view, at this distance from its target."""
+    _, _, towards = axes_of(np.asarray(view.back, dtype=np.float64))
+    eye = target + distance * towards
+    return Camera(
+        eye=(float(eye[0]), float(eye[1]), float(eye[2])),
+        target=(float(target[0]), float(target[1]), float(target[2])),
+        width=view.size[0],
+        height=view.size[1],
+        field_of_view=view.field_of_view,
+    )
+
+
+def project(points: Array, camera: Camera) -> Array:
+    """(K, 2) pixels of (K, 3) points; nan behind the camera."""
+    right, up, towards = camera.axes
+    seen = points - np.asarray(camera.eye)
+    depth = -(seen @ towards)
+    depth = np.where(depth > 0.01, depth, np.nan)
+    x = camera.width / 2 + camera.focal_length * (seen @ right) / depth
+    y = camera.height / 2 - camera.focal_length * (seen @ up) / depth
+    return np.stack([x, y], axis=1)

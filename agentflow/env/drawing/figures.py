@@ -1,0 +1,138 @@
+"""Owns what a picture holds: the coloured solids of a machine at one moment of a trace.
+
+They are plain scene things, so that anything can draw them; cameras are views.py's, files are
+render.py's, film.py's and gltf.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from agentflow.env.constants import constants
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Assembly, Color, Shape
+from agentflow.env.physics.rotations import chain, inverse, rotate
+from agentflow.env.physics.vectors import add, product, turned, upright_to
+from agentflow.env.rollout import Array
+from agentflow.env.scene import Quat, Thing, Vec3
+from agentflow.machine.blocks.library import CONTAINER
+from agentflow.machine.geometry.placement import Geometry, place
+from agentflow.machine.tree import Machine
+
+BROKEN: Color = (0.85, 0.1, 0.1, 1.0)
+CONTAINER_COLOR: Color = (0.52, 0.38, 0.22, 1.0)
+"""Unlike the boulder's, which lies in it."""
+SPOKE: Color = (0.75, 0.72, 0.62, 1.0)
+SPOKE_WIDTH, SPOKE_RISE = 0.14, 0.02
+"""Of the bar on a wheel that shows how it turns, m."""
+ROD_DIAMETER = 0.18
+"""Of what two-ended blocks are drawn as, m."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where the blocks of a machine are at one moment."""
+
+    centre: Array
+    """(N, 3) m."""
+    rotation: Array
+    """(N, 4)."""
+    alive: Collection[int]
+    """Blocks that still hang on their parent."""
+
+
+class Figures:
+    """The shapes of one machine, ready to be put into any pose.
+
+    `solids` holds those of each block in the block's own frame, from its centre; two-ended blocks
+    have none there, because they stretch.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        geometry = place(machine)
+        assembly = assemble(machine, geometry, constants())
+        self._machine = machine
+        centres, rotations = np.asarray(assembly.centres), np.asarray(assembly.rotations)
+        self.rest = Pose(centres, rotations, range(len(machine)))
+        """As built: standing on the ground, not settled."""
+        self.solids = tuple(
+            () if step.two_ended else tuple(self._solids(step.id, assembly)) for step in machine
+        )
+        self._colors = [assembly.parts[parts[0]].color for parts in assembly.blocks]
+        self.ends = {
+            block: tuple(
+                rotate(inverse(rotations[parent]), end - centres[parent])
+                for parent, end in zip(machine[block].parents, ends, strict=True)
+            )
+            for block, ends in _ends(geometry, centres[0]).items()
+        }
+        """Block -> both its ends, each in the own frame of the parent that it hangs on."""
+
+    def things(self, pose: Pose, red: Collection[int] = ()) -> list[Thing]:
+        """The machine's solids, named by block; blocks in `red` are drawn in red."""
+        found: list[Thing] = []
+        for step in self._machine:
+            if step.two_ended:
+                solids = [self.rod(step.id, pose)] if step.id in pose.alive else []
+            else:
+                place = _vec3(pose.centre[step.id]), _quat(pose.rotation[step.id])
+                solids = [posed(solid, *place) for solid in self.solids[step.id]]
+            found += (replace(s, color=BROKEN) for s in solids) if step.id in red else solids
+        return found
+
+    def rod(self, block: int, pose: Pose) -> Thing:
+        """A two-ended block, from one of its ends to the other."""
+        a, b = (
+            pose.centre[parent] + rotate(pose.rotation[parent], end)
+            for parent, end in zip(self._machine[block].parents, self.ends[block], strict=True)
+        )
+        length = max(float(np.linalg.norm(b - a)), 1e-3)
+        along = upright_to(_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)
+        size = (ROD_DIAMETER, length, ROD_DIAMETER)
+        color = self._colors[block]
+        return Thing(f"block {block}", "cylinder", size, _vec3((a + b) / 2), along, color=color)
+
+    def _solids(self, block: int, assembly: Assembly) -> Iterator[Thing]:
+        own = CONTAINER_COLOR if self._machine[block].type == CONTAINER else None
+        back = inverse(self.rest.rotation[block])
+        for part in (assembly.parts[index] for index in assembly.blocks[block]):
+            for shape in part.shapes:
+                offset = np.add(part.centre, shape.offset) - self.rest.centre[block]
+                rotation = _quat(chain(back, np.asarray(shape.rotation)))
+                position = _vec3(rotate(back, offset))
+                name, color = f"block {block}", own or part.color
+                yield Thing(name, shape.kind, shape.size, position, rotation, color=color)
+                if shape.kind == "cylinder":
+                    yield Thing(name, "box", _spoke(shape), position, rotation, color=SPOKE)
+
+
+def posed(thing: Thing, centre: Vec3, rotation: Quat) -> Thing:
+    """A thing of a block's own frame, in the world."""
+    position = add(centre, turned(rotation, thing.position))
+    return replace(thing, position=position, rotation=product(rotation, thing.rotation))
+
+
+def _spoke(wheel: Shape) -> Vec3:
+    return (0.8 * wheel.size[0], wheel.size[1] + SPOKE_RISE, SPOKE_WIDTH)
+
+
+def _ends(geometry: Geometry, root: Array) -> dict[int, tuple[Array, Array]]:
+    """End points of the two-ended blocks as built, in the world where the root stands at `root`."""
+    shift = root - geometry.blocks[0].center
+    return {
+        placed.id: (np.asarray(placed.end_a) + shift, np.asarray(placed.end_b) + shift)
+        for placed in geometry.blocks
+        if placed.two_ended
+    }
+
+
+def _quat(rotation: Array) -> Quat:
+    x, y, z, w = (float(v) for v in rotation)
+    return (x, y, z, w)
+
+
+def _vec3(values: Array) -> Vec3:
+    return (float(values[0]), float(values[1]), float(values[2]))

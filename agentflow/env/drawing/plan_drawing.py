@@ -1,0 +1,246 @@
+"""Owns the drawing of plans, with metres on their axes: as SVG for pages, as PNG for files.
+
+What is in a plan is plans.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from math import ceil, floor
+from typing import Protocol
+
+from PIL import Image, ImageDraw, ImageFont
+
+from agentflow.env.drawing.plans import Outline, Plan, Point, base_name
+from agentflow.env.scene import Vec3
+
+WIDTH, TALLEST = 900.0, 420.0
+"""Width of a drawing, and the most that a plan's picture is high, in points."""
+LEFT, RIGHT, TOP, BOTTOM = 48.0, 12.0, 26.0, 30.0
+"""Around a plan's picture."""
+STEPS = (1, 2, 5, 10, 20, 50)
+APART = 44.0
+"""Least distance of the numbers on an axis."""
+GRID, FRAME, START = "grid", "frame", "start"
+"""Kinds of lines; the drawer knows how they look."""
+LETTER = 6.5
+"""Width of a letter, about."""
+LABELS = 14
+"""Most things that are named in one plan."""
+
+
+class Pen(Protocol):
+    """Where a drawing goes. Points are in the drawing, y downwards."""
+
+    def polygon(self, points: Sequence[Point], color: tuple[float, ...], filled: bool) -> None:
+        """A solid, or only its outline."""
+
+    def line(self, points: Sequence[Point], kind: str) -> None:
+        """A line of a kind."""
+
+    def text(self, place: Point, words: str, anchor: str) -> None:
+        """Words; the anchor is `start`, `middle` or `end`."""
+
+    def within(self, low: Point, high: Point) -> None:
+        """From now on nothing outside this rectangle is seen."""
+
+    def anywhere(self) -> None:
+        """The end of `within`."""
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """Where one plan lies in the drawing."""
+
+    plan: Plan
+    top: float
+    scale: float
+    """Points per metre."""
+
+    @property
+    def size(self) -> Point:
+        (x0, y0), (x1, y1) = self.plan.low, self.plan.high
+        return (x1 - x0) * self.scale, (y1 - y0) * self.scale
+
+    def at(self, place: Point) -> Point:
+        (x0, _), (_, y1) = self.plan.low, self.plan.high
+        across, down = (place[0] - x0) * self.scale, (y1 - place[1]) * self.scale
+        return LEFT + across, self.top + TOP + down
+
+    @property
+    def bottom(self) -> float:
+        return self.top + TOP + self.size[1] + BOTTOM
+
+
+def sheets(plans: Sequence[Plan]) -> tuple[list[_Sheet], float]:
+    """The plans below each other at one scale, and the height of all."""
+    scale = min(
+        min((WIDTH - LEFT - RIGHT) / (plan.high[0] - plan.low[0]) for plan in plans),
+        min(TALLEST / (plan.high[1] - plan.low[1]) for plan in plans),
+    )
+    found: list[_Sheet] = []
+    for plan in plans:
+        found.append(_Sheet(plan, found[-1].bottom if found else 0.0, scale))
+    return found, found[-1].bottom
+
+
+def draw_plans(plans: Sequence[Plan], wind: Vec3, pen: Pen) -> None:
+    """Draw plans below each other, and say how the wind blows."""
+    for sheet in sheets(plans)[0]:
+        _draw(sheet, pen)
+    if any(wind):
+        words = "wind " + ", ".join(
+            f"{speed:+g} m/s along {axis}" for speed, axis in zip(wind, "xyz", strict=True) if speed
+        )
+        pen.text((WIDTH - RIGHT, TOP - 10), words, "end")
+
+
+def _draw(sheet: _Sheet, pen: Pen) -> None:
+    plan = sheet.plan
+    (x0, y0), (x1, y1) = sheet.at(plan.low), sheet.at(plan.high)
+    pen.within((x0, y1), (x1, y0))
+    for number, across in _ticks(sheet):
+        ends = ((number, plan.low[1]), (number, plan.high[1]))
+        level = ((plan.low[0], number), (plan.high[0], number))
+        pen.line([sheet.at(end) for end in (ends if across else level)], GRID)
+    for outline in plan.outlines:
+        pen.polygon([sheet.at(point) for point in outline.points], outline.color, outline.filled)
+    pen.line([sheet.at(point) for point in (*plan.start, plan.start[0])], START)
+    if plan.sign > 0:
+        pen.line([sheet.at((plan.low[0], 0.0)), sheet.at((plan.high[0], 0.0))], FRAME)
+    pen.anywhere()
+    pen.line([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)], FRAME)
+    for number, across in _ticks(sheet):
+        x, y = sheet.at((number, number))
+        words = f"{number if across else number * plan.sign:g}"
+        pen.text((x, y0 + 14) if across else (x0 - 6, y + 4), words, "middle" if across else "end")
+    pen.text((x0, y1 - 10), f"{plan.title}: {plan.upwards} over z, m", "start")
+    for place, words in _labels(sheet):
+        pen.text(place, words, "middle")
+
+
+def _ticks(sheet: _Sheet) -> Iterator[tuple[int, bool]]:
+    """Whole metres that get a line and a number, and whether along z."""
+    step = next((step for step in STEPS if step * sheet.scale >= APART), STEPS[-1])
+    for axis in (0, 1):
+        low, high = sheet.plan.low[axis], sheet.plan.high[axis]
+        for number in range(ceil(low / step), floor(high / step) + 1):
+            yield number * step, axis == 0
+
+
+def _labels(sheet: _Sheet) -> Iterator[tuple[Point, str]]:
+    """Each kind of thing once, above its first piece in the picture, clear of other labels."""
+    plan = sheet.plan
+    taken: list[Point] = []
+    named: set[str] = set()
+    left, right = sheet.at(plan.low)[0], sheet.at(plan.high)[0]
+    middles = [(sum(x for x, _ in plan.start) / len(plan.start),
+                max(y for _, y in plan.start), "machine")]  # fmt: skip
+    for outline in plan.outlines:
+        name = base_name(outline.name)
+        if outline.filled and name not in named and (place := _visible(outline, plan)):
+            named.add(name)
+            middles.append((*place, name))
+    for across, up, name in middles[:LABELS]:
+        place = sheet.at((across, up))
+        half = LETTER * len(name) / 2
+        x = min(max(place[0], left + half), right - half)
+        place = (x, max(place[1] - 4, sheet.top + TOP + 12))
+        while any(abs(place[0] - u) < 70 and abs(place[1] - v) < 13 for u, v in taken):
+            place = (place[0], place[1] + 13)
+        taken.append(place)
+        yield place, name
+
+
+def _visible(outline: Outline, plan: Plan) -> Point | None:
+    """The upper middle of what is seen of an outline; None outside the picture."""
+    (x0, y0), (x1, y1) = plan.low, plan.high
+    xs, ys = zip(*outline.points, strict=True)
+    left, right, top = max(min(xs), x0), min(max(xs), x1), min(max(ys), y1)
+    return ((left + right) / 2, top) if left < right and y0 < top and min(ys) < y1 else None
+
+
+class SvgPen:
+    """Draws SVG; colours of lines and words are the page's (classes `grid`, `frame`, ...)."""
+
+    def __init__(self, name: str) -> None:
+        """`name` must be unique in the page."""
+        self._name, self._parts, self._clips = name, [""], 0
+
+    def polygon(self, points: Sequence[Point], color: tuple[float, ...], filled: bool) -> None:
+        paint = "#" + "".join(f"{round(255 * part):02x}" for part in color[:3])
+        fill = f'fill="{paint}" fill-opacity=".75"' if filled else 'fill="none"'
+        places = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        self._parts.append(f'<polygon points="{places}" {fill} stroke="{paint}"/>')
+
+    def line(self, points: Sequence[Point], kind: str) -> None:
+        places = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        self._parts.append(f'<polyline class="{kind}" points="{places}" fill="none"/>')
+
+    def text(self, place: Point, words: str, anchor: str) -> None:
+        x, y = place
+        told = escape(words)
+        self._parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{told}</text>')
+
+    def within(self, low: Point, high: Point) -> None:
+        self._clips += 1
+        name, (x, y), (u, v) = f"{self._name}-{self._clips}", low, high
+        box = f'<rect x="{x:.1f}" y="{y:.1f}" width="{u - x:.1f}" height="{v - y:.1f}"/>'
+        self._parts.append(f'<clipPath id="{name}">{box}</clipPath><g clip-path="url(#{name})">')
+
+    def anywhere(self) -> None:
+        self._parts.append("</g>")
+
+    def done(self, height: float, about: str) -> str:
+        """The element."""
+        head = (
+            f'<svg viewBox="0 0 {WIDTH:g} {height:.0f}" role="img" aria-label="{escape(about)}" '
+            'font-size="12">'
+        )
+        return head + "".join(self._parts) + "</svg>"
+
+
+PAPER, INK = (250, 249, 246), (40, 42, 48)
+INKS = {GRID: (222, 221, 214), FRAME: (120, 122, 128), START: (30, 110, 190)}
+FINE = 2
+"""Pictures are drawn so many times larger than they are laid out."""
+
+
+class PngPen:
+    """Draws a picture."""
+
+    def __init__(self, height: float) -> None:
+        """A sheet of the drawing's width."""
+        self.picture = Image.new("RGB", (round(FINE * WIDTH), round(FINE * height)), PAPER)
+        self._canvas, self._place = self.picture, (0, 0)
+        self._font = ImageFont.load_default(size=12 * FINE)
+
+    def polygon(self, points: Sequence[Point], color: tuple[float, ...], filled: bool) -> None:
+        red, green, blue = (round(255 * part) for part in color[:3])
+        fill = (red, green, blue, 190) if filled else None
+        pen, places = ImageDraw.Draw(self._canvas, "RGBA"), self._all(points)
+        pen.polygon(places, fill=fill)
+        pen.line([*places, places[0]], fill=(red, green, blue, 255), width=FINE)
+
+    def line(self, points: Sequence[Point], kind: str) -> None:
+        ImageDraw.Draw(self._canvas).line(self._all(points), fill=INKS[kind], width=FINE)
+
+    def text(self, place: Point, words: str, anchor: str) -> None:
+        side = {"start": "l", "middle": "m", "end": "r"}[anchor]
+        (spot,) = self._all([place])
+        ImageDraw.Draw(self._canvas).text(spot, words, INK, self._font, anchor=f"{side}s")
+
+    def within(self, low: Point, high: Point) -> None:
+        self._place = (round(FINE * low[0]), round(FINE * low[1]))
+        far = (round(FINE * high[0]), round(FINE * high[1]))
+        self._canvas = self.picture.crop((*self._place, *far))
+
+    def anywhere(self) -> None:
+        self.picture.paste(self._canvas, self._place)
+        self._canvas, self._place = self.picture, (0, 0)
+
+    def _all(self, points: Sequence[Point]) -> list[Point]:
+        left, top = self._place
+        return [(FINE * x - left, FINE * y - top) for x, y in points]

@@ -1,0 +1,238 @@
+"""Owns drawing solids without a display: every pixel's ray meets them exactly, the nearest wins.
+
+Each solid is an intersection of slabs and a quadric, tried only in the rectangle that it can
+cover. Cameras are views.py's, what lies behind all solids is backdrop.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from agentflow.env.drawing.cameras import Camera, project
+from agentflow.env.physics.rotations import frame_of
+from agentflow.env.rollout import Array
+from agentflow.env.scene import Thing
+
+Grid = NDArray[np.float32]
+Triple = tuple[Grid, Grid, Grid]
+"""x, y and z in a solid's own frame, in half extents."""
+Inks = NDArray[np.uint32]
+Numbers = tuple[float, float, float]
+
+SUN = (-4.0, 12.0, -7.0)
+"""Direction towards the light, game frame."""
+SHADED, LIT = 0.68, 0.36
+"""Brightness of a surface along the light, and how much more (less) it is facing it (away)."""
+LEVELS = 64
+"""Different brightnesses of one solid."""
+NEAR = 0.1
+"""Nearest distance that is drawn, m."""
+OUTLINE, STEP = 0.6, 0.1
+"""Brightness of the lines around each block, and around a piece of it so much (m) in front."""
+BAND = 64
+"""Rows that are worked on at a time, so that they stay in the processor's cache."""
+TINY = 1e-9
+"""Keeps rays from being exactly parallel to a solid's side."""
+CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
+
+
+@dataclass(frozen=True)
+class _Ray:
+    """The eye and the directions of the pixels of a rectangle, in a solid's own half extents."""
+
+    start: Numbers
+    way: Triple
+    sun: Array
+    half: Array
+
+
+def draw(camera: Camera, things: Sequence[Thing], ground: Image.Image) -> Image.Image:
+    """The things before the ground; things of one name get one outline.
+
+    Args:
+        ground: The picture behind them, RGBA and of the camera's size, as is what is returned.
+    """
+    depth = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
+    ink = np.zeros(depth.shape, dtype=np.uint32)
+    names = {name: i for i, name in enumerate(dict.fromkeys(t.name for t in things), start=1)}
+    with np.errstate(all="ignore"):  # rays that miss yield nan, which is nearer than nothing
+        for number, thing in enumerate(things, start=1):
+            _add(depth, ink, camera, thing, number * LEVELS)
+    pixels = _coloured(ink, things, ground)
+    owners = np.array([0, *(names[thing.name] for thing in things)])
+    lines = _lines(ink // LEVELS, depth, owners)
+    pixels[lines] = (pixels[lines] * (OUTLINE, OUTLINE, OUTLINE, 1.0)).astype(np.uint8)
+    return Image.fromarray(pixels)
+
+
+def corners_of(thing: Thing) -> Array:
+    """(8, 3) corners of the box around a solid, in the world."""
+    size = np.repeat(thing.size[0], 3) if thing.shape == "sphere" else np.asarray(thing.size)
+    corners: Array = CORNERS * size @ frame_of(thing.rotation) + thing.position
+    return corners
+
+
+def _coloured(ink: Inks, things: Sequence[Thing], ground: Image.Image) -> NDArray[np.uint8]:
+    """Colours instead of inks, which are the number of a thing and its brightness."""
+    colours = np.array([(0.0, 0.0, 0.0), *(thing.color[:3] for thing in things)])
+    table = 255.0 * colours[:, None, :] * np.linspace(0.0, 1.0, LEVELS)[:, None]
+    palette = np.full((len(colours) * LEVELS, 4), 255, dtype=np.uint8)
+    palette[:, :3] = np.minimum(255.0, table).reshape(-1, 3)
+    pixels: NDArray[np.uint8] = np.array(ground)
+    packed = pixels.view(np.uint32)[:, :, 0]
+    np.copyto(packed, palette.view(np.uint32)[:, 0].take(ink), where=ink > 0)
+    return pixels
+
+
+def _lines(number: Inks, depth: Grid, owners: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """The pixels where another owner begins, or another piece far behind."""
+    lines = np.zeros(number.shape, dtype=np.bool_)
+    for down, right in ((1, 0), (0, 1)):
+        here, there = np.s_[down:, right:], np.s_[: -down or None, : -right or None]
+        rows, columns = np.nonzero(number[here] != number[there])
+        one, other = (rows + down, columns + right), (rows, columns)
+        changed = owners[number[one]] != owners[number[other]]
+        lines[one] |= changed | (np.abs(depth[one] - depth[other]) > STEP)
+    return lines
+
+
+def _add(depth: Grid, ink: Inks, camera: Camera, thing: Thing, first_ink: int) -> None:
+    """Draw one solid where it is nearest."""
+    corners = corners_of(thing)
+    rows, columns = _rectangle(corners, camera)
+    for top in range(rows.start, rows.stop, BAND):
+        place = slice(top, min(top + BAND, rows.stop)), columns
+        enter, bright = _SHAPES[thing.shape](_ray(camera, thing, place))
+        near = depth[place]
+        hit = (enter > NEAR) & (enter < near)
+        if corners[:, 1].min() < -NEAR:
+            hit &= _above_ground(camera, place[0], enter)
+        np.copyto(near, enter, where=hit)
+        level = np.clip((LEVELS - 1) * (SHADED + LIT * bright), 0, LEVELS - 1).astype(np.uint32)
+        np.copyto(ink[place], level + first_ink, where=hit)
+
+
+def _rectangle(corners: Array, camera: Camera) -> tuple[slice, slice]:
+    """Rows and columns that a solid with these corners can cover."""
+    places = project(corners, camera)
+    if not np.isfinite(places).all():
+        return slice(0, camera.height), slice(0, camera.width)
+    size = (camera.width, camera.height)
+    x0, y0 = np.clip(np.floor(places.min(axis=0)), 0, size)
+    x1, y1 = np.clip(np.ceil(places.max(axis=0)) + 1, 0, size)
+    return slice(int(y0), int(y1)), slice(int(x0), int(x1))
+
+
+def _above_ground(camera: Camera, rows: slice, depth: Grid) -> NDArray[np.bool_]:
+    """What is below the ground is hidden by it."""
+    _, up, towards = camera.axes
+    rise = (up[1] * _rows(camera, rows) - towards[1]).astype(np.float32)
+    above: NDArray[np.bool_] = depth * rise > -camera.eye[1]
+    return above
+
+
+def _rows(camera: Camera, rows: slice) -> Array:
+    """(K, 1) how far above the middle the pixels of these rows look, per metre ahead."""
+    numbers = np.arange(rows.start, rows.stop)[:, None]
+    return (camera.height / 2 - numbers - 0.5) / camera.focal_length
+
+
+def _ray(camera: Camera, thing: Thing, place: tuple[slice, slice]) -> _Ray:
+    frame = frame_of(thing.rotation)
+    half = np.asarray(thing.size) / 2
+    half = np.repeat(half[0], 3) if thing.shape == "sphere" else half
+    right, up, towards = camera.axes
+    a, b, c = (frame @ np.subtract(camera.eye, thing.position) / half).tolist()
+    numbers = np.arange(place[1].start, place[1].stop)
+    u = (numbers + 0.5 - camera.width / 2) / camera.focal_length
+    v = _rows(camera, place[0])
+    ahead, across, upwards = ((frame @ axis / half)[:, None] for axis in (-towards, right, up))
+    wide, tall = ahead + TINY + across * u, upwards * v.T
+    x, y, z = (wide[i].astype(np.float32) + tall[i].astype(np.float32)[:, None] for i in range(3))
+    return _Ray((a, b, c), (x, y, z), frame @ (np.asarray(SUN) / np.linalg.norm(SUN)), half)
+
+
+def _slab(start: float, way: Grid) -> tuple[Grid, Grid]:
+    """Where rays enter and leave -1..1 on one axis."""
+    inverse = 1.0 / way
+    middle, reach = -start * inverse, np.abs(inverse)
+    return middle - reach, middle + reach
+
+
+def _quadric(a: Grid, b: Grid, c: float) -> tuple[Grid, Grid]:
+    """The two roots of a t^2 + 2 b t + c, ascending where a > 0; nan without any."""
+    root = np.sqrt(b * b - a * c)
+    return (-b - root) / a, (-b + root) / a
+
+
+def _met(enter: Grid, leave: Grid) -> Grid:
+    """Where rays enter, infinite where they miss."""
+    return np.where(enter <= leave, enter, np.float32(np.inf))
+
+
+def _facing(ray: _Ray, normal: tuple[Grid | float, Grid | float, Grid | float]) -> Grid:
+    """Cosine between the light and a surface with this normal in half extents."""
+    x, y, z = (part / half for part, half in zip(normal, ray.half, strict=True))
+    along = x * ray.sun[0] + y * ray.sun[1] + z * ray.sun[2]
+    return np.asarray(along / np.sqrt(x * x + y * y + z * z + 1e-12), dtype=np.float32)
+
+
+def _box(ray: _Ray) -> tuple[Grid, Grid]:
+    slabs = [_slab(start, way) for start, way in zip(ray.start, ray.way, strict=True)]
+    (x, x_out), (y, y_out), (z, z_out) = slabs
+    enter = np.maximum(np.maximum(x, y), z)
+    leave = np.minimum(np.minimum(x_out, y_out), z_out)
+    lights = (np.sign(ray.start) * ray.sun).astype(np.float32)
+    bright = np.where(enter == x, lights[0], np.where(enter == y, lights[1], lights[2]))
+    return _met(enter, leave), bright
+
+
+def _sphere(ray: _Ray) -> tuple[Grid, Grid]:
+    (a, b, c), (x, y, z) = ray.start, ray.way
+    enter, leave = _quadric(
+        x * x + y * y + z * z, a * x + b * y + c * z, a * a + b * b + c * c - 1.0
+    )
+    normal = (a + enter * x, b + enter * y, c + enter * z)
+    return _met(enter, leave), _facing(ray, normal)
+
+
+def _cylinder(ray: _Ray) -> tuple[Grid, Grid]:
+    (a, b, c), (x, y, z) = ray.start, ray.way
+    side, side_out = _quadric(x * x + z * z, a * x + c * z, a * a + c * c - 1.0)
+    cap, cap_out = _slab(b, y)
+    bright = np.where(
+        side > cap,
+        _facing(ray, (a + side * x, 0.0, c + side * z)),
+        np.float32(np.sign(b) * ray.sun[1]),
+    )
+    return _met(np.maximum(side, cap), np.minimum(side_out, cap_out)), bright
+
+
+def _cone(ray: _Ray) -> tuple[Grid, Grid]:
+    """Tip at y = 1; a ray steeper than its side stays in it from one side of the tip on."""
+    (a, b, c), (x, y, z) = ray.start, ray.way
+    left, shrink = (1.0 - b) * 0.5, y * -0.5
+    steepness = x * x + z * z - shrink * shrink
+    first, second = _quadric(steepness, a * x + c * z - left * shrink, a * a + c * c - left * left)
+    low, high = np.fmin(first, second), np.fmax(first, second)
+    endless = np.float32(np.inf)
+    side = np.where(steepness > 0, low, np.where(y < 0, high, -endless))
+    side_out = np.where(steepness > 0, high, np.where(y < 0, endless, low))
+    cap, cap_out = _slab(b, y)
+    enter = np.maximum(side, cap)
+    tall = (1.0 - b - enter * y) * 0.25
+    bright = np.where(
+        side > cap,
+        _facing(ray, (a + enter * x, tall, c + enter * z)),
+        np.float32(np.sign(b) * ray.sun[1]),
+    )
+    return _met(enter, np.minimum(side_out, cap_out)), bright
+
+
+_SHAPES = {"box": _box, "sphere": _sphere, "cylinder": _cylinder, "cone": _cone}

@@ -1,0 +1,101 @@
+"""Owns stills: a machine as built, from one side or from six, and how one picture is made.
+
+Films of rollouts are film.py's.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from agentflow.env.drawing.backdrop import backdrop
+from agentflow.env.drawing.cameras import VIEWS, Camera, Size, View, camera_at, fit
+from agentflow.env.drawing.figures import Figures
+from agentflow.env.drawing.raster import corners_of, draw
+from agentflow.env.scene import Thing
+from agentflow.errors import UnknownNameError
+from agentflow.machine.tree import Machine
+
+SHEET = "sheet"
+"""Name of the picture that shows all views."""
+COLUMNS = 3
+"""Views side by side on a sheet."""
+SMOOTH = 2
+"""Pictures are drawn this many times larger, then averaged."""
+INK = (30, 32, 36)
+
+
+def render_png(
+    machine: Machine, path: Path, *, view: str = "three-quarter", size: Size = (800, 600)
+) -> None:
+    """A machine as built, filling the picture.
+
+    Args:
+        machine: Machine-valid.
+        view: One of `views.VIEWS`, or `sheet` for all of them, each half as wide and high.
+        size: Width and height in pixels.
+
+    Raises:
+        UnknownNameError: There is no such view.
+    """
+    _picture(machine, view, size).save(path, "PNG", optimize=True)
+
+
+def png_url(machine: Machine, *, view: str, size: Size) -> str:
+    """The picture of `render_png` as a data URL, for pages and requests."""
+    content = BytesIO()
+    _picture(machine, view, size).save(content, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(content.getvalue()).decode()
+
+
+def shoot(
+    camera: Camera, solids: Sequence[Thing], others: Sequence[Thing], spacing: float
+) -> Image.Image:
+    """A picture of the solids (which cast shadows) and the other things on a lined ground."""
+    large = replace(camera, width=SMOOTH * camera.width, height=SMOOTH * camera.height)
+    ground = backdrop(large, solids, spacing)
+    return draw(large, (*others, *solids), ground).reduce(SMOOTH).convert("RGB")
+
+
+def caption(picture: Image.Image, text: str) -> None:
+    """Write into the upper left corner."""
+    font = ImageFont.load_default(size=max(12, picture.height // 24))
+    ImageDraw.Draw(picture).text((10, 8), text, fill=INK, font=font)
+
+
+def _picture(machine: Machine, view: str, size: Size) -> Image.Image:
+    if view not in (*VIEWS, SHEET):
+        raise UnknownNameError("view", view, (*VIEWS, SHEET))
+    solids = _standing(machine)
+    if view == SHEET:
+        return _sheet(solids, (size[0] // 2, size[1] // 2))
+    return _still(solids, view, size)
+
+
+def _standing(machine: Machine) -> list[Thing]:
+    figures = Figures(machine)
+    return figures.things(figures.rest)
+
+
+def _still(solids: Sequence[Thing], name: str, size: Size) -> Image.Image:
+    view = View(back=VIEWS[name], size=size)
+    target, distance = fit(np.concatenate([corners_of(solid) for solid in solids]), view)
+    return shoot(camera_at(target, distance, view), solids, (), spacing=1.0)
+
+
+def _sheet(solids: Sequence[Thing], size: Size) -> Image.Image:
+    """All views in rows, each with its name."""
+    rows = -(-len(VIEWS) // COLUMNS)
+    sheet = Image.new("RGB", (COLUMNS * size[0], rows * size[1]))
+    for index, name in enumerate(VIEWS):
+        tile = _still(solids, name, size)
+        caption(tile, name)
+        ImageDraw.Draw(tile).rectangle((0, 0, size[0] - 1, size[1] - 1), outline=INK)
+        sheet.paste(tile, (index % COLUMNS * size[0], index // COLUMNS * size[1]))
+    return sheet

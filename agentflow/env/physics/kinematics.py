@@ -1,0 +1,80 @@
+"""Owns array arithmetic on poses and velocities, whatever the frame.
+
+Only elementwise operations in a fixed order: no BLAS, no long reductions, so that the bits do not
+depend on the processor. C rows, one per rigid cluster: position 0:3 of its leading part's centre,
+quaternion 3:7 (x, y, z, w), velocity 7:10 of that centre, angular velocity 10:13.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agentflow.env.rollout import Array
+
+POSITION, ROTATION = slice(0, 3), slice(3, 7)
+VELOCITY, SPIN = slice(7, 10), slice(10, 13)
+WIDTH = 13
+Row = tuple[float, ...]
+"""One such row as plain numbers."""
+
+# Entries of a rotation matrix from doubled products of quaternion components (x y z w, 4 i + j):
+# 1 at the diagonal, plus sign * product, twice.
+_ONES = np.array([1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0])
+_FIRST = np.array([5, 1, 2, 1, 0, 6, 2, 6, 0])
+_FIRST_SIGN = np.array([-1.0, 1, 1, 1, -1.0, 1, 1, 1, -1.0])
+_SECOND = np.array([10, 11, 7, 11, 10, 3, 7, 3, 5])
+_SECOND_SIGN = np.array([-1.0, -1, 1, 1, -1, -1, -1, 1, -1])
+
+
+def matrices(quaternions: Array) -> Array:
+    """(C, 3, 3) rotation matrices of (C, 4) unit quaternions."""
+    products = (2.0 * quaternions[:, :, None] * quaternions[:, None, :]).reshape(-1, 16)
+    flat = _ONES + products[:, _FIRST] * _FIRST_SIGN + products[:, _SECOND] * _SECOND_SIGN
+    return np.asarray(flat).reshape(-1, 3, 3)
+
+
+def turn(rotation: Array, vectors: Array) -> Array:
+    """(C, 3) vectors turned by (C, 3, 3) matrices."""
+    terms = rotation * vectors[:, None, :]
+    return np.asarray(terms[:, :, 0] + terms[:, :, 1] + terms[:, :, 2])
+
+
+def turn_back(rotation: Array, vectors: Array) -> Array:
+    """(C, 3) vectors turned by the inverse of (C, 3, 3) matrices."""
+    terms = rotation * vectors[:, :, None]
+    return np.asarray(terms[:, 0] + terms[:, 1] + terms[:, 2])
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Row-wise right-handed cross product of (C, 3) arrays."""
+    result: Array = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    result[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
+    result[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
+    result[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return result
+
+
+def compose(first: Array, second: Array) -> Array:
+    """Hamilton product of (C, 4) quaternions: `second`'s rotation, then `first`'s."""
+    ax, ay, az, aw = first[:, 0], first[:, 1], first[:, 2], first[:, 3]
+    bx, by, bz, bw = second[:, 0], second[:, 1], second[:, 2], second[:, 3]
+    product: Array = np.empty(np.broadcast_shapes(first.shape, second.shape))
+    product[:, 0] = aw * bx + ax * bw + ay * bz - az * by
+    product[:, 1] = aw * by - ax * bz + ay * bw + az * bx
+    product[:, 2] = aw * bz + ax * by - ay * bx + az * bw
+    product[:, 3] = aw * bw - ax * bx - ay * by - az * bz
+    return product
+
+
+def conjugate(quaternions: Array) -> Array:
+    """Inverse rotations of (C, 4) unit quaternions."""
+    return np.asarray(quaternions * np.array([-1.0, -1.0, -1.0, 1.0]))
+
+
+def carried(rows: Array, offsets: Array) -> Array:
+    """Rows moved to points that lie `offsets` (at rest) away in the same rigid clusters."""
+    moved: Array = rows.copy()
+    arms = turn(matrices(rows[:, ROTATION]), offsets)
+    moved[:, POSITION] += arms
+    moved[:, VELOCITY] += cross(rows[:, SPIN], arms)
+    return moved

@@ -1,0 +1,1 @@
+"""Forces that engines do not compute themselves: air, rotors, ropes, springs."""

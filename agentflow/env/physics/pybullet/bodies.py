@@ -1,0 +1,234 @@
+"""Owns how trees of parts become PyBullet multibodies; stepping and reading is pybullet.py's.
+
+Every link frame sits at its joint and is aligned with the machine frame at rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, pi, sin, sqrt
+
+from agentflow.env.constants import Constants
+from agentflow.env.physics.engine import Joint, Part, Shape, TooLargeError
+from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
+from agentflow.env.physics.pybullet.layout import Built
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.spanning_tree import Body, Link
+from agentflow.env.physics.vectors import add, scale, subtract, turned
+from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
+
+MOST_LINKS = 127
+"""PyBullet truncates longer bodies without a word."""
+FASTEST = 1e6
+"""Where PyBullet cuts a body's speeds, m/s and rad/s. Its own 100 would hold machines that explode;
+they are to diverge. Told to a link instead of the base, the same setting changes contacts."""
+CONE_SIDES = 24
+MIDDLE: Vec3 = (0.0, 0.0, 0.0)
+LONE_RADIUS = 0.1
+"""Of the ball that stands for a body without any solid shape, m."""
+
+_KINDS = {
+    "fixed": pybullet.JOINT_FIXED,
+    "revolute": pybullet.JOINT_REVOLUTE,
+    "prismatic": pybullet.JOINT_PRISMATIC,
+    "spherical": pybullet.JOINT_SPHERICAL,
+}
+
+
+class Workshop:
+    """Makes shapes and bodies in one client; equal shapes are made once per world."""
+
+    def __init__(self, client: int, physics: Constants) -> None:
+        self.client = client
+        self._usual = physics["friction"], physics["restitution"]
+        self._made: dict[tuple[tuple[Shape, ...], Vec3], int] = {}
+
+    def ground(self, friction: float | None) -> int:
+        """The plane y = 0; without friction of its own as the constants have it."""
+        plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
+        uid = self._single(0.0, plane, (0.0, 0.0, 0.0), IDENTITY)
+        usual, restitution = self._usual
+        self._surface(uid, -1, usual if friction is None else friction, restitution, 0.0)
+        return uid
+
+    def thing(self, thing: Thing) -> int:
+        """An object of the scene, standing or moving."""
+        if thing.shape == "cone":
+            solid = self._cone(thing)
+        else:
+            solid = self._shapes((Shape(thing.shape, thing.size),), subtract(MIDDLE, thing.balance))
+        place = add(thing.position, turned(thing.rotation, thing.balance))
+        uid = self._single(thing.mass, solid, swap(place), swap_quaternion(thing.rotation))
+        friction, restitution = self._usual
+        if thing.friction is not None:
+            friction = thing.friction
+        if thing.restitution is not None:
+            restitution = thing.restitution
+        self._surface(uid, -1, friction, restitution, 0.0)
+        return uid
+
+    def machine(self, body: Body, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:
+        """One connected component, at rest in its place.
+
+        Raises:
+            TooLargeError: It has more links than PyBullet can hold.
+        """
+        if len(body.links) > MOST_LINKS:
+            raise TooLargeError(
+                f"the machine has {len(body.links) + 1} parts in one piece; "
+                f"the engine holds at most {MOST_LINKS + 1}"
+            )
+        frames = {body.root: parts[body.root].centre}
+        frames |= {link.part: joints[link.joint].pivot for link in body.links}
+        order = {body.root: 0} | {link.part: i for i, link in enumerate(body.links, 1)}
+        lone = not any(shape.solid for part in order for shape in parts[part].shapes)
+        solids = {part: self._part(parts[part], frames[part], lone) for part in order}
+        root = parts[body.root]
+        uid = pybullet.createMultiBody(
+            root.mass,
+            solids[body.root],
+            -1,
+            swap(root.centre),
+            linkMasses=[parts[link.part].mass for link in body.links],
+            linkCollisionShapeIndices=[solids[link.part] for link in body.links],
+            linkVisualShapeIndices=[-1] * len(body.links),
+            linkPositions=[
+                swap(subtract(frames[link.part], frames[link.parent])) for link in body.links
+            ],
+            linkOrientations=[IDENTITY] * len(body.links),
+            linkInertialFramePositions=[
+                swap(subtract(parts[link.part].centre, frames[link.part])) for link in body.links
+            ],
+            linkInertialFrameOrientations=[IDENTITY] * len(body.links),
+            linkParentIndices=[order[link.parent] for link in body.links],
+            linkJointTypes=[_KINDS[joints[link.joint].kind] for link in body.links],
+            linkJointAxis=[_axis(joints[link.joint], link) for link in body.links],
+            flags=pybullet.URDF_USE_SELF_COLLISION
+            | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT,
+            physicsClientId=self.client,
+        )
+        pybullet.changeDynamics(uid, -1, maxJointVelocity=FASTEST, physicsClientId=self.client)
+        built = Built(uid, body, {body.root: -1} | self._indices(uid, body))
+        for part in order:
+            self._dynamics(built, part, parts[part])
+        for link in body.links:
+            self._joint(built, link, joints[link.joint])
+        return built
+
+    def _indices(self, uid: int, body: Body) -> dict[int, int]:
+        """PyBullet renumbers links depth first but keeps their names: joint1, joint2, ..."""
+        names = {
+            pybullet.getJointInfo(uid, i, physicsClientId=self.client)[1]: i
+            for i in range(len(body.links))
+        }
+        return {link.part: names[b"joint%d" % i] for i, link in enumerate(body.links, 1)}
+
+    def _dynamics(self, built: Built, part_index: int, part: Part) -> None:
+        index = built.index[part_index]
+        inertia = (part.inertia[0], part.inertia[2], part.inertia[1])
+        pybullet.changeDynamics(
+            built.uid, index, localInertiaDiagonal=inertia, physicsClientId=self.client
+        )
+        self._surface(built.uid, index, part.friction, part.restitution, part.rolling_friction)
+
+    def _surface(
+        self, uid: int, index: int, friction: float, restitution: float, rolling: float
+    ) -> None:
+        """Bullet multiplies the partners' coefficients; roots make that their geometric mean."""
+        pybullet.changeDynamics(
+            uid,
+            index,
+            lateralFriction=sqrt(friction),
+            restitution=sqrt(restitution),
+            rollingFriction=rolling,
+            spinningFriction=0.0,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            jointDamping=0.0,
+            physicsClientId=self.client,
+        )
+
+    def _joint(self, built: Built, link: Link, joint: Joint) -> None:
+        """Sensors and stops; what moves or holds it is motors.py's."""
+        index = built.index[link.part]
+        pybullet.enableJointForceTorqueSensor(built.uid, index, True, physicsClientId=self.client)
+        if joint.drive.stops is not None:
+            low, high = joint.drive.stops
+            pybullet.changeDynamics(
+                built.uid,
+                index,
+                jointLowerLimit=low,
+                jointUpperLimit=high,
+                physicsClientId=self.client,
+            )
+
+    def _single(self, mass: float, solid: int, position: Vec3, rotation: Quat) -> int:
+        return int(
+            pybullet.createMultiBody(
+                mass, solid, -1, position, rotation, physicsClientId=self.client
+            )
+        )
+
+    def _part(self, part: Part, frame: Vec3, lone: bool) -> int:
+        shapes = part.shapes
+        if lone:
+            shapes = (Shape("sphere", (2 * LONE_RADIUS,) * 3),)
+        return self._shapes(shapes, subtract(part.centre, frame))
+
+    def _shapes(self, shapes: tuple[Shape, ...], offset: Vec3) -> int:
+        """Collision shape of what is solid, -1 where nothing is."""
+        solid = tuple(shape for shape in shapes if shape.solid)
+        if not solid:
+            return -1
+        key = (solid, offset)
+        if key not in self._made:
+            self._made[key] = self._make(solid, offset)
+        return self._made[key]
+
+    def _make(self, shapes: tuple[Shape, ...], offset: Vec3) -> int:
+        geometry = [_geometry(shape) for shape in shapes]
+        return int(
+            pybullet.createCollisionShapeArray(
+                shapeTypes=[kind for kind, _, _, _ in geometry],
+                halfExtents=[half for _, half, _, _ in geometry],
+                radii=[radius for _, _, radius, _ in geometry],
+                lengths=[length for _, _, _, length in geometry],
+                collisionFramePositions=[swap(add(offset, shape.offset)) for shape in shapes],
+                collisionFrameOrientations=[_orientation(shape) for shape in shapes],
+                physicsClientId=self.client,
+            )
+        )
+
+    def _cone(self, thing: Thing) -> int:
+        """A cone along y as the hull of its rim and its tip."""
+        x, y, z = scale(thing.size, 0.5)
+        turns = [2 * pi * i / CONE_SIDES for i in range(CONE_SIDES)]
+        edge = [(x * cos(turn), -y, z * sin(turn)) for turn in turns] + [(0.0, y, 0.0)]
+        return int(
+            pybullet.createCollisionShape(
+                pybullet.GEOM_MESH,
+                vertices=[swap(subtract(corner, thing.balance)) for corner in edge],
+                physicsClientId=self.client,
+            )
+        )
+
+
+def _axis(joint: Joint, link: Link) -> Vec3:
+    """Joint axis in the engine frame; a reversed link turns the other way for the same position."""
+    image = swap(joint.axis) if joint.kind == "prismatic" else swap_turn(joint.axis)
+    return scale(image, -1.0) if link.reversed else image
+
+
+def _geometry(shape: Shape) -> tuple[int, Vec3, float, float]:
+    """PyBullet's type, half extents, radius and length."""
+    half = scale(swap(shape.size), 0.5)
+    if shape.kind == "sphere":
+        return pybullet.GEOM_SPHERE, half, half[0], 0.0
+    if shape.kind == "cylinder":
+        return pybullet.GEOM_CYLINDER, half, half[0], shape.size[1]
+    return pybullet.GEOM_BOX, half, 0.0, 0.0
+
+
+def _orientation(shape: Shape) -> Quat:
+    """A game cylinder lies along y, which is the engine's z, as PyBullet's cylinders do."""
+    return swap_quaternion(shape.rotation)

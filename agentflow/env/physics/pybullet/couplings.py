@@ -1,0 +1,150 @@
+"""Owns constraints between the links of PyBullet bodies: joints that close loops, meshing cogs.
+
+Trees of joints are bodies.py's; a constraint carries what no tree can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from agentflow.env.physics.engine import Assembly, Joint
+from agentflow.env.physics.frames import swap, swap_turn
+from agentflow.env.physics.pybullet.layout import Built, Handle
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.spanning_tree import Skeleton
+from agentflow.env.physics.vectors import add, cross, length, scale, subtract, turned
+from agentflow.env.scene import Quat, Vec3
+
+STRONGEST = 1e6
+"""N or N m: more than anything that a machine can exert."""
+HALF_AXLE = 0.5
+"""Loops that turn are held at two points of their axis, this far from the pivot, m."""
+
+ALONG = 1e-6
+"""Sine of the angle below which PyBullet takes an axis to lie along x."""
+
+
+class Couplings:
+    """The constraints of one world."""
+
+    def __init__(self, client: int) -> None:
+        self._client = client
+        self._ids: list[int] = []
+        self._apart: list[tuple[Handle, Handle]] = []
+        """Links that a loop joins, which do not collide, as no joint's links do."""
+        self._loops: list[tuple[int, Joint, list[int]]] = []
+        """Each loop's joint and constraints."""
+
+    def renew(self, assembly: Assembly, plan: Skeleton, built: Sequence[Built]) -> None:
+        """Make what the skeleton asks for, in place of what was."""
+        self._clear()
+        where = {part: (body.uid, index) for body in built for part, index in body.index.items()}
+        for i in plan.loops:
+            joint = assembly.joints[i]
+            self._loops.append((i, joint, self._loop(assembly, joint, where)))
+        carried = {link.joint: where[link.part] for body in plan.bodies for link in body.links}
+        for mesh in assembly.actors.meshes:
+            one, other = assembly.joints[mesh.a], assembly.joints[mesh.b]
+            if (
+                mesh.a in carried
+                and mesh.b in carried
+                and plan.cluster[one.a] == plan.cluster[other.a]
+            ):
+                self._mesh(carried[mesh.a], carried[mesh.b], mesh.ratio)
+
+    def _clear(self) -> None:
+        """PyBullet has removed by itself those of bodies that are gone."""
+        count = pybullet.getNumConstraints(self._client)
+        there = {pybullet.getConstraintUniqueId(i, self._client) for i in range(count)}
+        for constraint in self._ids:
+            if constraint in there:
+                pybullet.removeConstraint(constraint, self._client)
+        self._ids = []
+        for one, other in self._apart:
+            self._collide(one, other, True)
+        self._apart = []
+        self._loops = []
+
+    def loads(self, rotation: Callable[[int], Quat]) -> list[tuple[int, list[float]]]:
+        """Joint and load (6,) of each loop in the last step, along the engine's axes; what the
+        spring of a sliding one pushes apart.
+
+        Args:
+            rotation: Of a part, in the engine's frame.
+        """
+        found = []
+        for i, joint, made in self._loops:
+            states = [pybullet.getConstraintState(each, self._client) for each in made]
+            turn = rotation(joint.a)
+            if joint.kind == "prismatic":
+                load = _of_slider(states[0], swap(joint.axis), turn)
+            elif joint.kind == "revolute":
+                arm = scale(turned(turn, swap_turn(joint.axis)), HALF_AXLE)
+                load = [*add(*states), *cross(arm, subtract(*states))]
+            else:
+                load = [*states[0], 0.0, 0.0, 0.0]
+            found.append((i, load))
+        return found
+
+    def _collide(self, one: Handle, other: Handle, on: bool) -> None:
+        (uid, link), (other_uid, other_link) = one, other
+        pybullet.setCollisionFilterPair(uid, other_uid, link, other_link, on, self._client)
+
+    def _loop(self, assembly: Assembly, joint: Joint, where: dict[int, Handle]) -> list[int]:
+        """Hold the two parts of a joint together as the joint would; the constraints."""
+        points: tuple[Vec3, ...] = (joint.pivot,)
+        kind = pybullet.JOINT_POINT2POINT
+        if joint.kind == "revolute":
+            half = scale(joint.axis, HALF_AXLE)
+            points = (add(joint.pivot, half), subtract(joint.pivot, half))
+        elif joint.kind == "prismatic":
+            kind = pybullet.JOINT_PRISMATIC
+        self._apart.append((where[joint.a], where[joint.b]))
+        self._collide(where[joint.a], where[joint.b], False)
+        return [
+            self._bind(
+                kind,
+                where[joint.a],
+                where[joint.b],
+                swap(joint.axis),
+                swap(subtract(point, assembly.parts[joint.a].centre)),
+                swap(subtract(point, assembly.parts[joint.b].centre)),
+            )
+            for point in points
+        ]
+
+    def _mesh(self, one: Handle, other: Handle, ratio: float) -> None:
+        """Couple the turns of two cogs on one carrier."""
+        nowhere = (0.0, 0.0, 0.0)
+        made = self._bind(pybullet.JOINT_GEAR, one, other, (0.0, 0.0, 1.0), nowhere, nowhere)
+        pybullet.changeConstraint(made, gearRatio=ratio, physicsClientId=self._client)
+
+    def _bind(
+        self, kind: int, one: Handle, other: Handle, axis: Vec3, at_one: Vec3, at_other: Vec3
+    ) -> int:
+        made = int(
+            pybullet.createConstraint(
+                *one, *other, kind, axis, at_one, at_other, physicsClientId=self._client
+            )
+        )
+        pybullet.changeConstraint(made, maxForce=STRONGEST, physicsClientId=self._client)
+        self._ids.append(made)
+        return made
+
+
+def _of_slider(state: Sequence[float], axis: Vec3, turn: Quat) -> list[float]:
+    """Load of a sliding loop.
+
+    Args:
+        state: What PyBullet tells of it: forces along two directions across the axis, then what
+            the other part exerts about z, x and y, all turned with the part that carries it.
+        axis: Unit vector, as the part stands at rest, engine frame.
+        turn: Orientation of that part.
+    """
+    side = cross(axis, (1.0, 0.0, 0.0))
+    if length(side) < ALONG:
+        side = cross(axis, (0.0, 1.0, 0.0))
+    side = scale(side, 1.0 / length(side))
+    first, second, about_z, about_x, about_y = state
+    force = add(scale(side, first), scale(cross(axis, side), second))
+    return [*turned(turn, force), *turned(turn, (-about_x, -about_y, -about_z))]

@@ -1,0 +1,158 @@
+"""Owns grabbers in PyBullet: what they touch first they hold, until they are switched off.
+
+A grip outlives splits: it names parts and things, and is bound anew when bodies are rebuilt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from agentflow.env.physics.actors import Grip
+from agentflow.env.physics.frames import swap
+from agentflow.env.physics.pybullet.contacts import TOUCH
+from agentflow.env.physics.pybullet.layout import Built, Handle
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.vectors import dot, product, subtract, turned
+from agentflow.env.scene import Quat, Vec3
+
+EDGE = 0.05
+"""Contacts no further than this behind a grabber's front plane are on its front, m."""
+
+Held = int | str
+"""A part, or a thing's name."""
+
+
+@dataclass
+class _Hold:
+    """Something in a grip: where it sits in the grabber's own axes, engine frame."""
+
+    held: Held
+    force: float
+    """Most that it holds, N."""
+    place: Vec3
+    turn: Quat
+    constraint: int = -1
+
+
+class Grips:
+    """All grabbers of one machine."""
+
+    def __init__(self, client: int, grips: Sequence[Grip], things: Mapping[str, int]) -> None:
+        """Set up with open hands.
+
+        Args:
+            client: PyBullet client.
+            grips: All grabbers.
+            things: Body number of each of the scene's things that can move.
+        """
+        self._client, self._grips = client, grips
+        self._loose: dict[Handle, Held] = {(uid, -1): name for name, uid in things.items()}
+        self._holds: dict[int, _Hold] = {}
+        """By part of the grabber."""
+        self._open = True
+
+    def __bool__(self) -> bool:
+        return bool(self._grips)
+
+    def bind(self, built: Sequence[Built]) -> None:
+        """Take note of new bodies, and hold on to what was held.
+
+        Call it when the bodies stand where the old ones were.
+        """
+        for hold in self._holds.values():
+            self._remove(hold)
+        self._names: dict[Handle, Held] = dict(self._loose)
+        for body in built:
+            self._names |= {(body.uid, index): part for part, index in body.index.items()}
+        self._handles = {held: handle for handle, held in self._names.items()}
+        for part, hold in self._holds.items():
+            self._tie(part, hold)
+
+    def switch(self, on: bool) -> None:
+        """Let go of everything, or be ready to grip."""
+        self._open = on
+        if not on:
+            for part, hold in self._holds.items():
+                self._remove(hold)
+                self._collide(part, hold, True)
+            self._holds.clear()
+
+    def tighten(self) -> None:
+        """Set how strong the grips are; Bullet keeps it as an impulse per step."""
+        for hold in self._holds.values():
+            self._strengthen(hold)
+
+    def watch(self) -> None:
+        """Grip what was touched in this step."""
+        if self._open and len(self._holds) < len(self._grips):
+            for grip in self._grips:
+                if grip.part not in self._holds:
+                    self._try(grip)
+
+    def _try(self, grip: Grip) -> None:
+        uid, index = self._handles[grip.part]
+        contacts = pybullet.getContactPoints(
+            bodyA=uid, linkIndexA=index, physicsClientId=self._client
+        )
+        touched = [contact for contact in contacts if contact[8] <= TOUCH]
+        if not touched:
+            return
+        place, turn = self._frame(grip.part)
+        front = turned(turn, swap(grip.front))
+        for contact in touched:
+            held = self._names.get((contact[2], contact[4]))
+            if held is None or held in grip.joined:
+                continue
+            if dot(subtract(contact[5], place), front) > grip.reach - EDGE:
+                back = _inverse(turn)
+                there, pose = self._frame(held)
+                arm = turned(back, subtract(there, place))
+                hold = _Hold(held, grip.force, arm, product(back, pose))
+                self._holds[grip.part] = hold
+                self._tie(grip.part, hold)
+                return
+
+    def _tie(self, part: int, hold: _Hold) -> None:
+        hold.constraint = pybullet.createConstraint(
+            *self._handles[part],
+            *self._handles[hold.held],
+            pybullet.JOINT_FIXED,
+            (0.0, 0.0, 0.0),
+            hold.place,
+            (0.0, 0.0, 0.0),
+            hold.turn,
+            physicsClientId=self._client,
+        )
+        self._strengthen(hold)
+        self._collide(part, hold, False)
+
+    def _strengthen(self, hold: _Hold) -> None:
+        pybullet.changeConstraint(
+            hold.constraint, maxForce=hold.force, physicsClientId=self._client
+        )
+
+    def _collide(self, part: int, hold: _Hold, on: bool) -> None:
+        (uid, index), (other, link) = self._handles[part], self._handles[hold.held]
+        pybullet.setCollisionFilterPair(uid, other, index, link, on, self._client)
+
+    def _remove(self, hold: _Hold) -> None:
+        """PyBullet has removed it by itself when one of the bodies is gone."""
+        count = pybullet.getNumConstraints(self._client)
+        ids = [pybullet.getConstraintUniqueId(i, self._client) for i in range(count)]
+        if hold.constraint in ids:
+            pybullet.removeConstraint(hold.constraint, self._client)
+
+    def _frame(self, held: Held) -> tuple[Vec3, Quat]:
+        """Centre of mass and orientation, engine frame."""
+        uid, index = self._handles[held]
+        if index < 0:
+            place, turn = pybullet.getBasePositionAndOrientation(uid, self._client)
+        else:
+            place, turn = pybullet.getLinkState(uid, index, 0, 1, self._client)[:2]
+        return place, turn
+
+
+def _inverse(turn: Quat) -> Quat:
+    x, y, z, w = turn
+    return (-x, -y, -z, w)

@@ -1,0 +1,93 @@
+"""Owns what PyBullet's joints do by themselves: motors, dry friction, suspensions.
+
+Bullet keeps impulses per step, so everything is set anew when the length of a step changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from agentflow.env.physics.engine import Drive, Joint
+from agentflow.env.physics.pybullet.layout import Built
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.scene import IDENTITY
+
+Handled = tuple[int, int, Drive]
+"""Body and link, as the engine numbers them, and what its joint does."""
+
+
+class Motors:
+    """The joints of one world that a motor, friction or a spring-damper moves or holds."""
+
+    def __init__(self, client: int, levels: Mapping[str, float]) -> None:
+        """Set up without joints.
+
+        Args:
+            client: PyBullet client.
+            levels: How far each schedule entry is switched on.
+        """
+        self._client, self._levels = client, levels
+
+    def bind(self, built: Sequence[Built], joints: Sequence[Joint]) -> None:
+        """Take note of where the joints are since the last split, and set them."""
+        found: dict[str, list[Handled]] = {"revolute": [], "prismatic": [], "spherical": []}
+        for body in built:
+            for link in body.body.links:
+                joint = joints[link.joint]
+                if joint.kind in found:
+                    found[joint.kind].append((body.uid, body.index[link.part], joint.drive))
+        self._sliding = found["prismatic"]
+        self._single = [*found["revolute"], *self._sliding]
+        self._balls = found["spherical"]
+        self.set()
+
+    def moves(self, entry: str) -> bool:
+        """Whether a schedule entry starts any motor."""
+        return any(drive.torque and drive.starts == entry for _, _, drive in self._single)
+
+    def set(self) -> None:
+        """Set every motor; a joint without one turns freely, but for its friction."""
+        client = self._client
+        for uid, index, drive in self._single:
+            pybullet.setJointMotorControl2(
+                uid,
+                index,
+                pybullet.VELOCITY_CONTROL,
+                targetVelocity=drive.speed * self._levels.get(drive.starts, 0.0),
+                force=drive.torque or drive.friction,
+                physicsClientId=client,
+            )
+        for uid, index, drive in self._balls:
+            pybullet.setJointMotorControlMultiDof(
+                uid,
+                index,
+                pybullet.POSITION_CONTROL,
+                targetPosition=IDENTITY,
+                targetVelocity=(0.0, 0.0, 0.0),
+                positionGain=0.0,
+                velocityGain=1.0,
+                force=(drive.friction,) * 3,
+                physicsClientId=client,
+            )
+
+    def cushion(self) -> None:
+        """Apply the suspensions for one step; their dampers are brakes, which cannot set light
+        blocks swinging."""
+        client = self._client
+        for uid, index, drive in self._sliding:
+            position, velocity = pybullet.getJointState(uid, index, client)[:2]
+            pybullet.setJointMotorControl2(
+                uid,
+                index,
+                pybullet.VELOCITY_CONTROL,
+                targetVelocity=0.0,
+                force=drive.damping * abs(velocity),
+                physicsClientId=client,
+            )
+            pybullet.setJointMotorControl2(
+                uid,
+                index,
+                pybullet.TORQUE_CONTROL,
+                force=-drive.stiffness * position,
+                physicsClientId=client,
+            )

@@ -1,0 +1,150 @@
+"""Owns the forces that PyBullet must be given by hand in every step: air, springs, thrust, ropes.
+
+The laws are forces.py's, springs.py's, flight.py's, ropes.py's and struts.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from agentflow.env.physics.engine import Assembly
+from agentflow.env.physics.frames import swap, swap_all
+from agentflow.env.physics.kinematics import POSITION, Row
+from agentflow.env.physics.laws.air import Drag, Members, Push, Wind, Wrench
+from agentflow.env.physics.laws.ropes import Ropes
+from agentflow.env.physics.laws.rotors import Blades, Thrusters
+from agentflow.env.physics.laws.springs import Springs
+from agentflow.env.physics.pybullet.layout import Built, Layout, hubs
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.pybullet.rows import Rows
+from agentflow.env.physics.pybullet.struts import Struts
+from agentflow.env.physics.spanning_tree import Skeleton
+from agentflow.env.scene import Scene, Thing
+
+CENTRE = (0.0, 0.0, 0.0)
+Law = Callable[[Sequence[Row]], list[Push]]
+
+
+class Pushes:
+    """All such forces on one skeleton's bodies."""
+
+    def __init__(
+        self,
+        client: int,
+        assembly: Assembly,
+        plan: Skeleton,
+        built: Sequence[Built],
+        layout: Layout,
+        laws: Sequence[Law],
+    ) -> None:
+        """Set up.
+
+        Args:
+            client: PyBullet client.
+            assembly: The machine.
+            plan: Its present skeleton.
+            built: The bodies.
+            layout: The rows.
+            laws: What acts beside drag.
+        """
+        self._client, self._layout, self._laws = client, layout, laws
+        inertia = swap_all(np.array([part.inertia for part in assembly.parts]).reshape(-1, 3))
+        self._drag = Drag(assembly.parts, hubs(assembly, plan, layout.members), inertia)
+        self._at = {part: (body.uid, index) for body in built for part, index in body.index.items()}
+        for i, handle in enumerate(layout.handles[layout.thing_rows], len(assembly.parts)):
+            self._at[i] = handle
+        unseen = {uid for uid, links in layout.bodies if not links}
+        joined = (body.uid for body in built if body.body.links)
+        self._stale = [uid for uid in joined if laws and uid in unseen]
+        """Bodies whose links nobody reads; PyBullet then pushes them where they were a step ago."""
+        led = {layout.handles[row] for row in self._drag.rows}
+        self._far = bool(laws) or any(index >= 0 for _, index in led)
+        """Whether anything acts elsewhere than on the heads."""
+
+    def __call__(self, rows: Rows) -> None:
+        """Apply everything for one step; PyBullet forgets it after that."""
+        known = rows.all if self._far else rows.known
+        self._turn(self._drag(known), known)
+        for uid in self._stale:
+            pybullet.getLinkState(uid, 0, 0, 1, self._client)
+        for law in self._laws:
+            self._shove(law(known))
+
+    def _turn(self, wrenches: Sequence[Wrench], rows: Sequence[Row]) -> None:
+        """Apply forces and torques to clusters."""
+        client, handles = self._client, self._layout.handles
+        for row, local, force, torque in wrenches:
+            uid, index = handles[row]
+            frame = pybullet.LINK_FRAME if local else pybullet.WORLD_FRAME
+            at = CENTRE if local else rows[row][POSITION]
+            pybullet.applyExternalForce(uid, index, force, at, frame, client)
+            if torque is not None:
+                pybullet.applyExternalTorque(uid, index, torque, frame, client)
+
+    def _shove(self, pushes: Sequence[Push]) -> None:
+        """Apply forces at the centres of parts."""
+        client = self._client
+        for part, force, at in pushes:
+            uid, index = self._at[part]
+            if at is None:
+                pybullet.applyExternalForce(uid, index, force, CENTRE, pybullet.LINK_FRAME, client)
+            else:
+                pybullet.applyExternalForce(uid, index, force, at, pybullet.WORLD_FRAME, client)
+
+
+def actors_of(
+    assembly: Assembly, plan: Skeleton, members: Members, levels: Mapping[str, float], ropes: Ropes
+) -> list[Law]:
+    """Springs, thrusters, blades, winches and struts, where there are any."""
+    actors = assembly.actors
+    laws: list[Law] = []
+    if assembly.pulls:
+        laws.append(Springs(assembly.pulls, members, levels))
+    if actors.thrusts:
+        laws.append(Thrusters(actors.thrusts, levels))
+    if actors.lifts:
+        laws.append(Blades(actors.lifts, members))
+    if ropes:
+        ropes.place(members)
+        laws.append(ropes)
+    struts = Struts(assembly, plan.loops, members)
+    if struts:
+        laws.append(struts)
+    return laws
+
+
+def wind_of(
+    assembly: Assembly,
+    layout: Layout,
+    scene: Scene,
+    moving: Sequence[Thing],
+    drag: float,
+    strength: Callable[[], float],
+) -> list[Law]:
+    """The scene's wind on every part and moving thing, none where the air is still.
+
+    Args:
+        assembly: The machine.
+        layout: The rows.
+        scene: Whose wind blows.
+        moving: Things that can move.
+        drag: Force over area times squared speed, kg/m3.
+        strength: Share of the mean wind that blows in this step; asked once per step.
+    """
+    if not any(scene.wind):
+        return []
+    members = layout.members
+    boxes = [part.extents for part in assembly.parts] + [thing.size for thing in moving]
+    rows = np.arange(len(layout.leading), len(layout.handles), dtype=np.intp)
+    wind = Wind(
+        Members(
+            np.concatenate([members.row, rows]),
+            np.concatenate([members.offset, layout.thing_arms]),
+        ),
+        swap_all(np.array(boxes)),
+        np.array(swap(scene.wind)),
+        drag,
+    )
+    return [lambda rows: wind(np.array(rows), strength())]

@@ -1,0 +1,157 @@
+"""Owns what is read off the rows, in the game frame: poses, states, momentum.
+
+Serves any engine whose frame is right-handed with z up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from agentflow.env.physics.engine import Assembly, State
+from agentflow.env.physics.frames import (
+    swap,
+    swap_all,
+    swap_quaternion,
+    swap_quaternions,
+    swap_turns,
+)
+from agentflow.env.physics.kinematics import (
+    POSITION,
+    ROTATION,
+    SPIN,
+    VELOCITY,
+    WIDTH,
+    Row,
+    carried,
+    compose,
+    cross,
+    matrices,
+    turn,
+    turn_back,
+)
+from agentflow.env.physics.pybullet.layout import Layout
+from agentflow.env.physics.vectors import add, product, subtract, turned
+from agentflow.env.rollout import Array
+from agentflow.env.scene import Quat, Vec3
+
+
+class Readings:
+    """Reads one layout's rows."""
+
+    def __init__(self, assembly: Assembly, layout: Layout) -> None:
+        self._assembly, self._layout = assembly, layout
+        carriers = [parts[0] for parts in assembly.blocks]
+        self._row = layout.members.row[carriers]
+        self.row_of: list[int] = self._row.tolist()
+        """Row that carries each block."""
+        leading = [assembly.parts[layout.leading[row]].centre for row in self.row_of]
+        self._centre_at = _arms(assembly.centres, leading)
+        self._origin_at = _arms(assembly.origins, leading)
+        self._centre_arms = np.array(self._centre_at).reshape(-1, 3)
+        self._origin_arms = np.array(self._origin_at).reshape(-1, 3)
+        self._rest = np.array(assembly.rotations).reshape(-1, 4)
+        self._spanning = [block for block, _, _ in assembly.spans]
+        ends = np.array([(a, b) for _, a, b in assembly.spans], dtype=np.intp).ravel()
+        self._end_row, self._end_arms = layout.members.row[ends], layout.members.offset[ends]
+
+    def parts(self, rows: Array) -> Array:
+        """(P, 13) one row per part, engine frame."""
+        members = self._layout.members
+        return carried(rows[members.row], members.offset)
+
+    def state(self, rows: Array) -> State:
+        """Everything that a record holds."""
+        one = self.states(rows[None])
+        return State(**{name: values[0] for name, values in vars(one).items()})
+
+    def states(self, tables: Array) -> State:
+        """The same of (T, C, 13) rows at several times, with a leading axis of times."""
+        count = len(tables)
+        blocks = tables[:, self._row].reshape(-1, WIDTH)
+        clusters = matrices(tables.reshape(-1, WIDTH)[:, ROTATION]).reshape(count, -1, 3, 3)
+        rotation = clusters[:, self._row].reshape(-1, 3, 3)
+        arms = turn(rotation, np.tile(self._centre_arms, (count, 1)))
+        to_origins = turn(rotation, np.tile(self._origin_arms, (count, 1)))
+
+        def by_time(flat: Array) -> Array:
+            return flat.reshape(count, -1, flat.shape[1])
+
+        position = by_time(swap_all(blocks[:, POSITION] + to_origins))
+        middle = by_time(swap_all(blocks[:, POSITION] + arms))
+        velocity = by_time(swap_all(blocks[:, VELOCITY] + cross(blocks[:, SPIN], arms)))
+        rest = np.tile(self._rest, (count, 1))
+        ends = tables[:, self._end_row].reshape(-1, WIDTH)
+        ends = carried(ends, np.tile(self._end_arms, (count, 1)))
+        one, other = by_time(ends[0::2]), by_time(ends[1::2])
+        halves = swap_all((one + other)[:, :, POSITION] * 0.5)
+        position[:, self._spanning] = middle[:, self._spanning] = halves
+        velocity[:, self._spanning] = swap_all((one + other)[:, :, VELOCITY] * 0.5)
+        line = (one - other)[:, :, POSITION]
+        square = line * line
+        things = self._things(tables)
+        return State(
+            position=position,
+            centre=middle,
+            rotation=by_time(compose(swap_quaternions(blocks[:, ROTATION]), rest)),
+            velocity=velocity,
+            angular_velocity=by_time(swap_turns(blocks[:, SPIN])),
+            length=np.sqrt(square[:, :, 0] + square[:, :, 1] + square[:, :, 2]),
+            thing_position=swap_all(things[:, :, POSITION]),
+            thing_rotation=swap_quaternions(things[:, :, ROTATION]),
+            thing_velocity=swap_all(things[:, :, VELOCITY]),
+        )
+
+    def _things(self, tables: Array) -> Array:
+        """(T, M, 13) rows of the moving things, at their centres."""
+        rows = tables[:, self._layout.thing_rows]
+        arms = self._layout.thing_arms
+        if not arms.any():
+            return rows
+        moved = carried(rows.reshape(-1, WIDTH), np.tile(arms, (len(tables), 1)))
+        return moved.reshape(rows.shape)
+
+    def centres(self, rows: Array) -> Array:
+        """(N, 3) block centres, m: the same as in `state`, for those who need nothing else."""
+        blocks = rows[self._row]
+        centres = blocks[:, POSITION] + turn(matrices(blocks[:, ROTATION]), self._centre_arms)
+        if self._spanning:
+            ends = carried(rows[self._end_row], self._end_arms)
+            centres[self._spanning] = (ends[0::2] + ends[1::2])[:, POSITION] * 0.5
+        return swap_all(centres)
+
+    def centre(self, row: Row, block: int) -> Vec3:
+        """Centre of a block, from the row that carries it."""
+        x, y, z, a, b, c, w, *_ = row
+        return swap(add((x, y, z), turned((a, b, c, w), self._centre_at[block])))
+
+    def origin(self, row: Row, block: int) -> Vec3:
+        """Building point of a block, from the row that carries it."""
+        x, y, z, a, b, c, w, *_ = row
+        return swap(add((x, y, z), turned((a, b, c, w), self._origin_at[block])))
+
+    def rotation(self, row: Row, block: int) -> Quat:
+        """Orientation of a block, from the row that carries it."""
+        return product(swap_quaternion(row[ROTATION]), self._assembly.rotations[block])
+
+    def momentum(self, rows: Array) -> Mapping[str, Array]:
+        """Total momentum (about the world's origin) and kinetic energy of the machine."""
+        parts = self.parts(rows)
+        mass = np.array([[part.mass] for part in self._assembly.parts])
+        inertia = swap_all(np.array([part.inertia for part in self._assembly.parts]))
+        rotation = matrices(parts[:, ROTATION])
+        linear = mass * parts[:, VELOCITY]
+        spin = turn_back(rotation, parts[:, SPIN])
+        angular = cross(parts[:, POSITION], linear) + turn(rotation, inertia * spin)
+        energy = linear * parts[:, VELOCITY] + inertia * spin * spin
+        return {
+            "linear": swap_all(linear.sum(axis=0)),
+            "angular": swap_turns(angular.sum(axis=0)),
+            "energy": np.array([energy.sum() / 2]),
+        }
+
+
+def _arms(points: Sequence[Vec3], leading: Sequence[Vec3]) -> list[Vec3]:
+    """From the leading centres to points at rest, engine frame."""
+    return [swap(subtract(point, lead)) for point, lead in zip(points, leading, strict=True)]

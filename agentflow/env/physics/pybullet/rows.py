@@ -1,0 +1,95 @@
+"""Owns the reading of rows from PyBullet: what leads a body in every step, the rest when asked for.
+
+Which cluster has which row is layout.py's, what a row means kinematics.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import sqrt
+
+import numpy as np
+
+from agentflow.env.physics.kinematics import WIDTH, Row
+from agentflow.env.physics.pybullet.layout import Layout
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.rollout import Array
+
+
+class Rows:
+    """The rows of one layout."""
+
+    def __init__(self, client: int, layout: Layout, things: Mapping[str, int]) -> None:
+        """Read them for the first time.
+
+        Args:
+            client: PyBullet client.
+            layout: What has which row.
+            things: Body number of each thing.
+        """
+        self._client = client
+        self._heads: list[tuple[int, int]] = []
+        self._tails: list[tuple[slice, int, tuple[int, ...]]] = []
+        row = 0
+        for uid, links in layout.bodies:
+            self._heads.append((row, uid))
+            if links:
+                self._tails.append((slice(row + 1, row + 1 + len(links)), uid, links))
+            row += 1 + len(links)
+        self._heads += [(i, things[name]) for i, name in enumerate(layout.things, row)]
+        self._blank: list[Row] = [()] * len(layout.handles)
+        self.heads = [row for row, _ in self._heads]
+        """Rows of the bodies' roots and of moving things."""
+        self.read()
+
+    def read(self) -> None:
+        """See where the heads are after a step; forget the rest."""
+        client, rows = self._client, self._blank.copy()
+        for row, uid in self._heads:
+            position, rotation = pybullet.getBasePositionAndOrientation(uid, client)
+            velocity, spin = pybullet.getBaseVelocity(uid, client)
+            rows[row] = position + rotation + velocity + spin
+        self.known = rows
+        """Rows read so far; empty where nobody has asked yet."""
+        self._partial = bool(self._tails)
+
+    def __getitem__(self, row: int) -> Row:
+        """One row."""
+        return self.known[row] or self.all[row]
+
+    @property
+    def all(self) -> list[Row]:
+        """Every row; another list in every step.
+
+        Asking has PyBullet work out where links are, which it must have before they are pushed.
+        """
+        if self._partial:
+            for place, uid, links in self._tails:
+                self.known[place] = [
+                    state[0] + state[1] + state[6] + state[7]
+                    for state in pybullet.getLinkStates(uid, links, 1, 1, self._client)
+                ]
+            self._partial = False
+        return self.known
+
+    @property
+    def table(self) -> Array:
+        """Every row, as an array (C, 13)."""
+        return np.array(self.all).reshape(-1, WIDTH)
+
+    @property
+    def head_speeds(self) -> tuple[float, float]:
+        """Greatest linear and angular speed of the heads, m/s and rad/s."""
+        known = self.known
+        return top_speeds([known[row] for row in self.heads])
+
+
+def top_speeds(rows: Sequence[Row]) -> tuple[float, float]:
+    """Greatest linear and angular speed, m/s and rad/s."""
+    linear = angular = 0.0
+    for _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz in rows:
+        speed, spin = vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
+        # written so that not-a-number wins
+        linear = linear if speed <= linear else speed
+        angular = angular if spin <= angular else spin
+    return sqrt(linear), sqrt(angular)

@@ -1,0 +1,57 @@
+"""Owns the spring-dampers that close loops: no tree holds their joint, so their force is pushed.
+
+Plain floats, as machines have few; keeping them in line is couplings.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agentflow.env.physics.engine import Assembly
+from agentflow.env.physics.frames import swap
+from agentflow.env.physics.kinematics import Row
+from agentflow.env.physics.laws.air import Members, Push
+from agentflow.env.physics.laws.springs import end_of
+from agentflow.env.physics.vectors import add, dot, scale, subtract, turned
+from agentflow.env.scene import Vec3
+
+
+class Struts:
+    """The sprung joints among those that close loops."""
+
+    def __init__(self, assembly: Assembly, loops: Sequence[int], members: Members) -> None:
+        """Set up.
+
+        Args:
+            assembly: The machine.
+            loops: Joints that close loops.
+            members: Where the parts are.
+        """
+        sprung = [assembly.joints[i] for i in loops if assembly.joints[i].drive.stiffness]
+
+        def place(part: int, pivot: Vec3) -> tuple[int, Vec3]:
+            row, offset = members.place(part)
+            return row, add(offset, swap(subtract(pivot, assembly.parts[part].centre)))
+
+        self._struts = [
+            (joint, place(joint.a, joint.pivot), place(joint.b, joint.pivot), swap(joint.axis))
+            for joint in sprung
+        ]
+
+    def __bool__(self) -> bool:
+        return bool(self._struts)
+
+    def __call__(self, rows: Sequence[Row]) -> list[Push]:
+        """What they do in this step; both parts are pushed in one line."""
+        pushes = []
+        for joint, (row_a, offset_a), (row_b, offset_b), axis in self._struts:
+            at_a, speed_a = end_of(rows[row_a], offset_a)
+            at_b, speed_b = end_of(rows[row_b], offset_b)
+            x, y, z, w = rows[row_a][3:7]
+            along = turned((x, y, z, w), axis)
+            position = dot(subtract(at_b, at_a), along)
+            rate = dot(subtract(speed_b, speed_a), along)
+            size = -joint.drive.stiffness * position - joint.drive.damping * rate
+            force = scale(along, size)
+            pushes += [Push(joint.b, force, at_b), Push(joint.a, scale(force, -1.0), at_b)]
+        return pushes

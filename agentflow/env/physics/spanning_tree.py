@@ -1,0 +1,126 @@
+"""Owns the choice of spanning trees: which joints carry a machine, which only close loops.
+
+An engine that simulates trees asks here at every build and split. Rigid joints are taken first, so
+a moving joint that rigid ones bridge is locked, as it would be in the real machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from agentflow.env.physics.engine import Joint
+
+
+@dataclass(frozen=True)
+class Link:
+    """A part as it hangs in a tree."""
+
+    part: int
+    parent: int
+    """Part index of the parent."""
+    joint: int
+    """Index of the joint that carries it."""
+    reversed: bool
+    """Whether the part is the joint's `a`, so that positions count the other way."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """One connected component: a root and its links, parents before children."""
+
+    root: int
+    links: tuple[Link, ...]
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """How the parts hang together."""
+
+    bodies: tuple[Body, ...]
+    """By lowest part index, which is also the root."""
+    cluster: tuple[int, ...]
+    """Rigid cluster of each part, named by its lowest part index."""
+    locked: tuple[int, ...]
+    """Moving joints inside one rigid cluster."""
+    loops: tuple[int, ...]
+    """Moving joints that close a loop between clusters."""
+    idle: tuple[int, ...]
+    """Rigid joints that close a loop within a cluster; they share load."""
+
+
+class _Sets:
+    """Disjoint sets of parts, each named by its lowest member."""
+
+    def __init__(self, count: int) -> None:
+        self._up = list(range(count))
+
+    def find(self, part: int) -> int:
+        while self._up[part] != part:
+            self._up[part] = self._up[self._up[part]]
+            part = self._up[part]
+        return part
+
+    def join(self, a: int, b: int) -> bool:
+        """Unite two sets; False when they were one already."""
+        a, b = self.find(a), self.find(b)
+        if a == b:
+            return False
+        self._up[max(a, b)] = min(a, b)
+        return True
+
+
+def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) -> Skeleton:
+    """Spanning trees over the parts by the joints that still hold.
+
+    Args:
+        count: Number of parts.
+        joints: All joints; earlier ones are preferred, and motors to joints without.
+        broken: Indices of joints that no longer hold.
+    """
+    sets = _Sets(count)
+    whole = [i for i in range(len(joints)) if i not in broken]
+    used: list[int] = []
+    idle: list[int] = []
+    locked: list[int] = []
+    loops: list[int] = []
+    for i in (i for i in whole if joints[i].kind == "fixed"):
+        (used if sets.join(joints[i].a, joints[i].b) else idle).append(i)
+    cluster = tuple(sets.find(part) for part in range(count))
+    moving = [i for i in whole if joints[i].kind != "fixed"]
+    for i in sorted(moving, key=lambda i: joints[i].drive.torque == 0.0):
+        if cluster[joints[i].a] == cluster[joints[i].b]:
+            locked.append(i)
+        else:
+            (used if sets.join(joints[i].a, joints[i].b) else loops).append(i)
+    return Skeleton(
+        _bodies(count, joints, sorted(used)),
+        cluster,
+        tuple(sorted(locked)),
+        tuple(sorted(loops)),
+        tuple(idle),
+    )
+
+
+def _bodies(count: int, joints: Sequence[Joint], used: Sequence[int]) -> tuple[Body, ...]:
+    near: list[list[int]] = [[] for _ in range(count)]
+    for i in used:
+        near[joints[i].a].append(i)
+        near[joints[i].b].append(i)
+    bodies, seen = [], [False] * count
+    for root in range(count):
+        if seen[root]:
+            continue
+        seen[root] = True
+        links: list[Link] = []
+        queue = [root]
+        for part in queue:
+            for i in near[part]:
+                flip = joints[i].b == part
+                other = joints[i].a if flip else joints[i].b
+                if not seen[other]:
+                    seen[other] = True
+                    queue.append(other)
+                    links.append(Link(other, part, i, flip))
+        bodies.append(Body(root, tuple(links)))
+    return tuple(bodies)

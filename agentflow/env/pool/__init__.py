@@ -1,0 +1,1 @@
+"""Simulating many machines: worker processes, and stores of finished rollouts."""

@@ -1,0 +1,211 @@
+"""Owns the worker processes that run rollouts: start, ask, replace, close.
+
+A worker is a fresh interpreter at the other end of a socket; what it does there is worker.py's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from multiprocessing.connection import Pipe
+from types import TracebackType
+from typing import Protocol
+
+from agentflow.env.pool.worker import Job
+from agentflow.env.rollout import Feedback, Rollout, Status
+from agentflow.env.simulation.trials import joined
+from agentflow.env.tasks.base import Task
+from agentflow.errors import UsageError
+from agentflow.machine.tree import Machine
+
+GRACE = 30.0
+"""Seconds beyond a rollout's own wall-time limit after which a worker counts as hung."""
+ATTEMPTS = 2
+"""How often a rollout may take its worker down before it is recorded as crashed."""
+_CHILD = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+from agentflow.env.pool.worker import serve
+serve(int(sys.argv[1]))
+"""
+"""Interrupts are the parent's to handle; a terminal sends them to the whole group."""
+_ALONE = {"OPENBLAS_NUM_THREADS": "1"}
+"""Physics uses no BLAS; its threads would only cost start time and memory."""
+
+
+class Simulator(Protocol):
+    """Runs rollouts: a pool of worker processes, or one that remembers earlier ones."""
+
+    async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:
+        """The rollout of a machine at a task."""
+
+
+class RolloutPool:
+    """Runs rollouts in `workers` processes; results do not depend on which worker ran them.
+
+    Use as an async context manager; leaving it ends every worker, also in mid-rollout.
+    """
+
+    def __init__(self, workers: int, grace: float = GRACE) -> None:
+        if workers < 1:
+            raise ValueError(f"a pool needs at least one worker, not {workers}")
+        self._count, self._grace = workers, grace
+        self._workers: set[_Worker] = set()
+        self._idle: asyncio.Queue[_Worker] = asyncio.Queue()
+        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="rollout")
+        self._closed = False
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """Process ids of the workers, ascending."""
+        return tuple(sorted(worker.pid for worker in self._workers))
+
+    async def __aenter__(self) -> RolloutPool:
+        for _ in range(self._count):
+            self._hire()
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End every worker and wait until it is gone; rollouts under way end with an error."""
+        self._closed = True
+        for worker in self._workers:
+            worker.kill()
+        self._threads.shutdown()
+        for worker in self._workers:
+            worker.connection.close()
+        self._workers.clear()
+
+    async def run(
+        self,
+        machine: Machine,
+        task: Task,
+        *,
+        seed: int = 0,
+        rate: float | None = None,
+        power: bool = True,
+        interval: float | None = None,
+        wall_limit: float = 60.0,
+    ) -> Rollout:
+        """`simulate` in the next free workers, one trial in each; arguments as there.
+
+        Returns:
+            What `simulate` would return; status `crashed` when a trial took two workers down,
+            `timeout` when its worker hung.
+
+        Raises:
+            UsageError: As `simulate` does.
+            RuntimeError: `simulate` raised anything else, which is a bug; with its traceback.
+        """
+        jobs = [
+            Job(machine, trial, seed, rate, power, interval, wall_limit)
+            for trial in task.trials(seed)
+        ]
+        return joined(await asyncio.gather(*map(self._play, jobs)))
+
+    async def _play(self, job: Job) -> Rollout:
+        """One trial, once more if it took its worker down."""
+        for _ in range(ATTEMPTS):
+            try:
+                return await self._ask(job)
+            except (EOFError, ConnectionError):
+                continue
+            except TimeoutError:
+                patience = job.wall_limit + self._grace
+                return _without_score("timeout", f"no answer within {patience:g} s")
+        return _without_score("crashed", f"its process died {ATTEMPTS} times")
+
+    async def _ask(self, job: Job) -> Rollout:
+        worker = await self._idle.get()
+        while not worker.alive and not self._closed:  # it died idle, which is no rollout's fault
+            self._replace(worker)
+            worker = await self._idle.get()
+        loop = asyncio.get_running_loop()
+        try:
+            reply = await loop.run_in_executor(
+                self._threads, worker.ask, job, job.wall_limit + self._grace
+            )
+        except BaseException:  # died, hung or cancelled: whatever it does now, nobody waits for it
+            self._replace(worker)
+            raise
+        self._idle.put_nowait(worker)
+        if isinstance(reply, UsageError):
+            raise reply
+        if isinstance(reply, str):
+            raise RuntimeError(f"a rollout failed in its worker:\n{reply}")
+        return reply
+
+    def _hire(self) -> None:
+        worker = _Worker()
+        self._workers.add(worker)
+        self._idle.put_nowait(worker)
+
+    def _replace(self, worker: _Worker) -> None:
+        self._workers.discard(worker)
+        worker.kill()
+        if not self._closed:
+            self._hire()
+
+
+class _Worker:
+    """One process and the socket to it."""
+
+    def __init__(self) -> None:
+        self.connection, theirs = Pipe()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _CHILD, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env={**os.environ, **_ALONE, "PYTHONPATH": os.pathsep.join(sys.path)},
+            )
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        return self._process.poll() is None
+
+    def ask(self, job: Job, patience: float) -> Rollout | UsageError | str:
+        """Send a job and wait for the rollout, or for the traceback of what went wrong."""
+        self.connection.send(job)
+        if not self.connection.poll(patience):
+            raise TimeoutError
+        reply: Rollout | UsageError | str = self.connection.recv()
+        return reply
+
+    def kill(self) -> None:
+        """End the process and wait until it is gone; a pending `ask` then sees the end."""
+        self._process.kill()
+        self._process.wait()
+
+
+def _without_score(status: Status, why: str) -> Rollout:
+    """A rollout that the computer, not the machine, failed."""
+    return Rollout(
+        status=status,
+        score=None,
+        terms={},
+        problems=(),
+        broken=(),
+        events=(),
+        feedback=Feedback(f"No score: the simulation was cut off, {why}.", {}),
+        trace=None,
+        digest=None,
+        sim_seconds=None,
+        wall_seconds=None,
+        constants=None,
+    )

@@ -1,0 +1,124 @@
+"""Owns what the runs of a sweep have in common on disk: machines and rollouts by content.
+
+When something is simulated is the laboratory's; which runs share a store is the sweep's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+import os
+from contextlib import suppress
+from dataclasses import asdict
+from pathlib import Path
+
+from agentflow import __version__
+from agentflow.env.archive import load_npz, save_npz
+from agentflow.env.constants import constants
+from agentflow.env.pool.pool import Simulator
+from agentflow.env.rollout import Rollout
+from agentflow.env.tasks.base import Task
+from agentflow.errors import RunError, UsageError
+from agentflow.machine.tree import Machine
+
+
+def rollout_key(machine: Machine, task: Task, seed: int) -> str:
+    """Hash of everything that decides a rollout: the same key, the same bits."""
+    return f"{machine.digest}-{_setting(task, seed)}"
+
+
+def _setting(task: Task, seed: int) -> str:
+    setting = {
+        "agentflow": __version__,
+        "constants": constants().digest,
+        "family": task.family,
+        "parameters": task.parameters.model_dump(mode="json"),
+        "window": task.window,
+        "schedule": asdict(task.schedule),
+        "seed": seed,
+    }
+    text = json.dumps(setting, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+class Store:
+    """A simulator that remembers: machines and rollouts under one folder, each once.
+
+    One process writes at a time.
+    """
+
+    def __init__(self, path: Path, pool: Simulator) -> None:
+        """Use or make the folder; what it does not hold is simulated in the pool.
+
+        Raises:
+            RunError: It cannot be made.
+        """
+        self._machines, self._rollouts = path / "machines", path / "rollouts"
+        self._pool = pool
+        self._busy: dict[str, asyncio.Lock] = {}
+        try:
+            for folder in (self._machines, self._rollouts):
+                folder.mkdir(parents=True, exist_ok=True)
+            self._kept = {file.stem for file in self._rollouts.glob("*.npz")}
+        except OSError as error:
+            raise RunError(f"cannot write to {path}: {error.strerror}") from None
+
+    async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:
+        """The rollout, simulated and kept when there is none that can be read.
+
+        Asked for twice at one moment, it is simulated once. What the computer failed at is not
+        kept.
+
+        Raises:
+            UsageError: It cannot be written.
+        """
+        key = rollout_key(machine, task, seed)
+        async with self._busy.setdefault(key, asyncio.Lock()):
+            path = self._rollouts / f"{key}.npz"
+            if key in self._kept:
+                # Not beside the event loop: a thread costs more than these files, and NumPy parses
+                # their headers with `ast`, which CPython 3.11 does not do in two threads at once
+                # (https://github.com/python/cpython/issues/106905).
+                with suppress(UsageError):
+                    return load_npz(path)
+                self._kept.discard(key)
+            rollout = await self._pool.run(machine, task, seed=seed)
+            if rollout.score is not None:
+                _save(rollout, path)
+                self._kept.add(key)
+            return rollout
+
+    def share(self, run: Path, task: Task, seed: int) -> None:
+        """Let the machines and rollouts of a finished run and those kept here be the same files.
+
+        A rollout that is not kept here is one that the computer failed at: no other run's business.
+        """
+        for file in (run / "machines").glob("*.json"):
+            _unite(file, self._machines / file.name)
+        for file in (run / "rollouts").glob("*.npz"):
+            key = f"{file.stem}-{_setting(task, seed)}"
+            if key in self._kept:
+                _unite(file, self._rollouts / f"{key}.npz")
+
+
+def _save(rollout: Rollout, path: Path) -> None:
+    part = path.with_name(path.name + ".part")
+    try:
+        save_npz(rollout, part)
+        os.replace(part, path)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror}") from None
+
+
+def _unite(file: Path, kept: Path) -> None:
+    """Make two paths one file; the one kept wins. Left as they are where links are impossible."""
+    with suppress(OSError):
+        try:
+            os.link(file, kept)
+        except FileExistsError:
+            if not file.samefile(kept):
+                part = file.with_name(file.name + ".part")
+                part.unlink(missing_ok=True)
+                os.link(kept, part)
+                os.replace(part, file)

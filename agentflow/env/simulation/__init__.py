@@ -1,0 +1,1 @@
+"""Simulating one machine: settle, run the window, record, score."""

@@ -1,0 +1,240 @@
+"""Owns the playing of one trial: settle, start, then step, read, break, watch, record to the end.
+
+Physics is the engine's, scores are the tasks', loads are loads.py's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isfinite
+from time import perf_counter
+
+from agentflow.env.constants import Constants
+from agentflow.env.feedback import stalled_motors
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Engine
+from agentflow.env.physics.loads import Loads
+from agentflow.env.rollout import Broken, Event, Feedback, Rollout, Status, Trace, Verdict
+from agentflow.env.simulation.recorder import Recorder, digest
+from agentflow.env.simulation.settling import Settling
+from agentflow.env.simulation.world import EngineWorld
+from agentflow.env.tasks.base import Task
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.tree import Machine
+
+
+class Play:
+    """One trial under way."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        task: Task,
+        engine: Engine,
+        rate: float,
+        power: bool,
+        interval: float,
+        wall_limit: float,
+        physics: Constants,
+    ) -> None:
+        self._began = perf_counter()
+        self._machine, self._task, self._engine = machine, task, engine
+        self._rate, self._power, self._wall_limit = rate, power, wall_limit
+        self._every = max(1.0, interval * rate)
+        self._value = physics
+        self._fastest = physics["speed_limit"]
+        self._still = physics["rest_speed"], physics["rest_spin"]
+        self._look = max(1, round(physics["rest_interval"] * rate))
+        """Steps from one look at every part's speed to the next."""
+        self._assembly = assemble(machine, place(machine), self._value)
+        self._scene = task.scene(machine)
+        engine.build(self._assembly, self._scene, rate)
+        self._loads = Loads(
+            self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
+        )
+        self._recorder = Recorder(self._assembly, self._loads.connections, engine.moving_things)
+        self._world = EngineWorld(engine)
+        self._steps = 0
+        self._zero = 0
+        """Steps that settling took."""
+        self._broken: list[tuple[int, int, float]] = []
+        """Step, joint and load of each breakage."""
+        self._released: list[int] = []
+        """Joints that decouplers have let go."""
+        self._giving: tuple[int, ...] = ()
+        """Joints that gave way in the last step."""
+        self._events: list[Event] = []
+
+    def to_the_end(self) -> Rollout:
+        """Settle, run the window, ask the referee."""
+        status = self._settle()
+        if status == "ok":
+            self._start()
+            status = self._window()
+        return self._result(status)
+
+    def _settle(self) -> Status:
+        """Power off, until everything rests."""
+        value = self._value
+        least, most = value["settle_least"] * self._rate, value["settle_most"] * self._rate
+        settling = Settling(self._machine, self._engine, self._rate, value)
+        while True:
+            status = self._step()
+            if status != "ok":
+                return status
+            if settling.step(self._resting()) and self._steps >= least:
+                return "ok"
+            if self._steps >= most:
+                self._events.append(
+                    Event(0.0, "unsettled", (), f"still moving after {value['settle_most']:g} s")
+                )
+                return "ok"
+
+    def _start(self) -> None:
+        """t = 0: the referee takes its bearings, the first sample is taken."""
+        self._zero = self._steps
+        for i in self._engine.locked:
+            joint = self._assembly.joints[i]
+            text = f"the moving joint of block {joint.block} cannot move: rigid parts bridge it"
+            self._events.append(Event(0.0, "locked", (joint.block,), text))
+        self._referee = self._task.referee(self._machine)
+        self._referee.start(self._world)
+        self._engine.switch("gusts", 1.0)
+        self._sample()
+
+    def _window(self) -> Status:
+        """The scored part."""
+        rest = 0
+        due = self._schedule()
+        last = round(self._task.window * self._rate)
+        long = self._value["rest_time"] * self._rate
+        samples = 1
+        while (elapsed := self._elapsed) < last:
+            while due and due[0][0] <= elapsed:
+                self._switch(*due.pop(0)[1:])
+                rest = 0
+            status = self._step()
+            if status != "ok":
+                return status
+            self._world.time = (elapsed + 1) / self._rate
+            self._referee.watch(self._world)
+            if elapsed + 1 >= samples * self._every - 1e-6:
+                samples += 1
+                self._sample()
+            rest = rest + 1 if self._resting() else 0
+            if not due and rest >= long:
+                break
+        return "ok"
+
+    def _schedule(self) -> list[tuple[int, str, float]]:
+        """Step since t = 0, entry and level of each switch, in order; nothing with power off."""
+        if not self._power:
+            return []
+        switches = self._task.schedule.switches()
+        return [(round(time * self._rate), entry, level) for time, entry, level in switches]
+
+    def _switch(self, entry: str, level: float) -> None:
+        """Do what the schedule asks for; decouplers let go of their parents."""
+        if entry != "decouplers":
+            self._engine.switch(entry, level)
+            return
+        gone = {*self._released, *(joint for _, joint, _ in self._broken)}
+        loose = [
+            i
+            for i, joint in enumerate(self._assembly.joints)
+            if joint.drive.starts == entry and i not in gone
+        ]
+        self._released += loose
+        self._loads.release(loose)
+        self._giving = (*self._giving, *loose)
+        for joint in (self._assembly.joints[i] for i in loose):
+            self._recorder.lose(joint)
+            text = f"block {joint.block} let go of block {joint.partner}"
+            self._events.append(Event(self._elapsed / self._rate, "released", (joint.block,), text))
+
+    def _step(self) -> Status:
+        """One step. What it breaks comes apart before the next, so contacts can still be seen."""
+        if self._giving:
+            self._engine.split(self._giving)
+        self._engine.step()
+        self._steps += 1
+        thorough = self._steps % self._look == 0
+        engine = self._engine
+        self._speeds = linear, angular = engine.top_speeds if thorough else engine.head_speeds
+        if not (linear <= self._fastest and isfinite(angular)):
+            return "diverged"
+        broken = self._loads.update(self._engine.reactions)
+        if not self._loads.finite:
+            return "diverged"
+        self._giving = tuple(broken)
+        for joint, load in broken.items():
+            self._broken.append((self._steps, joint, load))
+            self._recorder.lose(self._assembly.joints[joint])
+        if perf_counter() - self._began > self._wall_limit:
+            return "timeout"
+        return "ok"
+
+    @property
+    def _elapsed(self) -> int:
+        """Steps since t = 0."""
+        return self._steps - self._zero
+
+    def _resting(self) -> bool:
+        """Whether everything is slow; most of the time a quick look tells that not all is."""
+        return self._slow(self._speeds) and self._slow(self._engine.top_speeds)
+
+    def _slow(self, speeds: tuple[float, float]) -> bool:
+        return speeds[0] < self._still[0] and speeds[1] < self._still[1]
+
+    def _sample(self) -> None:
+        self._engine.keep()
+        self._recorder.sample(self._elapsed / self._rate, self._loads.utilisation())
+
+    def _result(self, status: Status) -> Rollout:
+        trace = None
+        if self._zero and status != "timeout":
+            trace = self._recorder.trace(self._engine.kept())
+        broken = tuple(
+            Broken(
+                block=self._assembly.joints[joint].block,
+                type=self._machine[self._assembly.joints[joint].block].type,
+                partner=self._assembly.joints[joint].partner,
+                time=(step - self._zero) / self._rate,
+                load=load,
+            )
+            for step, joint, load in self._broken
+        )
+        verdict, feedback = self._judge(status, trace, broken)
+        events = sorted((*self._events, *verdict.events), key=lambda event: event.time)
+        return Rollout(
+            status=status,
+            score=None if status == "timeout" else verdict.score,
+            terms=verdict.terms,
+            problems=(),
+            broken=broken,
+            events=tuple(events),
+            feedback=feedback,
+            trace=trace,
+            digest=None if trace is None else digest(trace, broken),
+            sim_seconds=self._elapsed / self._rate,
+            wall_seconds=perf_counter() - self._began,
+            constants=self._value.digest,
+            scene=self._scene,
+        )
+
+    def _judge(
+        self, status: Status, trace: Trace | None, broken: tuple[Broken, ...]
+    ) -> tuple[Verdict, Feedback]:
+        """Score and words: the task's after a whole window, else why there is none."""
+        if status == "ok" and trace is not None:
+            verdict = self._referee.verdict(trace)
+            if self._power:
+                stalls = stalled_motors(self._machine, trace, self._task.schedule.motors)
+                verdict = replace(verdict, events=(*verdict.events, *stalls))
+            return verdict, self._task.feedback(self._machine, trace, broken, verdict)
+        seconds = self._elapsed / self._rate
+        if status == "diverged":
+            text = f"The simulation diverged after {seconds:.2f} s; this counts as score 0."
+        else:
+            text = f"The simulation was cut off after {self._wall_limit:g} s of computing time."
+        return Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})

@@ -1,0 +1,74 @@
+"""Owns the recording of a rollout: samples become a trace, a trace becomes a digest."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from agentflow.env.physics.engine import Assembly, Joint, State
+from agentflow.env.rollout import Array, Broken, Trace
+
+
+class Recorder:
+    """Collects samples."""
+
+    def __init__(self, assembly: Assembly, connections: Sequence[int], things: tuple[str, ...]):
+        """Start an empty record.
+
+        Args:
+            assembly: What is recorded.
+            connections: Joint indices of the breakable joints.
+            things: Names of the moving things.
+        """
+        self._assembly = assembly
+        self._pairs = tuple(
+            (assembly.joints[i].block, assembly.joints[i].partner) for i in connections
+        )
+        self._things = things
+        self._times: list[float] = []
+        self._shares: list[Array] = []
+        self._alive = np.ones(len(assembly.blocks), dtype=bool)
+        self._lives: list[np.ndarray[tuple[int], np.dtype[np.bool_]]] = []
+
+    def lose(self, joint: Joint) -> None:
+        """A connection broke: from now on its block does not hold on to its parent."""
+        if not joint.extra:
+            self._alive[joint.block] = False
+
+    def sample(self, time: float, utilisation: Array) -> None:
+        """Add one sample; where everything is at that time the engine keeps."""
+        self._times.append(time)
+        self._shares.append(utilisation)
+        self._lives.append(self._alive.copy())
+
+    def trace(self, states: State) -> Trace:
+        """Everything sampled so far, at least one sample; `states` with a leading axis of times."""
+        return Trace(
+            times=np.array(self._times),
+            position=states.position,
+            centre=states.centre,
+            rotation=states.rotation,
+            velocity=states.velocity,
+            angular_velocity=states.angular_velocity,
+            alive=np.stack(self._lives),
+            length=states.length,
+            linear=tuple(block for block, _, _ in self._assembly.spans),
+            utilisation=np.stack(self._shares),
+            connections=self._pairs,
+            thing_position=states.thing_position,
+            thing_rotation=states.thing_rotation,
+            thing_velocity=states.thing_velocity,
+            things=self._things,
+        )
+
+
+def digest(trace: Trace, broken: Sequence[Broken]) -> str:
+    """Hash of every recorded state and breakage: equal only for bitwise equal rollouts."""
+    content = hashlib.sha256()
+    for value in vars(trace).values():
+        if isinstance(value, np.ndarray):
+            content.update(np.ascontiguousarray(value).tobytes())
+    content.update(repr(tuple(broken)).encode())
+    return content.hexdigest()[:32]

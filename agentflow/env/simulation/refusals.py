@@ -1,0 +1,54 @@
+"""Owns what a rollout refuses: machines that are invalid, rates and intervals out of range.
+
+What makes a machine invalid is the machine language's to say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agentflow.env.constants import Constants, constants
+from agentflow.env.rollout import Feedback, Rollout
+from agentflow.errors import UsageError
+from agentflow.machine.problems import Problem
+
+RATES = (30, 1000)
+"""Hz: slowest and fastest stepping that still resolves contacts and load windows, and ends."""
+
+
+def timing(rate: float | None, interval: float | None, physics: Constants) -> tuple[float, float]:
+    """Steps per second and seconds between samples; the constants' where they are not given.
+
+    Raises:
+        UsageError: `rate` is not within 30 to 1000 Hz, or `interval` not above 0.
+    """
+    rate = physics["step_rate"] if rate is None else rate
+    interval = physics["sample_interval"] if interval is None else interval
+    low, high = RATES
+    if not low <= rate <= high:
+        raise UsageError(f"the rate is {rate:g} Hz; it must be from {low} to {high} Hz")
+    if not interval > 0:
+        raise UsageError(f"the interval is {interval:g} s; it must be above 0 s")
+    return rate, interval
+
+
+def invalid(problems: Sequence[Problem]) -> Rollout:
+    """The result of a machine that is not simulated because of these problems."""
+    listed = tuple(problem.to_json() for problem in problems)
+    text = "The machine is invalid and was not simulated: " + "; ".join(
+        str(problem["message"]) for problem in listed
+    )
+    return Rollout(
+        status="invalid",
+        score=0.0,
+        terms={},
+        problems=listed,
+        broken=(),
+        events=(),
+        feedback=Feedback(text, {"status": "invalid", "problems": list(listed)}),
+        trace=None,
+        digest=None,
+        sim_seconds=None,
+        wall_seconds=None,
+        constants=constants().digest,
+    )

@@ -1,0 +1,246 @@
+"""Owns the flying family: climb as high as possible, or fly through hoops in order.
+
+Where hoops stand, gusts, both scores and the default feedback; hoops and what passes them are
+rings.py's, the platform platforms.py's, simulation rollout.py's.
+"""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from math import dist, pi
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from agentflow.env.feedback import compose, number, series
+from agentflow.env.rollout import Broken, Event, Feedback, Trace, Verdict
+from agentflow.env.scene import Gust, Scene
+from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.features.platforms import Platform
+from agentflow.env.tasks.features.rings import CLOSE, EACH, Passage, Ring
+from agentflow.env.tasks.knobs import knob
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
+
+BLOCKS = (0, 1, 2, 7, 9, 15, 16, 22, 26, 35, 41, 55, 63)
+FLYING_BLOCK = 14
+"""Only where marks are to be passed: one alone would climb for ever."""
+COST = 1.0
+"""Points that each metre from the next hoop's centre costs (spec 3)."""
+WAVES = ((0.5, 2.0), (0.3, 1.1), (0.2, 0.6))
+"""Share of the swing and period (s) of each wave of the gusts."""
+
+
+class Gusts(Parameters):
+    """How the wind's speed swings about its mean."""
+
+    swing: float = knob(0, 0, 1, "", "how far it swings, as a share of the mean")
+    seed: int = knob(5, 0, 1_000_000, "", "of the gusts")
+
+
+class Hoops(Parameters):
+    """Upright hoops across the way, one behind the other."""
+
+    count: int = knob(3, 1, 10, "", "how many there are")
+    radius: float = knob(4, 1, 10, "m", "inner radius")
+    spacing: float = knob(25, 10, 100, "m", "from one to the next; the first as far from z = 0")
+    low: float = knob(10, 5, 50, "m", "least height of a centre")
+    high: float = knob(20, 5, 50, "m", "greatest height of a centre")
+    seed: int = knob(4, 0, 1_000_000, "", "of the heights")
+
+
+class FlyingKnobs(CommonKnobs):
+    """What can be set about a flying level."""
+
+    window: float = knob(10, 1, 60, "s", "length of the scored window")
+    mode: Literal["altitude", "marks"] = Field(
+        "altitude",
+        description="altitude, or marks: hoops to be passed in order",
+        json_schema_extra={"unit": "altitude or marks"},
+    )
+    platform: Platform = Platform()
+    gusts: Gusts = Gusts()
+    hoops: Hoops = Hoops()
+
+
+@dataclass(frozen=True)
+class Flying(Family):
+    """Score: greatest height of the root's centre above its place at t = 0, m; or marks.
+
+    Marks: 10 for every hoop that the root's centre passes in order, from z- to z+ within the inner
+    radius, plus max(0, 10 - its closest distance in metres to the next hoop's centre since the
+    last one was passed).
+    """
+
+    family: ClassVar[str] = "flying"
+    knobs: ClassVar[type[CommonKnobs]] = FlyingKnobs
+    parameters: FlyingKnobs
+
+    @property
+    def marks(self) -> tuple[Ring, ...]:
+        """The hoops in order; () where altitude counts."""
+        return hoops_of(self.parameters.hoops) if self.parameters.mode == "marks" else ()
+
+    @property
+    def brief(self) -> Brief:
+        """What designers are told and what validity checks."""
+        knobs = self.parameters
+        blocks = tuple(sorted((*BLOCKS, FLYING_BLOCK))) if self.marks else BLOCKS
+        return Brief(
+            name=self.name,
+            objective="Build a machine that flies through the hoops ahead, one after the other."
+            if self.marks
+            else "Build a machine that flies as high as possible.",
+            scene=(
+                *GROUND,
+                *knobs.platform.sentences(),
+                *_hoop_sentences(self.marks),
+                *knobs.wind.sentences(),
+                *_gust_sentences(knobs),
+            ),
+            schedule=schedule_sentences(self.schedule, self.window, blocks),
+            score=_mark_score(self.window) if self.marks else _altitude_score(self.window),
+            blocks=blocks,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
+        """Platform, hoops, wind."""
+        knobs = self.parameters
+        things = [*knobs.platform.things()]
+        for index, hoop in enumerate(self.marks, start=1):
+            things += hoop.things(f"hoop {index}")
+        gusts = gusts_of(knobs.gusts)
+        return Scene(tuple(things), knobs.wind.velocity, gusts, knobs.platform.start)
+
+    def referee(self, machine: Machine) -> FlightReferee:  # noqa: ARG002 - the root is block 0
+        """A fresh observer of the root."""
+        return FlightReferee(self.marks)
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """Heights, marks and the root's path (spec 3.2)."""
+        terms = verdict.terms
+        rise = np.diff(trace.centre[:, 0, 1]) / np.diff(trace.times)
+        climb = float(rise.max()) if len(rise) else 0.0
+        lines = [
+            f"Root: greatest height {number(float(terms['height'] or 0.0))} m above its start at "
+            f"{number(float(terms['time'] or 0.0))} s, ends {number(float(terms['end'] or 0.0))} m "
+            f"above it, greatest climb {number(climb)} m/s",
+        ]
+        if self.marks:
+            lines.append(f"Marks: {terms['result']}")
+        path = series("Root position", trace.times, trace.centre[:, 0])
+        unit = "" if self.marks else "m"
+        data = {"greatest_climb": climb}
+        return compose(machine, trace, broken, verdict, unit, lines, data, (path,))
+
+
+class FlightReferee:
+    """Follows the root's centre step by step."""
+
+    def __init__(self, marks: tuple[Ring, ...]) -> None:
+        self._total = len(marks)
+        self._passage = Passage(marks, COST)
+        self._start = self._last = (0.0, 0.0, 0.0)
+        self._height = self._time = 0.0
+        self._passed: list[float] = []
+        """When each hoop was passed, s."""
+
+    def start(self, world: World) -> None:
+        """Remember where the root rests."""
+        self._start = self._last = world.centre(0)
+        self._passage.watch(self._start)
+
+    def watch(self, world: World) -> None:
+        """Keep the greatest height, the hoops passed and the closest way to the next."""
+        place = self._last = world.centre(0)
+        if place[1] - self._start[1] > self._height:
+            self._height, self._time = place[1] - self._start[1], world.time
+        self._passage.watch(place)
+        self._passed += [world.time] * (self._passage.passed - len(self._passed))
+
+    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
+        """Score, terms and events; what marks tell is None where altitude counts."""
+        passed, total = self._passage.passed, self._total
+        near = None if passed == total else self._passage.closest
+        result = f"passed: {passed} of {total}"
+        if near is not None:
+            result += f", closest to the centre of hoop {passed + 1}: {number(near)} m"
+        terms: dict[str, float | bool | str | None] = {
+            "height": self._height,
+            "time": self._time,
+            "end": self._last[1] - self._start[1],
+            "drift": dist(self._last[::2], self._start[::2]),
+            "passed": float(passed) if total else None,
+            "closest": near,
+            "result": result if total else None,
+        }
+        events = tuple(
+            Event(time, "hoop_passed", (0,), f"the Starting Block passes hoop {index}")
+            for index, time in enumerate(self._passed, start=1)
+        )
+        return Verdict(self._passage.score if total else self._height, terms, events)
+
+
+def hoops_of(knobs: Hoops) -> tuple[Ring, ...]:
+    """The hoops: evenly along z, at heights by chance."""
+    chance = random.Random(f"{knobs.seed}/hoops")
+    low, high = sorted((knobs.low, knobs.high))
+    return tuple(
+        Ring((0.0, round(chance.uniform(low, high), 1), index * knobs.spacing), knobs.radius)
+        for index in range(1, knobs.count + 1)
+    )
+
+
+def gusts_of(knobs: Gusts) -> tuple[Gust, ...]:
+    """Waves whose shares add up to the swing; their phases are the seed's."""
+    if not knobs.swing:
+        return ()
+    chance = random.Random(f"{knobs.seed}/gusts")
+    return tuple(
+        Gust(knobs.swing * share, period, round(chance.uniform(0, 2 * pi), 3))
+        for share, period in WAVES
+    )
+
+
+def _hoop_sentences(hoops: tuple[Ring, ...]) -> tuple[str, ...]:
+    if not hoops:
+        return ()
+    places = ", ".join("({:g}, {:g}, {:g})".format(*hoop.centre) for hoop in hoops)
+    return (
+        f"Upright hoops, {len(hoops)} of them, of inner radius {hoops[0].radius:g} m, stand across "
+        f"the way, their centres at (x, y, z) = {places} m; their rims are solid.",
+    )
+
+
+def _gust_sentences(knobs: FlyingKnobs) -> tuple[str, ...]:
+    mean = sum(v * v for v in knobs.wind.velocity) ** 0.5
+    if not knobs.gusts.swing or not mean:
+        return ()
+    swing = knobs.gusts.swing
+    low, high = mean * (1 - swing), mean * (1 + swing)
+    return (
+        f"From t = 0 on it is steady no more: it comes in gusts about this mean, in the same "
+        f"direction, its speed changing within a second or two between {low:g} and {high:g} m/s.",
+    )
+
+
+def _altitude_score(window: float) -> tuple[str, ...]:
+    return (
+        "Score: the greatest height in metres of the Starting Block's centre above its place at "
+        f"t = 0, within {window:g} s.",
+        "Sideways motion counts nothing; what moves before t = 0 counts nothing.",
+    )
+
+
+def _mark_score(window: float) -> tuple[str, ...]:
+    return (
+        f"Score: {EACH:g} for every hoop that the Starting Block's centre passes in order, "
+        f"within {window:g} s, plus {CLOSE:g} minus its closest distance in metres to the centre "
+        "of the next hoop (at least 0).",
+        "A hoop is passed from its z- side to its z+ side, within its inner radius.",
+    )

@@ -1,0 +1,269 @@
+"""Owns the gearing family: place cogs on a plate so that a target cog turns as asked.
+
+The given plate and cogs, the words and the default feedback; the score is turning.py's, which cogs
+mesh is machine/gears.py's, how they turn the engine's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pydantic import Field, model_validator
+
+from agentflow.env.constants import constants
+from agentflow.env.feedback import compose, number
+from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
+from agentflow.env.scene import Scene
+from agentflow.env.tasks.base import Parameters
+from agentflow.env.tasks.family import CommonKnobs, Family
+from agentflow.env.tasks.features.turning import HOLD, LEAST, SOURCE, GearingReferee, Sense
+from agentflow.env.tasks.knobs import knob
+from agentflow.errors import ConfigError
+from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.plates import GRID, HOLE, HOLES, PATTERNS, SIZES, THICKNESS, Plate
+from agentflow.machine.brief import Brief
+from agentflow.machine.geometry.gears import Train, meshing, trains
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.tree import Machine, Step
+
+MEDIUM, POWERED, LARGE = 38, 39, 51
+BLOCKS = (MEDIUM, LARGE)
+SENSES = {"with": "in the same sense as", "against": "in the opposite sense to"}
+
+
+def _sense(help: str) -> Any:
+    return Field("with", description=help, json_schema_extra={"unit": "with or against"})
+
+
+class PlateKnobs(Parameters):
+    """The plate."""
+
+    size: int = knob(9, *SIZES, "m", "width of the plate along x and z")
+    holes: int = knob(0, *HOLES, "", "number of square holes, 2 m wide")
+    pattern: int = knob(0, *PATTERNS, "", "arrangement of the holes")
+
+
+class Targets(Parameters):
+    """Which cogs are to turn, and how."""
+
+    count: int = knob(1, 1, 2, "", "number of target cogs")
+    spread: int = knob(8, 2, 24, "m", "distance of two targets from each other, along x")
+    turn: Sense = _sense("sense of the first target, with or against the source")
+    second: Sense = _sense("sense of the second target")
+
+
+class GearingKnobs(CommonKnobs):
+    """What can be set about a gearing level."""
+
+    plate: PlateKnobs = PlateKnobs()
+    distance: int = knob(4, 2, 28, "m", "from the source to the targets along z")
+    target: Targets = Targets()
+
+    @property
+    def base(self) -> Plate:
+        """The plate."""
+        plate = self.plate
+        return Plate(plate.size, plate.holes, plate.pattern if plate.holes else 0)
+
+    @property
+    def source(self) -> tuple[float, float]:
+        """x and z of the driven cog, m; the targets lie as far on the other side of the middle."""
+        return 0.0, -round(self.distance / 2 / GRID) * GRID
+
+    @property
+    def targets(self) -> tuple[tuple[float, float], ...]:
+        """x and z of each target, m."""
+        z = self.source[1] + self.distance
+        if self.target.count == 1:
+            return ((0.0, z),)
+        left = -round(self.target.spread / 2 / GRID) * GRID
+        return ((left, z), (left + self.target.spread, z))
+
+    @property
+    def senses(self) -> tuple[Sense, ...]:
+        """How each target is to turn."""
+        return (self.target.turn, self.target.second)[: self.target.count]
+
+    @property
+    def faces(self) -> tuple[int, ...]:
+        """Faces of the plate on which source and targets stand."""
+        return tuple(self.base.face(x, z) for x, z in (self.source, *self.targets))
+
+    @model_validator(mode="after")
+    def _fits(self) -> GearingKnobs:
+        if len(self.base.centres) < self.base.holes:
+            most = len(self.base.centres)
+            raise ConfigError(
+                f"plate.holes must be 0 to {most} on this plate of {self.base.size} m, "
+                f"not {self.base.holes}"
+            )
+        try:
+            _ = self.faces
+        except ConfigError as problem:
+            raise ConfigError(f"no given cog can stand there: {problem}") from None
+        return self
+
+
+@dataclass(frozen=True)
+class Gearing(Family):
+    """Score: 1 if every target turns at least 0.5 rad/s as asked for one second, else 0."""
+
+    family: ClassVar[str] = "gearing"
+    knobs: ClassVar[type[CommonKnobs]] = GearingKnobs
+    parameters: GearingKnobs
+
+    @property
+    def given(self) -> Machine:
+        """Plate, source and targets: what every machine begins with."""
+        knobs = self.parameters
+        kinds = (POWERED, *(MEDIUM for _ in knobs.targets))
+        cogs = zip(kinds, knobs.faces, strict=True)
+        return Machine(
+            (
+                Step(0, knobs.base.type, -1, -1),
+                *(Step(i, kind, 0, face) for i, (kind, face) in enumerate(cogs, start=SOURCE)),
+            )
+        )
+
+    @property
+    def brief(self) -> Brief:
+        """What designers are told and what validity checks."""
+        knobs = self.parameters
+        return Brief(
+            name=self.name,
+            objective="Place cogs on the given plate so that the source drives every target.",
+            scene=(
+                *_plate_sentences(knobs.base),
+                *_cog_sentences(knobs),
+                *_meshing_sentences(),
+                *knobs.wind.sentences(),
+            ),
+            schedule=(
+                f"At t = {self.schedule.motors:g} s the source starts to turn and never stops; "
+                "nothing else has a motor.",
+                f"The window ends at t = {self.window:g} s.",
+            ),
+            score=(
+                f"Score: 1 if {_asked(knobs)}, at least {LEAST:g} rad/s fast for {HOLD:g} s on end "
+                f"{'at the same time ' * (knobs.target.count > 1)}within {self.window:g} s; "
+                "else 0.",
+                "The speed is taken against the plate, every 0.1 s.",
+            ),
+            blocks=BLOCKS,
+            given=self.given,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same
+        """Flat ground, wind."""
+        return Scene((), self.parameters.wind.velocity)
+
+    def referee(self, machine: Machine) -> GearingReferee:  # noqa: ARG002 - ids are given
+        """A fresh observer of source and targets."""
+        return GearingReferee(self.parameters.senses)
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """Speed of every cog, which pairs mesh, which are locked (spec 3.2)."""
+        cogs = [step.id for step in machine if library()[step.type].pitch_radius is not None]
+        pairs = meshing(place(machine).blocks, constants()["cog_tolerance"])
+        found = trains(cogs, pairs)
+        speeds = _speeds(trace, cogs)
+        lines = (
+            f"Result: {verdict.terms['result']}",
+            f"Speeds at the end (rad/s, positive with the source): "
+            f"{', '.join(f'{cog} {number(speed)}' for cog, speed in speeds.items())}",
+            f"Meshing: {', '.join(f'{pair.a}-{pair.b}' for pair in pairs) or 'none'}",
+            f"Locked against each other: {_locked(found)}",
+            f"Turning with the source: {_train_of(SOURCE, found)}",
+        )
+        data = {
+            "speeds": {str(cog): speed for cog, speed in speeds.items()},
+            "meshing": [[pair.a, pair.b] for pair in pairs],
+            "locked": [sorted(train.speeds) for train in found if train.locked],
+        }
+        return compose(machine, trace, broken, verdict, "", lines, data, ())
+
+
+def _speeds(trace: Trace, cogs: Sequence[int]) -> dict[int, float]:
+    """Mean speed about y of each cog over the last second, rad/s, positive with the source."""
+    last = trace.times >= trace.times[-1] - HOLD - 1e-9
+    means = trace.angular_velocity[last][:, :, 1].mean(axis=0)
+    sign = -1.0 if means[SOURCE] < 0 else 1.0
+    return {cog: sign * float(means[cog]) for cog in cogs}
+
+
+def _locked(found: Sequence[Train]) -> str:
+    groups = ("-".join(map(str, train.speeds)) for train in found if train.locked)
+    return ", ".join(groups) or "none"
+
+
+def _train_of(cog: int, found: Sequence[Train]) -> str:
+    """Ids of the cogs that are coupled to one, itself left out."""
+    train = next(train for train in found if cog in train.speeds)
+    return ", ".join(str(other) for other in train.speeds if other != cog) or "none"
+
+
+def _asked(knobs: GearingKnobs) -> str:
+    """What the targets are to do, in words."""
+    parts = [
+        f"block {SOURCE + i} (target) turns {SENSES[sense]} the source"
+        for i, sense in enumerate(knobs.senses, start=1)
+    ]
+    return " and ".join(parts)
+
+
+def _plate_sentences(plate: Plate) -> tuple[str, ...]:
+    row = plate.row
+    x, z = plate.place(0)
+    told = (
+        "The ground is flat, at y = 0.",
+        f"Block 0 is given: a square plate, {plate.size:g} m wide along x and z and "
+        f"{THICKNESS:g} m thick, that lies on the ground with its middle over x = z = 0.",
+        f"The plate has {row} x {row} faces, {GRID:g} m apart, that all look Up (y+), numbered row "
+        f"by row: face n is at x = {x:g} + {GRID:g} * (n mod {row}), z = {z:g} + {GRID:g} * "
+        f"(n div {row}) m.",
+    )
+    if not plate.centres:
+        return told
+    middles = ", ".join(f"({u:g}, {v:g})" for u, v in plate.centres)
+    return (
+        *told,
+        f"The plate has {plate.holes} square holes, {HOLE:g} m wide, with their middles at (x, z) "
+        f"= {middles}; nothing can be attached within a hole or on its rim, to faces at most "
+        f"{HOLE / 2:g} m from the middle along both x and z. Cogs may reach over holes.",
+    )
+
+
+def _cog_sentences(knobs: GearingKnobs) -> tuple[str, ...]:
+    places = (knobs.source, *knobs.targets)
+    (x, z), *targets = places
+    speed = constants().of("motor_speed", POWERED)
+    face, *others = knobs.faces
+    return (
+        f"Block {SOURCE} is given: the source, a Powered Cog (type {POWERED}) on face {face} of "
+        f"the plate, at x = {x:g}, z = {z:g} m; it is driven at {speed:g} rad/s.",
+        *(
+            f"Block {SOURCE + i} is given: a target, a Medium Cog (type {MEDIUM}) on face {on} of "
+            f"the plate, at x = {u:g}, z = {v:g} m."
+            for i, ((u, v), on) in enumerate(zip(targets, others, strict=True), start=1)
+        ),
+    )
+
+
+def _meshing_sentences() -> tuple[str, ...]:
+    radius = {kind: library()[kind].pitch_radius or 0.0 for kind in BLOCKS}
+    medium, large = radius[MEDIUM], radius[LARGE]
+    return (
+        f"Two cogs mesh where they lie in one plane and their pitch circles touch within "
+        f"{constants()['cog_tolerance']:g} m; the radius is {medium:g} m (Medium and Powered Cog) "
+        f"or {large:g} m (Large Cog). Boxes must not overlap ({2 * medium:g} x {2 * medium:g} and "
+        f"{2 * large:g} x {2 * large:g} m), so cogs mesh side by side along x or z, with their "
+        f"middles {2 * medium:g} m (both small), {medium + large:g} m (one large) or "
+        f"{2 * large:g} m (both large) apart; {GRID:g} m aside of that they still mesh.",
+        "Cogs that mesh turn in opposite senses, so the sense changes with every meshing on the "
+        "way; where a closed loop of meshing cogs asks one of them to turn both ways, all of that "
+        "train are locked.",
+    )

@@ -1,0 +1,280 @@
+"""Owns the jumping family: get over walls or a trench without touching them, ten trials.
+
+Obstacles, their variation, the rule of a trial and its feedback; scenes' solids are barriers.py's.
+"""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from typing import ClassVar
+
+from agentflow.env.feedback import block_name, compose, number, series
+from agentflow.env.rollout import Broken, Event, Feedback, Trace, Verdict
+from agentflow.env.scene import Scene, Start
+from agentflow.env.tasks.base import Parameters, Schedule, World
+from agentflow.env.tasks.family import (
+    GROUND,
+    CommonKnobs,
+    TrialFamily,
+    schedule_sentences,
+    within,
+)
+from agentflow.env.tasks.features.barriers import (
+    Slope,
+    Trench,
+    Walls,
+    barrier_sentences,
+    barrier_things,
+    far_side,
+    forbidden,
+    near_side,
+)
+from agentflow.env.tasks.features.reach import lowest_point
+from agentflow.env.tasks.knobs import knob
+from agentflow.machine.blocks.library import library
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
+
+BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 28, 35, 41, 63, 87)
+HALF = 0.5
+"""Share of the mass that has to get beyond (spec 3)."""
+
+
+class JumpVariation(Parameters):
+    """By how much a trial may differ from the level, either way."""
+
+    distance: float = knob(1, 0, 3, "m", "places of the obstacles")
+    height: float = knob(0.1, 0, 0.5, "", "heights of walls, depth of a trench; a share")
+    friction: float = knob(0.1, 0, 0.5, "", "friction of ground and obstacles; a share")
+    yaw: float = knob(2, 0, 10, "degrees", "how the machine is turned")
+
+
+class JumpingKnobs(CommonKnobs):
+    """What can be set about a jumping level."""
+
+    walls: Walls = Walls()
+    trench: Trench = Trench()
+    slope: Slope = Slope()
+    friction: float = knob(0.8, 0.1, 2, "", "friction coefficient of ground and obstacles")
+    yaw: float = knob(0, -10, 10, "degrees", "how the machine is turned, front towards x+")
+    jump_at: float = knob(
+        1, 0, 10, "s", "springs and steering hinges wait for it; schedule.* adds to it"
+    )
+    variation: JumpVariation = JumpVariation()
+
+
+@dataclass(frozen=True)
+class Jumping(TrialFamily):
+    """Score: successful trials out of ten.
+
+    A trial succeeds when no block touches an obstacle (a wall; a trench's floor or far wall) from
+    t = 0 to the end, and the root's centre and blocks that make up at least half of the machine's
+    mass, by their centres, then lie beyond the far side of the last one. At t = 0 all of it has to
+    be on the near side of the first.
+    """
+
+    family: ClassVar[str] = "jumping"
+    knobs: ClassVar[type[CommonKnobs]] = JumpingKnobs
+    parameters: JumpingKnobs
+
+    @classmethod
+    def schedule_of(cls, knobs: CommonKnobs) -> Schedule:
+        """Springs and steering hinges wait for `jump_at`."""
+        assert isinstance(knobs, JumpingKnobs)
+        times, wait = knobs.schedule, knobs.jump_at
+        return Schedule(times.motors, wait + times.springs, wait + times.steering_hinges)
+
+    def varied(self, chance: random.Random) -> JumpingKnobs:
+        """Obstacles nearer or farther, higher or lower; more or less grip; turned a little."""
+        knobs, by = self.parameters, self.parameters.variation
+        nearer = round(chance.uniform(-by.distance, by.distance), 3)
+        walls, trench = knobs.walls, knobs.trench
+        first = {"first": walls.first + nearer, "height": within(chance, walls.height, by.height)}
+        at = {"at": trench.at + nearer, "depth": within(chance, trench.depth, by.height)}
+        return knobs.model_copy(
+            update={
+                "walls": walls.model_copy(update=first),
+                "trench": trench.model_copy(update=at),
+                "friction": within(chance, knobs.friction, by.friction),
+                "yaw": knobs.yaw + round(chance.uniform(-by.yaw, by.yaw), 3),
+            }
+        )
+
+    @property
+    def brief(self) -> Brief:
+        """What designers are told and what validity checks."""
+        knobs, by = self.parameters, self.parameters.variation
+        return Brief(
+            name=self.name,
+            objective="Build a machine that jumps over the obstacle ahead along z+ and lands "
+            "beyond it.",
+            scene=(
+                *(_RAISED if knobs.trench.length else GROUND),
+                *barrier_sentences(knobs.walls, knobs.trench, knobs.slope),
+                *knobs.wind.sentences(),
+                f"{self.count} trials differ by chance: obstacles stand up to {by.distance:g} m "
+                f"nearer or farther along z, their {'depth' if knobs.trench.length else 'height'} "
+                f"changes by up to {by.height:.0%}, the friction of ground and obstacles, "
+                f"{knobs.friction:g}, by up to {by.friction:.0%}, and the machine is turned by up "
+                f"to {by.yaw:g} degrees to the left or right.",
+                *_turned_sentences(knobs.yaw),
+            ),
+            schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
+            score=(
+                f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
+                "each.",
+                f"A trial succeeds when no block of the machine, also none that broke off, ever "
+                f"touches {_touchables(knobs)} from t = 0 on, and at the end the centre of the "
+                f"Starting Block and at least half of the machine's mass lie beyond z = "
+                f"{far_side(knobs.walls, knobs.trench):g} m (the far side, moved as the trial "
+                "moves the obstacles).",
+                "At t = 0 every block has to be on this side of the first obstacle; what crosses "
+                "it before t = 0 fails the trial.",
+            ),
+            blocks=BLOCKS,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
+        """Walls, or a trench between raised banks, and the slope before them."""
+        knobs = self.parameters
+        height = knobs.trench.depth if knobs.trench.length else 0.0
+        return Scene(
+            barrier_things(knobs.walls, knobs.trench, knobs.slope, knobs.friction),
+            knobs.wind.velocity,
+            start=Start(height, yaw=knobs.yaw),
+            friction=knobs.friction,
+        )
+
+    def referee(self, machine: Machine) -> JumpReferee:
+        """A fresh observer of one trial."""
+        return JumpReferee(machine, self.parameters)
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """How the trial went and the root's path (spec 3.2)."""
+        terms = verdict.terms
+        top = trace.centre[:, 0, 1]
+        lines = (
+            f"Result: {terms['outcome']}",
+            f"Root: greatest height {number(top.max())} m at "
+            f"{trace.times[int(top.argmax())]:.1f} s, ends at z = "
+            f"{number(trace.centre[-1, 0, 2])} m",
+        )
+        path = series("Root position", trace.times[::2], trace.centre[::2, 0])
+        return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
+
+
+class JumpReferee:
+    """Watches the obstacles for touches; where everything lies counts at the end."""
+
+    def __init__(self, machine: Machine, knobs: JumpingKnobs) -> None:
+        self._machine, self._knobs = machine, knobs
+        self._watched = forbidden(knobs.walls, knobs.trench)
+        self._near = near_side(knobs.walls, knobs.trench)
+        self._far = far_side(knobs.walls, knobs.trench)
+        self._early: int | None = None
+        """A block that was across already at t = 0."""
+        self._touch: tuple[float, int, str, float] | None = None
+        """The first touch: seconds, block, obstacle, and by how many metres it missed."""
+
+    def start(self, world: World) -> None:
+        """See that nothing is across yet."""
+        self._world = world
+        blocks = [step.id for step in self._machine if not step.two_ended]
+        self._early = next((i for i in blocks if world.centre(i)[2] > self._near), None)
+        self.watch(world)
+
+    def watch(self, world: World) -> None:
+        """Look for the first touch."""
+        if self._touch is not None:
+            return
+        for name in self._watched:
+            blocks = [body for body in world.touching(name) if isinstance(body, int)]
+            if blocks:
+                block = min(blocks)
+                self._touch = (world.time, block, name, self._missed_by(world, block))
+                return
+
+    def _missed_by(self, world: World, block: int) -> float:
+        """How much higher (walls) or farther (trench) a block had to be, m."""
+        if self._knobs.trench.length:
+            return max(0.0, self._far - world.centre(block)[2])
+        return max(0.0, self._knobs.walls.height - lowest_point(world, self._machine, block))
+
+    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
+        """Whether the trial succeeded, and how it went."""
+        root = self._world.centre(0)[2]
+        share = self._share_beyond()
+        success = (
+            self._early is None
+            and self._touch is None
+            and root > self._far
+            and share >= HALF - 1e-9
+        )
+        miss = None if success else self._miss(root)
+        terms: dict[str, float | bool | str | None] = {
+            "success": success,
+            "outcome": self._outcome(success, root, share),
+            "miss": miss,
+            "root_beyond": root - self._far,
+            "mass_beyond": share,
+            "touched": None if self._touch is None else self._touch[2],
+            "touch_time": None if self._touch is None else self._touch[0],
+            "far_side": self._far,
+        }
+        return Verdict(float(success), terms, self._events())
+
+    def _share_beyond(self) -> float:
+        masses = [library()[step.type].mass for step in self._machine]
+        beyond = [self._world.centre(step.id)[2] > self._far for step in self._machine]
+        return sum(m for m, over in zip(masses, beyond, strict=True) if over) / sum(masses)
+
+    def _miss(self, root: float) -> float | None:
+        if self._early is not None:
+            return None
+        if self._touch is not None:
+            return self._touch[3]
+        return max(0.0, self._far - root)
+
+    def _outcome(self, success: bool, root: float, share: float) -> str:
+        if self._early is not None:
+            return f"failed, {block_name(self._machine, self._early)} was across before t = 0"
+        if self._touch is not None:
+            time, block, name, miss = self._touch
+            what = "short" if self._knobs.trench.length else "too low"
+            return (
+                f"failed, {block_name(self._machine, block)} touched the {name} at "
+                f"{number(time)} s, {number(miss)} m {what}"
+            )
+        if success:
+            return f"success, ends {number(root - self._far)} m beyond"
+        if root <= self._far:
+            return f"failed, the root ends {number(self._far - root)} m short of the far side"
+        return f"failed, only {share:.0%} of the mass got beyond"
+
+    def _events(self) -> tuple[Event, ...]:
+        if self._touch is None:
+            return ()
+        time, block, name, _ = self._touch
+        text = f"{block_name(self._machine, block)} touches the {name}"
+        return (Event(time, "obstacle_touched", (block,), text),)
+
+
+_RAISED = (
+    "The ground, which is the trench's floor, is flat, at y = 0; z+ is the target direction.",
+    "The machine stands on a flat bank before the trench, with the centre of its bounding box over "
+    "x = z = 0 and its lowest point on the bank.",
+)
+
+
+def _turned_sentences(yaw: float) -> tuple[str, ...]:
+    if not yaw:
+        return ()
+    side = "right" if yaw > 0 else "left"
+    return (f"Before that it is turned by {abs(yaw):g} degrees to the {side}.",)
+
+
+def _touchables(knobs: JumpingKnobs) -> str:
+    return "the trench's floor or far wall" if knobs.trench.length else "a wall"

@@ -1,0 +1,295 @@
+"""Owns the lifting family: raise an object that stands on the machine and keep it up, ten trials.
+
+The object, its place on the machine, its variation, the rule of a trial and its feedback.
+"""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from agentflow.env.feedback import compose, number, series
+from agentflow.env.rollout import Broken, Event, Feedback, Trace, Verdict
+from agentflow.env.scene import Scene, Thing
+from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.family import (
+    GROUND,
+    CommonKnobs,
+    TrialFamily,
+    schedule_sentences,
+    within,
+)
+from agentflow.env.tasks.knobs import knob
+from agentflow.errors import ConfigError
+from agentflow.machine.brief import Brief
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.tree import Machine
+
+BLOCKS = (0, 1, 2, 5, 7, 9, 13, 15, 16, 19, 22, 28, 35, 41, 44, 63)
+OBJECT = "object"
+RISE = 1.0
+"""Metres above its settled height from which on the object counts as lifted (spec 3)."""
+HOLD = 1.0
+"""Seconds that it has to stay there (spec 3)."""
+LOOSE = 0.2
+"""Seconds without contact after which the machine does not hold it any more: as a boulder's."""
+ROUNDING = 1e-6
+"""Seconds by which summed steps may miss a limit."""
+COLOR = (0.2, 0.45, 0.7, 1.0)
+SHAPES = {"box": "box", "ball": "sphere", "cone": "cone"}
+
+
+class Object(Parameters):
+    """What is lifted."""
+
+    shape: Literal["box", "ball", "cone"] = Field(
+        "box",
+        description="box, ball or cone (tip up)",
+        json_schema_extra={"unit": "box, ball or cone"},
+    )
+    width: float = knob(2, 0.5, 5, "m", "size along x and z; a ball's diameter")
+    height: float = knob(1, 0.5, 5, "m", "size along y; a ball has its width")
+    mass: float = knob(5, 0.5, 50, "", "mass")
+    balance: float = knob(0, -2, 2, "m", "how far x+ of its centre its centre of mass lies")
+    offset: float = knob(0, -2, 2, "m", "how far beside x = 0 its centre is set down, towards x+")
+    forward: float = knob(0, -2, 2, "m", "how far beside z = 0 its centre is set down, towards z+")
+    friction: float = knob(0.8, 0, 2, "", "friction coefficient")
+
+    @model_validator(mode="after")
+    def _balanced(self) -> Object:
+        if abs(self.balance) > self.width / 2:
+            raise ConfigError(
+                f"object.balance must be within {-self.width / 2:g} to {self.width / 2:g} for an "
+                f"object {self.width:g} m wide, not {self.balance:g}"
+            )
+        return self
+
+    @property
+    def extents(self) -> tuple[float, float, float]:
+        """Full extents, m."""
+        return (self.width, self.width if self.shape == "ball" else self.height, self.width)
+
+
+class LiftVariation(Parameters):
+    """By how much a trial may differ from the level, either way."""
+
+    mass: float = knob(0.1, 0, 0.5, "", "mass of the object; a share")
+    offset: float = knob(0.1, 0, 1, "m", "where it is set down, along x and along z")
+    friction: float = knob(0.1, 0, 0.5, "", "friction of the object; a share")
+
+
+class LiftingKnobs(CommonKnobs):
+    """What can be set about a lifting level."""
+
+    object: Object = Object()
+    variation: LiftVariation = LiftVariation()
+
+
+@dataclass(frozen=True)
+class Lifting(TrialFamily):
+    """Score: successful trials out of ten.
+
+    A trial succeeds when the object's centre is at least 1 m above its height at t = 0 for one
+    second together, and at the end, with the machine then holding it: what is thrown and still
+    flies, or came down on something else, has not been lifted.
+    """
+
+    family: ClassVar[str] = "lifting"
+    knobs: ClassVar[type[CommonKnobs]] = LiftingKnobs
+    parameters: LiftingKnobs
+
+    def varied(self, chance: random.Random) -> LiftingKnobs:
+        """A heavier or lighter object, more or less slippery, set down a little beside."""
+        knobs, by = self.parameters, self.parameters.variation
+        thing = knobs.object
+        changed = {
+            "mass": within(chance, thing.mass, by.mass),
+            "friction": within(chance, thing.friction, by.friction),
+            "offset": thing.offset + round(chance.uniform(-by.offset, by.offset), 3),
+            "forward": thing.forward + round(chance.uniform(-by.offset, by.offset), 3),
+        }
+        return knobs.model_copy(update={"object": thing.model_copy(update=changed)})
+
+    @property
+    def brief(self) -> Brief:
+        """What designers are told and what validity checks."""
+        by = self.parameters.variation
+        return Brief(
+            name=self.name,
+            objective="Build a machine that lifts the object that stands on it and keeps it up.",
+            scene=(
+                *GROUND,
+                *_object_sentences(self.parameters.object),
+                *self.parameters.wind.sentences(),
+                f"{self.count} trials differ by chance: the object's mass changes by up to "
+                f"{by.mass:.0%}, its friction by up to {by.friction:.0%}, its place by up to "
+                f"{by.offset:g} m along x and z.",
+            ),
+            schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
+            score=(
+                f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
+                "each.",
+                f"A trial succeeds when the object's centre is at least {RISE:g} m above its "
+                f"height at t = 0 for {HOLD:g} s together, and at the end as well; it must then "
+                f"have touched the machine within the last {LOOSE:g} s.",
+            ),
+            blocks=BLOCKS,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:
+        """The object, on top of the machine if there is one."""
+        knobs = self.parameters.object
+        x, z = knobs.offset, knobs.forward
+        base = highest(machine, x, z, knobs.width / 2) if machine else 0.0
+        thing = Thing(
+            OBJECT,
+            SHAPES[knobs.shape],  # type: ignore[arg-type]
+            knobs.extents,
+            (x, base + knobs.extents[1] / 2, z),
+            mass=knobs.mass,
+            friction=knobs.friction,
+            balance=(knobs.balance, 0.0, 0.0),
+            color=COLOR,
+        )
+        return Scene((thing,), self.parameters.wind.velocity)
+
+    def referee(self, machine: Machine) -> LiftReferee:  # noqa: ARG002 - only the object counts
+        """A fresh observer of the object."""
+        return LiftReferee(self.window)
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """How the trial went and the object's path (spec 3.2)."""
+        lines = (f"Result: {verdict.terms['outcome']}",)
+        path = series("Object position", trace.times[::2], trace.thing_position[::2, 0])
+        return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
+
+
+class LiftReferee:
+    """Follows the object's height step by step.
+
+    A rollout ends early only when everything rests, so what is up then stays up for the rest of
+    the window.
+    """
+
+    def __init__(self, window: float) -> None:
+        self._window = window
+        self._settled = self._rise = self._best = self._best_time = 0.0
+        self._since: float | None = None
+        """Since when it is up; None while it is not."""
+        self._held = 0.0
+        """Longest time together that it has been up."""
+        self._touched = self._now = 0.0
+        """When it last touched the machine, and the time of the last look."""
+        self._first: float | None = None
+
+    def start(self, world: World) -> None:
+        """Remember how high the object has settled."""
+        self._settled = world.centre(OBJECT)[1]
+
+    def watch(self, world: World) -> None:
+        """Keep the greatest rise, the longest time that it is up, and the last touch."""
+        self._now = world.time
+        if any(isinstance(body, int) for body in world.touching(OBJECT)):
+            self._touched = world.time
+        self._rise = world.centre(OBJECT)[1] - self._settled
+        if self._rise > self._best:
+            self._best, self._best_time = self._rise, world.time
+        if self._rise < RISE:
+            self._since = None
+            return
+        if self._since is None:
+            self._since = world.time
+        if self._first is None:
+            self._first = world.time
+        self._held = max(self._held, world.time - self._since)
+
+    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
+        """Whether the trial succeeded, and how it went."""
+        if self._since is not None:
+            self._held = max(self._held, self._window - self._since)
+        carried = self._now - self._touched <= LOOSE + ROUNDING
+        success = self._since is not None and self._held >= HOLD - ROUNDING and carried
+        terms: dict[str, float | bool | str | None] = {
+            "success": success,
+            "outcome": self._outcome(success, carried),
+            "miss": None if self._since is not None else RISE - self._rise,
+            "settled_height": self._settled,
+            "greatest_rise": self._best,
+            "final_rise": self._rise,
+            "held": self._held,
+            "carried": carried,
+        }
+        return Verdict(float(success), terms, self._events())
+
+    def _outcome(self, success: bool, carried: bool) -> str:
+        best = f"highest {number(self._best)} m at {number(self._best_time)} s"
+        if success:
+            return f"success, {best}, ends {number(self._rise)} m up"
+        if self._since is not None and not carried:
+            away = number(self._now - self._touched)
+            return f"failed, up but off the machine for the last {away} s, {best}"
+        if self._since is not None:
+            return f"failed, up for only {number(self._held)} s, {best}"
+        if self._first is None:
+            return f"failed, never {RISE:g} m up, {best}, ends {number(self._rise)} m up"
+        return f"failed, up for {number(self._held)} s but ends {number(self._rise)} m up, {best}"
+
+    def _events(self) -> tuple[Event, ...]:
+        if self._first is None:
+            return ()
+        return (Event(self._first, "lifted", (), f"the object is {RISE:g} m above its place"),)
+
+
+def highest(machine: Machine, x: float, z: float, reach: float) -> float:
+    """Height of the machine's highest point under a square, as it is put down on the ground, m.
+
+    Args:
+        machine: With the centre of its bounding box over x = z = 0.
+        x: Middle of the square, m.
+        z: Likewise.
+        reach: Half its side, m.
+    """
+    geometry = place(machine)
+    low, high = geometry.box_min, geometry.box_max
+    middle_x, middle_z = (low[0] + high[0]) / 2 + x, (low[2] + high[2]) / 2 + z
+    tops = [
+        block.box_max[1] - low[1]
+        for block in geometry.blocks
+        if not block.two_ended
+        and block.box_min[0] < middle_x + reach
+        and block.box_max[0] > middle_x - reach
+        and block.box_min[2] < middle_z + reach
+        and block.box_max[2] > middle_z - reach
+    ]
+    return max(tops, default=0.0)
+
+
+def _object_sentences(knobs: Object) -> tuple[str, ...]:
+    width, height, _ = knobs.extents
+    size = {
+        "box": f"a box, {width:g} m wide, {width:g} m long and {height:g} m high",
+        "ball": f"a ball of diameter {width:g} m",
+        "cone": f"a cone, tip up, {width:g} m across its base and {height:g} m high",
+    }[knobs.shape]
+    place = f"x = {knobs.offset:g}, z = {knobs.forward:g} m"
+    return (
+        f"The object is {size}, of mass {knobs.mass:g} and friction {knobs.friction:g}.",
+        *_balance_sentences(knobs.balance),
+        f"Before t = 0 it is set down with its centre over {place}, on the highest point that the "
+        "machine has under it, and settles there with the machine.",
+    )
+
+
+def _balance_sentences(balance: float) -> tuple[str, ...]:
+    if not balance:
+        return ()
+    side = "x+" if balance > 0 else "x-"
+    return (
+        f"It is heavier on one side: its centre of mass lies {abs(balance):g} m towards {side} of "
+        "its centre.",
+    )

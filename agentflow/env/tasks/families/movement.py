@@ -1,0 +1,195 @@
+"""Owns the movement family: drive the root block as far as possible along the road.
+
+What lies on the road, the score and the default feedback; roads are roads.py's, simulation is
+rollout.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from agentflow.env.feedback import compose, series
+from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
+from agentflow.env.scene import Scene, Thing
+from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.features.obstacles import Ramp, bump, ramp_sentences, ramp_things
+from agentflow.env.tasks.features.roads import (
+    Curve,
+    Road,
+    Track,
+    road_sentences,
+    road_walls,
+    track,
+    way_of,
+)
+from agentflow.env.tasks.features.rough import (
+    Roughness,
+    Stones,
+    rough_sentences,
+    slabs,
+    stone_sentences,
+    stones,
+)
+from agentflow.env.tasks.knobs import knob
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
+
+ROOT_BLOCK = 0
+BLOCKS = (0, 1, 2, 9, 15, 16, 22, 35, 41, 63)
+CURVE_BLOCKS = (19, 40)
+"""What a road that turns adds."""
+
+
+class Bumps(Parameters):
+    """Segments of cylinders across the road."""
+
+    count: int = knob(0, 0, 20, "", "how many bumps there are")
+    first: float = knob(15, 10, 200, "m", "z of the first bump's middle")
+    spacing: float = knob(15, 5, 100, "m", "from one bump to the next")
+    height: float = knob(1, 0.1, 3, "m", "height of a bump")
+    length: float = knob(4, 1, 20, "m", "length of a bump along z")
+
+
+class MovementKnobs(CommonKnobs):
+    """What can be set about a movement level."""
+
+    road: Road = Road()
+    curve: Curve = Curve()
+    bump: Bumps = Bumps()
+    ramp: Ramp = Ramp()
+    roughness: Roughness = Roughness()
+    obstacles: Stones = Stones()
+
+
+@dataclass(frozen=True)
+class Movement(Family):
+    """Score: greatest distance of the root block's centre along z+ (on a road that turns, along its
+    centre line) from its place at t = 0, m."""
+
+    family: ClassVar[str] = "movement"
+    knobs: ClassVar[type[CommonKnobs]] = MovementKnobs
+    parameters: MovementKnobs
+
+    @property
+    def brief(self) -> Brief:
+        """What designers are told and what validity checks."""
+        knobs, way = self.parameters, way_of(self.parameters.curve)
+        blocks = BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS
+        return Brief(
+            name=self.name,
+            objective=f"Build a machine that drives its Starting Block as far as possible {way}.",
+            scene=(
+                *GROUND,
+                *road_sentences(knobs.road, knobs.curve),
+                *_bump_sentences(knobs.bump),
+                *ramp_sentences(knobs.ramp),
+                *rough_sentences(knobs.roughness),
+                *stone_sentences(knobs.obstacles),
+                *knobs.wind.sentences(),
+            ),
+            schedule=schedule_sentences(self.schedule, self.window, blocks),
+            score=(
+                f"Score: the greatest distance in metres of the Starting Block's centre {way} "
+                f"from its place at t = 0, within {self.window:g} s.",
+                "Sideways, backward and upward motion count nothing; what moves before t = 0 "
+                "counts nothing.",
+            ),
+            blocks=tuple(sorted(blocks)),
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
+        """The walls, what lies across and on the road, wind."""
+        knobs = self.parameters
+        width = 2 * knobs.road.half_width - knobs.road.wall_thickness
+        things = (
+            *road_walls(knobs.road, knobs.curve),
+            *_bumps(knobs.bump, width),
+            *ramp_things(knobs.ramp, width),
+            *slabs(knobs.roughness, width, knobs.obstacles.seed),
+            *stones(knobs.obstacles, width),
+        )
+        return Scene(things, knobs.wind.velocity)
+
+    def referee(self, machine: Machine) -> MovementReferee:  # noqa: ARG002 - the root is block 0
+        """A fresh observer of the root."""
+        return MovementReferee(track(self.parameters.road, self.parameters.curve))
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """Distance, speeds and the root's path (spec 3.2)."""
+        speed = np.linalg.norm(trace.velocity[:, ROOT_BLOCK], axis=1)
+        means = _mean_per_second(trace.times, speed)
+        distance = float(verdict.terms["distance"] or 0.0)
+        lines = (
+            f"Root: greatest distance {distance:.2f} m {way_of(self.parameters.curve)} at "
+            f"{verdict.terms['time']:.2f} s, greatest speed {speed.max():.2f} m/s, ends at x = "
+            f"{trace.centre[-1, ROOT_BLOCK, 0]:.2f} m",
+            "Mean speed in each second (m/s): " + ", ".join(f"{mean:.2f}" for mean in means),
+        )
+        data = {"greatest_speed": float(speed.max()), "mean_speed_per_second": means}
+        path = series("Root position", trace.times, trace.centre[:, ROOT_BLOCK])
+        return compose(machine, trace, broken, verdict, "m", lines, data, (path,))
+
+
+class MovementReferee:
+    """Follows the root's centre step by step."""
+
+    def __init__(self, line: Track) -> None:
+        self._line = line
+        self._start = self._here = 0.0
+        self._best = 0.0
+        self._best_time = 0.0
+
+    def start(self, world: World) -> None:
+        """Remember where the root rests."""
+        x, _, z = world.centre(ROOT_BLOCK)
+        self._start = self._here = self._line.along(x, z, z)
+
+    def watch(self, world: World) -> None:
+        """Keep the greatest distance so far."""
+        x, _, z = world.centre(ROOT_BLOCK)
+        self._here = self._line.along(x, z, self._here)
+        distance = self._here - self._start
+        if distance > self._best:
+            self._best, self._best_time = distance, world.time
+
+    def verdict(self, trace: Trace) -> Verdict:
+        """Score and terms: distance (m), its time (s), the sideways drift at the end (m)."""
+        drift = float(trace.centre[-1, ROOT_BLOCK, 0] - trace.centre[0, ROOT_BLOCK, 0])
+        terms = {
+            "distance": self._best,
+            "time": self._best_time,
+            "final_distance": self._here - self._start,
+            "drift": drift,
+        }
+        return Verdict(self._best, terms)
+
+
+def _bumps(bumps: Bumps, width: float) -> Iterator[Thing]:
+    for index, z in enumerate(_bump_places(bumps), start=1):
+        yield bump(f"bump {index}", z, bumps.height, bumps.length, width)
+
+
+def _bump_places(bumps: Bumps) -> list[float]:
+    return [bumps.first + index * bumps.spacing for index in range(bumps.count)]
+
+
+def _bump_sentences(bumps: Bumps) -> tuple[str, ...]:
+    return tuple(
+        f"A rounded bump lies across the whole road with its middle at z = {z:g} m: "
+        f"{bumps.height:g} m high, {bumps.length:g} m long."
+        for z in _bump_places(bumps)
+    )
+
+
+def _mean_per_second(times: Array, speed: Array) -> list[float]:
+    """Mean of the sampled speeds within each started second; both (T,)."""
+    last = max(1, int(np.ceil(times[-1] - 1e-9)))
+    picks = [(times >= second - 1e-9) & (times <= second + 1 + 1e-9) for second in range(last)]
+    return [float(speed[pick].mean()) for pick in picks]

@@ -1,0 +1,285 @@
+"""Owns the picking family: lift a ball out of a pit by a fixed schedule.
+
+The pit, the schedule of driving, lowering, grabbing and raising, the score and the default
+feedback; what winches and grabbers do is the engine's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from agentflow.env.feedback import block_name, compose, number
+from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
+from agentflow.env.scene import Scene, Start, Thing
+from agentflow.env.tasks.base import Parameters, Schedule, World
+from agentflow.env.tasks.family import WOOD, CommonKnobs, Family, StartTimes, wall
+from agentflow.env.tasks.knobs import knob
+from agentflow.machine.blocks.library import GRABBER
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
+
+BLOCKS = (0, 1, 2, 4, 9, 15, 16, 22, 27, 35, 41, 45, 63)
+BALL = "ball"
+DIAMETER, MASS = 2.0, 2.0
+"""m and kg (spec 3.1)."""
+BAR = 0.5
+"""Thickness of the bar, m; chosen."""
+FAR = 60.0
+"""Metres that the ground reaches from x = z = 0 to every side; behind the machine twice as far."""
+
+
+class Pit(Parameters):
+    """A square hole in the ground."""
+
+    opening: float = knob(7, 3, 12, "m", "width of the pit along x and z")
+    depth: float = knob(3, 1, 10, "m", "depth of the pit")
+    edge: float = knob(8, 4, 40, "m", "z of the pit's near edge")
+
+
+class Bar(Parameters):
+    """A bar along x across the pit's middle, from its left wall on."""
+
+    share: float = knob(0, 0, 0.5, "", "share of the opening that it crosses; 0 removes it")
+    below: float = knob(1, 0, 8, "m", "from the ground's level down to the bar's upper side")
+
+
+class PickingTimes(StartTimes):
+    """When what begins. Until `lower` the motors drive ahead, from `back` on back."""
+
+    lower: float = knob(8, 0, 60, "s", "motors stop, decouplers let go, winches give rope out")
+    grab: float = knob(14, 0, 60, "s", "grabbers begin to grip, winches stop")
+    lift: float = knob(14, 0, 60, "s", "winches reel in")
+    back: float = knob(22, 0, 60, "s", "winches stop, motors turn backwards")
+
+
+class PickingKnobs(CommonKnobs):
+    """What can be set about a picking level."""
+
+    window: float = knob(26, 1, 60, "s", "length of the scored window")
+    schedule: PickingTimes = PickingTimes()
+    pit: Pit = Pit()
+    bar: Bar = Bar()
+
+    @property
+    def middle(self) -> float:
+        """z of the pit's middle, m."""
+        return self.pit.edge + self.pit.opening / 2
+
+    @property
+    def ball(self) -> tuple[float, float, float]:
+        """Centre of the ball, m: in the middle of what the bar leaves free."""
+        return self.bar.share * self.pit.opening / 2, DIAMETER / 2, self.middle
+
+
+@dataclass(frozen=True)
+class Picking(Family):
+    """Score: greatest height that the ball's centre gains over its place at t = 0, m."""
+
+    family: ClassVar[str] = "picking"
+    knobs: ClassVar[type[CommonKnobs]] = PickingKnobs
+    parameters: PickingKnobs
+
+    @classmethod
+    def schedule_of(cls, knobs: CommonKnobs) -> Schedule:
+        """Drive, lower, grab, raise, drive back."""
+        times = knobs.schedule
+        assert isinstance(times, PickingTimes)
+        winches = ((times.lower, -1.0), (times.grab, 0.0), (times.lift, 1.0), (times.back, 0.0))
+        at_springs = [level for start, level in winches if start <= times.springs]
+        more = (
+            (0.0, "grabbers", 0.0),
+            (times.springs, "winches", at_springs[-1] if at_springs else 0.0),
+            (times.lower, "motors", 0.0),
+            (times.lower, "decouplers", 1.0),
+            *((start, "winches", level) for start, level in winches),
+            (times.grab, "grabbers", 1.0),
+            (times.back, "motors", -1.0),
+        )
+        return Schedule(times.motors, times.springs, times.steering_hinges, more)
+
+    @property
+    def brief(self) -> Brief:
+        """What designers are told and what validity checks."""
+        knobs = self.parameters
+        return Brief(
+            name=self.name,
+            objective="Build a machine that lifts the ball out of the pit and carries it away.",
+            scene=(
+                *_pit_sentences(knobs.pit),
+                *_ball_sentences(knobs),
+                *_bar_sentences(knobs),
+                *knobs.wind.sentences(),
+            ),
+            schedule=_schedule_sentences(knobs.schedule, self.window),
+            score=(
+                "Score: the greatest height in metres that the ball's centre gains over its place "
+                f"at t = 0, within {self.window:g} s.",
+                "It is a success when the ball ends outside the pit: above the level of the "
+                "ground and not over the opening.",
+            ),
+            blocks=BLOCKS,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same
+        """Ground around the pit, whose bottom is the world's y = 0; the bar, the ball, wind."""
+        knobs = self.parameters
+        ball = Thing(
+            BALL, "sphere", (DIAMETER,) * 3, knobs.ball, mass=MASS, color=(0.8, 0.3, 0.2, 1)
+        )
+        things = (*_banks(knobs.pit), *_bar(knobs), ball)
+        return Scene(things, knobs.wind.velocity, start=Start(height=knobs.pit.depth))
+
+    def referee(self, machine: Machine) -> PickingReferee:  # noqa: ARG002 - only the ball counts
+        """A fresh observer of the ball."""
+        return PickingReferee(self.parameters)
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """Height of the ball every second, and where grabbers were when they closed."""
+        path = trace.thing_position[:, trace.things.index(BALL)]
+        seconds = np.arange(1, int(trace.times[-1] + 1e-6) + 1)
+        gained = [float(_at(trace.times, path, s)[1] - path[0, 1]) for s in map(float, seconds)]
+        grab = min(self.parameters.schedule.grab, float(trace.times[-1]))
+        lines = (
+            f"Result: {verdict.terms['result']}",
+            "Height that the ball has gained after each second (m): "
+            + ", ".join(number(height) for height in gained),
+            f"Ball at t = {grab:g} s: {_point(_at(trace.times, path, grab))}",
+            *(
+                f"{block_name(machine, step.id).capitalize()} at t = {grab:g} s: "
+                f"{_point(_at(trace.times, trace.centre[:, step.id], grab))}"
+                for step in machine
+                if step.type == GRABBER
+            ),
+            *(
+                f"Root at t = {time:g} s: {_point(_at(trace.times, trace.centre[:, 0], time))}"
+                for time in self._phases(trace)
+            ),
+        )
+        data: dict[str, Any] = {"gained_per_second": gained, "ball": path[-1].tolist()}
+        return compose(machine, trace, broken, verdict, "m", lines, data, ())
+
+    def _phases(self, trace: Trace) -> list[float]:
+        """When driving ends, when it begins again, and the end, s."""
+        times = self.parameters.schedule
+        last = float(trace.times[-1])
+        return sorted({time for time in (times.lower, times.back, last) if time <= last})
+
+
+class PickingReferee:
+    """Follows the ball's centre step by step."""
+
+    def __init__(self, knobs: PickingKnobs) -> None:
+        self._knobs = knobs
+        self._start = self._best = self._best_time = 0.0
+        self._end = (0.0, 0.0, 0.0)
+
+    def start(self, world: World) -> None:
+        """Remember where the ball rests."""
+        self._end = world.centre(BALL)
+        self._start = self._end[1]
+
+    def watch(self, world: World) -> None:
+        """Keep the greatest height so far."""
+        self._end = world.centre(BALL)
+        gained = self._end[1] - self._start
+        if gained > self._best:
+            self._best, self._best_time = gained, world.time
+
+    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
+        """Score and terms: height (m), its time (s), whether the ball ends outside the pit."""
+        pit = self._knobs.pit
+        x, y, z = self._end
+        over = abs(x) <= pit.opening / 2 and pit.edge <= z <= pit.edge + pit.opening
+        outside = y > pit.depth and not over
+        ends = "outside the pit" if outside else "over the pit" if y > pit.depth else "in the pit"
+        terms: dict[str, float | bool | str | None] = {
+            "height": self._best,
+            "time": self._best_time,
+            "success": outside,
+            "final_height": y - self._start,
+            "result": f"the ball gained {number(self._best)} m and ended {ends}",
+        }
+        return Verdict(self._best, terms)
+
+
+def _at(times: Array, values: Array, time: float) -> Array:
+    """Values (T, 3) at the sample next to a time, s."""
+    found: Array = values[int(np.argmin(np.abs(times - time)))]
+    return found
+
+
+def _point(place: Array) -> str:
+    return "(" + ", ".join(number(v) for v in place) + ")"
+
+
+def _banks(pit: Pit) -> Iterator[Thing]:
+    """The ground on all four sides of the pit, as high as the pit is deep."""
+    half, deep = pit.opening / 2, pit.depth
+    near, far, side = pit.edge + 2 * FAR, FAR, FAR - half
+    yield wall("near ground", 0.0, pit.edge - near / 2, (2 * FAR, deep, near))
+    yield wall("far ground", 0.0, pit.edge + pit.opening + far / 2, (2 * FAR, deep, far))
+    for name, sign in (("left ground", -1), ("right ground", 1)):
+        x = sign * (half + side / 2)
+        yield wall(name, x, pit.edge + half, (side, deep, pit.opening))
+
+
+def _bar(knobs: PickingKnobs) -> Iterator[Thing]:
+    pit, bar = knobs.pit, knobs.bar
+    if bar.share:
+        long, top = bar.share * pit.opening, pit.depth - bar.below
+        place = ((long - pit.opening) / 2, top - BAR / 2, knobs.middle)
+        yield Thing("bar", "box", (long, BAR, BAR), place, color=WOOD)
+
+
+def _pit_sentences(pit: Pit) -> tuple[str, ...]:
+    half = pit.opening / 2
+    return (
+        f"The ground on which the machine stands is flat, at y = {pit.depth:g} m; z+ is the target "
+        "direction.",
+        "The machine stands with the centre of its bounding box over x = z = 0 and its lowest "
+        "point on the ground.",
+        f"A square pit lies ahead, {pit.opening:g} m wide and {pit.depth:g} m deep: it reaches "
+        f"from x = -{half:g} to x = {half:g} m and from its near edge at z = {pit.edge:g} m to "
+        f"z = {pit.edge + pit.opening:g} m; its walls are upright, its bottom is flat, at y = 0.",
+    )
+
+
+def _ball_sentences(knobs: PickingKnobs) -> tuple[str, ...]:
+    x, _, z = knobs.ball
+    return (
+        f"A ball of diameter {DIAMETER:g} m and mass {MASS:g} kg lies on the pit's bottom at "
+        f"x = {x:g}, z = {z:g} m.",
+    )
+
+
+def _bar_sentences(knobs: PickingKnobs) -> tuple[str, ...]:
+    bar, half = knobs.bar, knobs.pit.opening / 2
+    if not bar.share:
+        return ()
+    end = bar.share * knobs.pit.opening - half
+    return (
+        f"A bar, {BAR:g} m thick, lies across the pit at z = {knobs.middle:g} m, from x = "
+        f"-{half:g} to x = {end:g} m, its upper side {bar.below:g} m below the ground.",
+    )
+
+
+def _schedule_sentences(times: PickingTimes, window: float) -> tuple[str, ...]:
+    return (
+        "Before t = 0 the machine settles with power off until it rests: motors hold still, "
+        "springs exert nothing.",
+        f"At t = {times.motors:g} s wheels and rotating blocks start to turn; at "
+        f"t = {times.lower:g} s they stop and hold still; at t = {times.back:g} s they start to "
+        "turn backwards.",
+        f"At t = {times.lower:g} s decouplers let go of their parents and winches start to give "
+        f"rope out; they stop at t = {times.grab:g} s.",
+        f"From t = {times.grab:g} s on grabbers grip what their front touches, and hold it.",
+        f"From t = {times.lift:g} s to t = {times.back:g} s winches reel in.",
+        f"At t = {times.springs:g} s springs start to contract.",
+        f"The window ends at t = {window:g} s; nothing can be switched or steered in between.",
+    )

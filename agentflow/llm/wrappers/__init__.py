@@ -1,0 +1,1 @@
+"""Clients around a client: retries, limits, budget, tape."""

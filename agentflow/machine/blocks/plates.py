@@ -1,0 +1,145 @@
+"""Owns plates, the roots of gear trains: block types whose number says all about them.
+
+Where cogs go on a plate is the tree's to say, which cogs mesh gears.py's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from random import Random
+
+from agentflow.errors import ConfigError
+from agentflow.machine.blocks.types import BlockType, Face
+
+GRID = 0.5
+"""Distance of neighbouring faces, m (spec 3.1)."""
+THICKNESS = 0.5
+"""m; chosen."""
+DENSITY = 1.0
+"""kg per square metre; chosen: a plate stays where it lies, whatever turns on it."""
+HOLE = 2.0
+"""Width of a hole, m; chosen."""
+SIZES, HOLES, PATTERNS = (5, 31), (0, 20), (0, 9)
+"""Least and greatest width in whole m, number of holes, number of the pattern."""
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A square plate in the x-z plane.
+
+    Its faces lie on all points of a 0.5 m grid inside it, are numbered row by row from (-x, -z),
+    x first, and all look Up. Holes are squares of 2 m with their centres on the grid; nothing can
+    be attached to faces within a hole or on its rim.
+    """
+
+    size: int
+    """Width along x and z, m."""
+    holes: int = 0
+    pattern: int = 0
+    """Which of ten arrangements of so many holes."""
+
+    @property
+    def type(self) -> int:
+        """The number that stands for it: size, then two digits of holes, one of the pattern."""
+        return 1000 * self.size + 10 * self.holes + self.pattern
+
+    @property
+    def row(self) -> int:
+        """Faces in a row."""
+        return 2 * self.size - 1
+
+    def face(self, x: float, z: float) -> int:
+        """The face at a place, m from the plate's middle.
+
+        Raises:
+            ConfigError: There is no face, or a hole.
+        """
+        column, line = self._grid(x, z)
+        if not (0 <= column < self.row and 0 <= line < self.row):
+            raise ConfigError(f"x = {x:g}, z = {z:g} m is not on a plate {self.size} m wide")
+        face = line * self.row + column
+        if face in self.closed:
+            raise ConfigError(f"x = {x:g}, z = {z:g} m lies over a hole of the plate")
+        return face
+
+    def has(self, x: float, z: float) -> bool:
+        """Whether something can be attached at a place, m from the plate's middle."""
+        column, line = self._grid(x, z)
+        inside = 0 <= column < self.row and 0 <= line < self.row
+        return inside and line * self.row + column not in self.closed
+
+    def _grid(self, x: float, z: float) -> tuple[int, int]:
+        return round(x / GRID) + self.row // 2, round(z / GRID) + self.row // 2
+
+    def place(self, face: int) -> tuple[float, float]:
+        """Where a face is: x and z, m from the plate's middle."""
+        line, column = divmod(face, self.row)
+        return (column - self.row // 2) * GRID, (line - self.row // 2) * GRID
+
+    @property
+    def centres(self) -> tuple[tuple[float, float], ...]:
+        """x and z of the middle of each hole, m; no two holes meet each other or the edge."""
+        chance = Random(f"plate {self.type}")
+        found: list[tuple[int, int]] = []
+        most = self.row // 2 - 4
+        spots = [(x, z) for x in range(-most, most + 1, 2) for z in range(-most, most + 1, 2)]
+        chance.shuffle(spots)
+        for x, z in spots:
+            if len(found) == self.holes:
+                break
+            if all(max(abs(x - u), abs(z - v)) > 6 for u, v in found):
+                found.append((x, z))
+        return tuple((x * GRID, z * GRID) for x, z in sorted(found))
+
+    @property
+    def closed(self) -> frozenset[int]:
+        """Faces that a hole takes away."""
+        return plate_type(self.type).closed
+
+    def block(self) -> BlockType:
+        """The plate as a block type."""
+        places, centres = [self.place(face) for face in range(self.row**2)], self.centres
+        closed = {
+            face
+            for face, (x, z) in enumerate(places)
+            for u, v in centres
+            if max(abs(x - u), abs(z - v)) <= HOLE / 2
+        }
+        return BlockType(
+            type=self.type,
+            name="Plate",
+            category="Plate",
+            size=(float(self.size), THICKNESS, float(self.size)),
+            mass=DENSITY * self.size**2,
+            faces=tuple(Face(i, (x, THICKNESS / 2, z), "Up") for i, (x, z) in enumerate(places)),
+            non_static=False,
+            non_stable=False,
+            linear=False,
+            powered_wheel=False,
+            linear_drag=0.0,
+            angular_drag=0.0,
+            extended=True,
+            closed=frozenset(closed),
+        )
+
+
+def plate_of(block_type: int) -> Plate | None:
+    """The plate that a number stands for; None for other types."""
+    size, rest = divmod(block_type, 1000)
+    plate = Plate(size, *divmod(rest, 10))
+    ranges = ((size, SIZES), (plate.holes, HOLES), (plate.pattern, PATTERNS))
+    return plate if all(low <= value <= high for value, (low, high) in ranges) else None
+
+
+@lru_cache(maxsize=32)
+def plate_type(block_type: int) -> BlockType:
+    """The plate of this number as a block type.
+
+    Raises:
+        KeyError: The number stands for no plate.
+    """
+    plate = plate_of(block_type)
+    if plate is None:
+        raise KeyError(block_type)
+    return plate.block()

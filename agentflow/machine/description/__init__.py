@@ -1,0 +1,1 @@
+"""What models are told about the geometry of a machine."""

@@ -1,0 +1,235 @@
+"""Owns the 3D information: what models are told about a machine's geometry (spec 1.7).
+
+The numbers come from frame.py and balance.py, the hierarchy from treetext.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+
+from agentflow.machine.blocks.library import library
+from agentflow.machine.description.rounding import Frame, pull_of
+from agentflow.machine.description.tree_text import tree_text
+from agentflow.machine.geometry.balance import (
+    centre_of_mass,
+    mass,
+    on_ground,
+    stands,
+    support_polygon,
+)
+from agentflow.machine.geometry.placement import Geometry, Placed, place
+from agentflow.machine.geometry.pose import ShapeFace, add
+from agentflow.machine.tree import Machine
+
+__all__ = [
+    "DRIVES",
+    "centre_of_mass",
+    "describe",
+    "describe_text",
+    "support_polygon",
+    "tree_text",
+]
+
+DRIVES = {"x+": "z+", "x-": "z+", "z+": "x-", "z-": "x+"}
+"""Facing of a powered wheel -> where it drives the machine; facing y+ or y- it does not (1.8)."""
+
+
+def describe(machine: Machine) -> dict[str, object]:
+    """The 3D information as JSON data.
+
+    Metres with one decimal, halves rounded away from zero; y counts from the lowest corner of the
+    machine. `drives` has the powered wheels that touch the ground, with null for those that
+    face up or down; `pulls` the springs and winches, each pulling `from_block` along `direction`
+    and `to_block` the other way.
+    """
+    geometry = place(machine)
+    frame = Frame(geometry.lo[1])
+    return {
+        "blocks": [_block(geometry, frame, placed) for placed in geometry.blocks],
+        "size": list(geometry.size),
+        "mass": mass(geometry),
+        "centre_of_mass": list(frame.centre_of_mass(geometry)),
+        "support_polygon": [list(corner) for corner in support_polygon(geometry)],
+        "stands": stands(geometry),
+        "drives": [{"id": wheel, "direction": to} for wheel, to in _drives(geometry)],
+        "pulls": [_pull(placed) for placed in geometry.blocks if _pulling(placed)],
+        "auto_connections": [loop._asdict() for loop in geometry.auto_connections],
+    }
+
+
+def _block(geometry: Geometry, frame: Frame, placed: Placed) -> dict[str, object]:
+    data: dict[str, object] = {"id": placed.id, "name": placed.name, "type": placed.type}
+    if placed.far is not None:
+        step = placed.step
+        ends = ((step.parent, step.face_id), (step.parent_b, step.face_id_b))
+        data["parents"] = [
+            {"id": parent, "face_id": face, "direction": _direction(geometry, parent, face)}
+            for parent, face in ends
+            if parent is not None and face is not None
+        ]
+        data["end_a"] = list(frame.point(placed.at))
+        data["end_b"] = list(frame.point(placed.far))
+        data["length"] = pull_of(placed).length
+        return data
+    return data | {
+        "parent": _parent(geometry, placed),
+        "children": [
+            {"face_id": face, "id": child} for face, child in geometry.children_by_face(placed.id)
+        ],
+        "center": list(frame.center(placed)),
+        "position": list(frame.point(placed.at)),
+        "facing": placed.facing,
+        "on_ground": on_ground(geometry, placed),
+        "free_faces": [
+            {
+                "face_id": face.id,
+                "position": list(frame.point(add(placed.at, face.offset))),
+                "facing": face.facing.name,
+            }
+            for face in _free(geometry, placed)
+        ],
+    }
+
+
+def _parent(geometry: Geometry, placed: Placed) -> dict[str, object] | None:
+    parent, face = placed.step.parent, placed.step.face_id
+    if parent < 0:
+        return None
+    return {"id": parent, "face_id": face, "direction": _direction(geometry, parent, face)}
+
+
+def _direction(geometry: Geometry, parent: int, face: int) -> str:
+    return library()[geometry[parent].type].faces[face].direction
+
+
+def _free(geometry: Geometry, placed: Placed) -> list[ShapeFace]:
+    faces = placed.shape.faces if placed.shape else ()
+    return [faces[face] for face in geometry.free_faces(placed.id)]
+
+
+def _drives(geometry: Geometry) -> list[tuple[int, str | None]]:
+    return [
+        (placed.id, DRIVES.get(placed.facing))
+        for placed in geometry.blocks
+        if library()[placed.type].powered_wheel and on_ground(geometry, placed)
+    ]
+
+
+def _pulling(placed: Placed) -> bool:
+    return placed.two_ended and library()[placed.type].non_static
+
+
+def _pull(placed: Placed) -> dict[str, object]:
+    pull = pull_of(placed)
+    return {
+        "id": placed.id,
+        "from_block": placed.step.parent,
+        "to_block": placed.step.parent_b,
+        "direction": None if pull.direction is None else list(pull.direction),
+        "length": pull.length,
+    }
+
+
+def describe_text(machine: Machine, *, short: bool = False) -> str:
+    """The 3D information as compact text, one line per block.
+
+    Args:
+        machine: a file-valid machine.
+        short: leave out building points and the positions of free faces.
+    """
+    geometry = place(machine)
+    frame = Frame(geometry.lo[1])
+    lines = [_legend(short=short), *_whole(geometry, frame)]
+    lines += [_line(geometry, frame, placed, short=short) for placed in geometry.blocks]
+    return "\n".join(lines)
+
+
+def _legend(*, short: bool) -> str:
+    free = "ids" if short else "facing, ids, position; a/b: one coordinate per id"
+    return (
+        "x, y, z in m, y from the lowest corner. 'on 4.2 Left': on block 4, face 2, which is a "
+        f"Left face. Free faces: {free}."
+    )
+
+
+def _whole(geometry: Geometry, frame: Frame) -> list[str]:
+    """The lines on the machine as a whole."""
+    corners = " ".join(f"({x:g},{z:g})" for x, z in support_polygon(geometry))
+    over = "over" if stands(geometry) else "NOT over"
+    lines = [
+        f"Size {_numbers(geometry.size)}, mass {mass(geometry):g} kg, "
+        f"centre of mass {_numbers(frame.centre_of_mass(geometry))}, "
+        f"{over} the support polygon (x,z) {corners}."
+    ]
+    drives = [f"{wheel} to {to}" if to else f"{wheel} not" for wheel, to in _drives(geometry)]
+    if drives:
+        lines.append(f"Powered wheels on the ground drive the machine: {', '.join(drives)}.")
+    for placed in geometry.blocks:
+        pull = pull_of(placed) if _pulling(placed) else None
+        if pull and pull.direction:
+            near, far = placed.step.parents
+            to = _numbers(pull.direction)
+            lines.append(f"{placed.name} {placed.id} pulls {near} along {to}, {far} back.")
+    loops = [
+        f"{loop.block}.{loop.face_id} with {loop.partner}.{loop.partner_face}"
+        for loop in geometry.auto_connections
+    ]
+    if loops:
+        lines.append(f"Faces joined by touching: {', '.join(loops)}.")
+    return lines
+
+
+def _line(geometry: Geometry, frame: Frame, placed: Placed, *, short: bool) -> str:
+    """One block in one line."""
+    step = placed.step
+    name = f"{placed.id} {placed.name}"
+    if placed.far is not None and step.parent_b is not None:
+        ends = f"{step.parent}.{step.face_id} to {step.parent_b}.{step.face_id_b}"
+        points = f" {_numbers(frame.point(placed.at))} to {_numbers(frame.point(placed.far))}"
+        length = f"length {pull_of(placed).length:g}"
+        return f"{name}: from {ends}{'' if short else points}, {length}"
+    parts = []
+    if step.parent >= 0:
+        where = _direction(geometry, step.parent, step.face_id)
+        parts.append(f"on {step.parent}.{step.face_id} {where}")
+    parts.append(f"faces {placed.facing}")
+    parts.append(f"centre {_numbers(frame.center(placed))}")
+    if not short:
+        parts.append(f"building point {_numbers(frame.point(placed.at))}")
+    if on_ground(geometry, placed):
+        parts.append("on ground")
+    carried = " ".join(f"{child}" for _, child in geometry.children_by_face(placed.id))
+    if carried and not short:
+        parts.append(f"carries {carried}")
+    free = _free(geometry, placed)
+    if free:
+        parts.append(f"free {_ranges(free) if short else _positions(placed, frame, free)}")
+    return f"{name}: {', '.join(parts)}"
+
+
+def _positions(placed: Placed, frame: Frame, free: Sequence[ShapeFace]) -> str:
+    """Free faces by facing; a coordinate that differs between ids is listed, one per id."""
+    groups = []
+    for facing, group in groupby(free, key=lambda face: face.facing.name):
+        faces = list(group)
+        points = [frame.point(add(placed.at, face.offset)) for face in faces]
+        axes = ([f"{value:g}" for value in axis] for axis in zip(*points, strict=True))
+        where = ",".join(axis[0] if len(set(axis)) == 1 else "/".join(axis) for axis in axes)
+        groups.append(f"{facing} {' '.join(str(face.id) for face in faces)} ({where})")
+    return "; ".join(groups)
+
+
+def _ranges(free: Sequence[ShapeFace]) -> str:
+    """Face ids with runs drawn together: "0 2-5"."""
+    runs: list[list[int]] = []
+    for face in free:
+        if runs and runs[-1][-1] == face.id - 1:
+            runs[-1].append(face.id)
+        else:
+            runs.append([face.id])
+    return " ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs)
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return f"({','.join(f'{value:g}' for value in values)})"

@@ -1,0 +1,74 @@
+"""Owns the numbers that models are told: shifted to the ground, rounded to one decimal.
+
+Which numbers are told, and in which words, is describe.py's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from agentflow.machine.blocks.types import Vec3
+from agentflow.machine.geometry.balance import HALF_UNITS, moments
+from agentflow.machine.geometry.placement import Geometry, Placed
+from agentflow.machine.geometry.pose import UNITS, Units3
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Machine frame with y = 0 at the machine's lowest corner; metres, one decimal (spec 1.7)."""
+
+    ground: int
+    """Height of the lowest corner in the machine frame, in units."""
+
+    def point(self, at: Units3) -> Vec3:
+        """A point of the machine frame."""
+        return self._told((at[0], at[1] - self.ground, at[2]), UNITS)
+
+    def center(self, placed: Placed) -> Vec3:
+        """Centre of a block's box."""
+        lo, hi = placed.lo, placed.hi
+        twice = (lo[0] + hi[0], lo[1] + hi[1] - 2 * self.ground, lo[2] + hi[2])
+        return self._told(twice, HALF_UNITS)
+
+    def centre_of_mass(self, geometry: Geometry) -> Vec3:
+        """Centre of mass."""
+        (x, y, z), scale = moments(geometry)
+        return self._told((x, y - self.ground * scale // UNITS, z), scale)
+
+    def _told(self, fraction: Units3, scale: int) -> Vec3:
+        x, y, z = (one_decimal(value, scale) for value in fraction)
+        return (x, y, z)
+
+
+def one_decimal(value: int, scale: int) -> float:
+    """`value / scale` with one decimal, halves rounded away from zero."""
+    tenths = (20 * abs(value) + scale) // (2 * scale)
+    return (tenths if value >= 0 else -tenths) / 10
+
+
+@dataclass(frozen=True)
+class Pull:
+    """A two-ended block between its parents a and b: how long, and where its ends pull to."""
+
+    length: float
+    """Metres, one decimal."""
+    direction: Vec3 | None
+    """Unit vector from end a to end b, two decimals: where a is pulled to; b is pulled the other
+    way. None when both ends are at one point."""
+
+
+def pull_of(placed: Placed) -> Pull:
+    """Length and pull of a two-ended block."""
+    assert placed.far is not None
+    along = [far - near for near, far in zip(placed.at, placed.far, strict=True)]
+    square = sum(part * part for part in along)
+    if square == 0:
+        return Pull(0.0, None)
+    length = math.sqrt(square)
+    x, y, z = (_two_decimals(part / length) for part in along)
+    return Pull(math.floor(length / UNITS * 10 + 0.5) / 10, (x, y, z))
+
+
+def _two_decimals(value: float) -> float:
+    return math.copysign(math.floor(abs(value) * 100 + 0.5) / 100, value) if value else 0.0

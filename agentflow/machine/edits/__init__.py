@@ -1,0 +1,1 @@
+"""Changing machines: edit scripts, single moves, random machines and edits."""

@@ -1,0 +1,153 @@
+"""Owns the moves: all that can be done to a machine in one step, legal or not (spec 5.2).
+
+Drawing one of them is random.py's, judging what it makes validity.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from random import Random
+from typing import NamedTuple
+
+from agentflow.machine.blocks.library import library
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.tree import Machine, Step, renumbered
+
+__all__ = ["ACTUATION", "MOVES", "Addition", "Change", "Move", "Removal", "additions"]
+
+ACTUATION = {2: 40, 40: 2, 46: 60, 60: 46, 28: 5, 5: 28, 13: 19, 19: 13}
+"""Type -> the one of its kind without, or with, a drive of its own (spec 5.2)."""
+
+
+class Addition(NamedTuple):
+    """A new block on a face; a two-ended one from that face to a random one."""
+
+    machine: Machine
+    type: int
+    parent: int
+    face_id: int
+
+    def made(self, rng: Random) -> Machine | None:
+        """The machine with the block; None where a second end finds no other block."""
+        steps = self.machine.steps
+        step = Step(len(steps), self.type, self.parent, self.face_id)
+        if library()[self.type].linear:
+            ends = [end for end in _faces(self.machine) if end[0] != self.parent]
+            if not ends:
+                return None
+            parent_b, face_b = rng.choice(ends)
+            step = replace(step, parent_b=parent_b, face_id_b=face_b)
+        return Machine((*steps, step))
+
+
+class Change(NamedTuple):
+    """Another type or another place for a block."""
+
+    machine: Machine
+    step: Step
+    """What the block of this id becomes."""
+
+    def made(self, rng: Random) -> Machine:  # noqa: ARG002
+        """The machine with the block changed."""
+        steps = self.machine.steps
+        return Machine((*steps[: self.step.id], self.step, *steps[self.step.id + 1 :]))
+
+
+class Removal(NamedTuple):
+    """A block that goes."""
+
+    machine: Machine
+    id: int
+
+    def made(self, rng: Random) -> Machine:  # noqa: ARG002
+        """The machine without the block, its ids counted anew."""
+        return renumbered(step for step in self.machine if step.id != self.id)[0]
+
+
+Move = Addition | Change | Removal
+
+
+def additions(machine: Machine, types: Sequence[int]) -> list[Addition]:
+    """Every type on every free face, two-ended types on every face."""
+    faces = list(_faces(machine))
+    taken = {(step.parent, step.face_id) for step in machine if not step.two_ended}
+    free = [end for end in faces if end not in taken]
+    return [
+        Addition(machine, kind, *end)
+        for kind in types
+        for end in (faces if library()[kind].linear else free)
+    ]
+
+
+def removals(machine: Machine, types: Sequence[int]) -> list[Removal]:  # noqa: ARG001
+    """Every block but the root that carries nothing."""
+    carrying = {parent for step in machine for parent in step.parents}
+    return [Removal(machine, step.id) for step in machine.steps[1:] if step.id not in carrying]
+
+
+def swaps(machine: Machine, types: Sequence[int]) -> list[Change]:
+    """Every block but the root as every other type with as many ends."""
+    return [
+        Change(machine, replace(step, type=kind))
+        for step in machine.steps[1:]
+        for kind in types
+        if kind != step.type and library()[kind].linear == step.two_ended
+    ]
+
+
+def reattachments(machine: Machine, types: Sequence[int]) -> list[Change]:  # noqa: ARG001
+    """Every standard block on every free face of every earlier block that is not its parent."""
+    return [
+        Change(machine, step) for step in _rehung(machine) if step.parent != machine[step.id].parent
+    ]
+
+
+def reorientations(machine: Machine, types: Sequence[int]) -> list[Change]:  # noqa: ARG001
+    """Every standard block on every free face of its parent that faces another way."""
+    geometry = place(machine)
+
+    def facing(step: Step) -> str:
+        return geometry[step.parent].faces[step.face_id].facing
+
+    return [
+        Change(machine, step)
+        for step in _rehung(machine)
+        if step.parent == machine[step.id].parent and facing(step) != geometry[step.id].facing
+    ]
+
+
+def actuations(machine: Machine, types: Sequence[int]) -> list[Change]:
+    """Every block that has a counterpart with or without a drive as that (`ACTUATION`)."""
+    return [
+        Change(machine, replace(step, type=ACTUATION[step.type]))
+        for step in machine
+        if ACTUATION.get(step.type) in types
+    ]
+
+
+MOVES: Mapping[str, Callable[[Machine, Sequence[int]], Sequence[Move]]] = {
+    "add": additions,
+    "remove": removals,
+    "swap": swaps,
+    "re-attach": reattachments,
+    "re-orient": reorientations,
+    "actuate": actuations,
+}
+"""Kind of edit -> all moves of that kind with these types, legal or not."""
+
+
+def _faces(machine: Machine) -> Iterator[tuple[int, int]]:
+    """(block id, face id) of all faces."""
+    return ((step.id, face) for step in machine for face in library()[step.type].open_faces)
+
+
+def _rehung(machine: Machine) -> Iterator[Step]:
+    """Every standard block but the root on every free face of every earlier block."""
+    taken = {(step.parent, step.face_id) for step in machine if not step.two_ended}
+    free = [end for end in _faces(machine) if end not in taken]
+    for step in machine.steps[1:]:
+        if not step.two_ended:
+            for parent, face in free:
+                if parent < step.id:
+                    yield replace(step, parent=parent, face_id=face)

@@ -1,0 +1,232 @@
+"""Owns edits: carrying out a script of commands on a machine, all or nothing (spec 1.6).
+
+Reading the commands is commands.py's, judging space validity.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from agentflow.machine.blocks.library import library
+from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.edits.commands import (
+    GRAMMAR,
+    Add,
+    Command,
+    Move,
+    Remove,
+    read_command,
+    script_lines,
+)
+from agentflow.machine.formats.parse import MAX_BLOCKS
+from agentflow.machine.geometry.placement import Geometry, place_steps
+from agentflow.machine.problems import face_fault, listed, named, type_fault
+from agentflow.machine.tree import Machine, Step, renumbered
+from agentflow.machine.validity import spatial_problems
+
+__all__ = ["EditOutcome", "StepVerdict", "apply_script"]
+
+_BAD_FORMAT = "not a command; the commands are: " + "; ".join(GRAMMAR)
+_EMPTY = "the script has no command; the commands are: " + "; ".join(GRAMMAR)
+
+
+@dataclass(frozen=True)
+class StepVerdict:
+    """What became of one line of a script."""
+
+    text: str
+    """The line as written."""
+    verdict: Literal["Success", "Error", "Unverified"]
+    code: str = ""
+    """Kind of the error (spec 1.12); "" otherwise."""
+    reason: str = ""
+    """One sentence that a model can act on; "" where there is no error."""
+
+    def to_json(self) -> dict[str, str]:
+        """The verdict as JSON data."""
+        return {
+            "text": self.text,
+            "verdict": self.verdict,
+            "code": self.code,
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True)
+class EditOutcome:
+    """What became of a script."""
+
+    success: bool
+    steps: tuple[StepVerdict, ...]
+    machine: Machine
+    """The new machine; the given one when the script failed."""
+    id_map: dict[int, int | None]
+    """Id in the given machine -> id in `machine`; None for removed blocks."""
+
+    def to_json(self) -> dict[str, object]:
+        """The outcome as JSON data with exactly the keys of spec 1.12."""
+        return {
+            "outcome": "success" if self.success else "failure",
+            "steps": [step.to_json() for step in self.steps],
+            "machine": self.machine.to_json(),
+            "id_map": {str(old): new for old, new in self.id_map.items()},
+        }
+
+
+def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> EditOutcome:
+    """Carry out a script on a file-valid machine. Never raises, whatever the script.
+
+    The first command that fails stops it and leaves the machine as it was. Every command is
+    checked against the whole machine that it makes. On success removed blocks vanish, the others
+    keep their order, additions come last, and ids count 0, 1, 2, ... again.
+
+    Args:
+        machine: what to change.
+        script: one command per line; ids are those of `machine` throughout.
+        brief: the task, for its block list and size limit; without one the core types and the
+            standard building volume.
+    """
+    same: dict[int, int | None] = {step.id: step.id for step in machine}
+    lines = script_lines(script)
+    if not lines:
+        return EditOutcome(False, (StepVerdict("", "Error", "bad_format", _EMPTY),), machine, same)
+    draft = _Draft(machine, brief)
+    verdicts: list[StepVerdict] = []
+    for line in lines:
+        try:
+            draft.apply(read_command(line))
+        except _Refused as refused:
+            verdicts.append(StepVerdict(line, "Error", refused.code, refused.reason))
+            rest = lines[len(verdicts) :]
+            verdicts += [StepVerdict(left, "Unverified") for left in rest]
+            return EditOutcome(False, tuple(verdicts), machine, same)
+        verdicts.append(StepVerdict(line, "Success"))
+    edited, id_map = draft.finish()
+    return EditOutcome(True, tuple(verdicts), edited, id_map)
+
+
+class _Refused(Exception):
+    """A command that cannot be carried out."""
+
+    def __init__(self, code: str, reason: str) -> None:
+        super().__init__(reason)
+        self.code, self.reason = code, reason
+
+
+class _Draft:
+    """A machine while a script is at work on it: ids have gaps, additions count on at the end."""
+
+    def __init__(self, machine: Machine, brief: Brief | None) -> None:
+        self.original = len(machine)
+        self.steps = {step.id: step for step in machine}
+        self.next_id = self.original
+        self.given = 1 if brief is None else len(brief.given)
+        self.allowed: Collection[int] = library().core if brief is None else brief.blocks
+        self.size_limit = SIZE_LIMIT if brief is None else brief.size_limit
+
+    def apply(self, command: Command | None) -> None:
+        """Carry out one command; raises `_Refused`."""
+        if isinstance(command, Add):
+            self._add(command)
+        elif isinstance(command, Remove):
+            self._remove(command)
+        elif isinstance(command, Move):
+            self._move(command)
+        else:
+            raise _Refused("bad_format", _BAD_FORMAT)
+
+    def finish(self) -> tuple[Machine, dict[int, int | None]]:
+        """The machine with its ids counted anew, and where the original ids went."""
+        edited, new_ids = renumbered(self.steps.values())
+        return edited, {old: new_ids.get(old) for old in range(self.original)}
+
+    def _add(self, command: Add) -> None:
+        two_ended = len(command.ends) == 2
+        fault = type_fault(command.type, self.allowed, two_ended=two_ended)
+        if fault is not None:
+            raise _Refused(*fault)
+        for parent, face in command.ends:
+            self._demand_face(parent, face)
+        if not two_ended:
+            self._demand_free(*command.ends[0])
+        if len(self.steps) >= MAX_BLOCKS:
+            raise _Refused("size_limit", f"a machine has at most {MAX_BLOCKS} blocks")
+        added = Step(self.next_id, command.type, *(part for end in command.ends for part in end))
+        self.next_id += 1
+        self._settle(added, f"with {library()[command.type].name} as new block {added.id}: ")
+
+    def _remove(self, command: Remove) -> None:
+        removed = self._demand_block(command.id, "removed")
+        carried = [step.id for step in self.steps.values() if removed.id in step.parents]
+        if carried:
+            what = f"{named(removed.id, removed.type)} carries {listed(carried)}"
+            raise _Refused("has_children", f"{what}; what a block carries must be removed first")
+        del self.steps[removed.id]
+        self._demand_space("")
+
+    def _move(self, command: Move) -> None:
+        moved = self._demand_block(command.id, "moved")
+        if moved.two_ended:
+            what = f"{named(moved.id, moved.type)} is two-ended and cannot be moved"
+            raise _Refused("two_ended", f"{what}; remove it and add another one")
+        self._demand_parent(command.parent)
+        if command.parent >= moved.id:
+            reason = f"new parent {command.parent} is not earlier than block {moved.id}"
+            raise _Refused("parent_not_earlier", f"{reason}; a parent has a smaller id")
+        self._demand_face(command.parent, command.face)
+        if (command.parent, command.face) == (moved.parent, moved.face_id):
+            reason = f"block {moved.id} already hangs on face {command.face} of block"
+            raise _Refused("no_change", f"{reason} {command.parent}")
+        self._demand_free(command.parent, command.face)
+        self._settle(replace(moved, parent=command.parent, face_id=command.face), "")
+
+    def _settle(self, step: Step, prefix: str) -> None:
+        self.steps[step.id] = step
+        self._demand_space(prefix)
+
+    def _demand_block(self, block_id: int, done: str) -> Step:
+        if block_id == 0:
+            raise _Refused("starting_block", f"block 0, the Starting Block, cannot be {done}")
+        if not 0 <= block_id < self.original:
+            raise _Refused("block_not_found", self._absent(block_id, done))
+        if block_id < self.given:
+            raise _Refused("given_altered", f"block {block_id} is given and cannot be {done}")
+        if block_id not in self.steps:
+            raise _Refused("block_removed", f"block {block_id} is removed earlier in this script")
+        return self.steps[block_id]
+
+    def _demand_parent(self, parent: int) -> Step:
+        if not 0 <= parent < self.original:
+            raise _Refused("parent_not_found", self._absent(parent, "used as a parent"))
+        if parent not in self.steps:
+            raise _Refused("parent_removed", f"block {parent} is removed earlier in this script")
+        return self.steps[parent]
+
+    def _demand_face(self, parent: int, face: int) -> None:
+        fault = face_fault(parent, self._demand_parent(parent).type, face)
+        if fault is not None:
+            raise _Refused("face_not_found", fault)
+
+    def _demand_free(self, parent: int, face: int) -> None:
+        for step in self.steps.values():
+            if (step.parent, step.face_id) == (parent, face) and not step.two_ended:
+                free = Geometry(tuple(place_steps(self.steps.values()).values())).free_faces(parent)
+                reason = (
+                    f"face {face} of {named(parent, self.steps[parent].type)} already carries "
+                    f"{named(step.id, step.type)}; faces still free on block {parent}: "
+                    f"{listed(free)}"
+                )
+                raise _Refused("face_occupied", reason)
+
+    def _demand_space(self, prefix: str) -> None:
+        """Refuse when the machine as it is now does not fit, and say why."""
+        geometry = Geometry(tuple(place_steps(self.steps.values()).values()))
+        for problem in spatial_problems(geometry, self.size_limit)[:1]:
+            raise _Refused(problem.code, prefix + problem.message)
+
+    def _absent(self, block_id: int, use: str) -> str:
+        if self.original <= block_id < self.next_id:
+            return f"block {block_id} is added by this script and cannot be {use} in it"
+        return f"block {block_id} does not exist; the blocks are 0 to {self.original - 1}"

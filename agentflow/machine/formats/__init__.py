@@ -1,0 +1,1 @@
+"""Reading and writing machines: model replies, coordinates, Besiege files."""

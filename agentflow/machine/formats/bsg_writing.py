@@ -1,0 +1,95 @@
+"""Owns writing Besiege's machine files (.bsg); reading them is bsg_reading.py's (spec 1.9)."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from collections.abc import Iterable
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from agentflow.machine.blocks.library import STARTING_BLOCK
+from agentflow.machine.formats.bsg_reading import END, END_TURN, START, WHEELS, read_bsg
+from agentflow.machine.geometry.placement import Placed, place
+from agentflow.machine.geometry.pose import FACINGS, UNITS, to_metres
+from agentflow.machine.tree import Machine
+
+__all__ = ["read_bsg", "to_bsg"]
+
+GROUND = 0.5
+"""Height of the ground in the game's world, in metres."""
+
+_SPRING, _ROTATING, _BALLAST = 9, 22, 35
+_ORIGIN = (0.0, 0.0, 0.0)
+
+
+def to_bsg(machine: Machine) -> str:
+    """A file-valid machine as the text of a .bsg file (spec 1.9).
+
+    The same machine is the same text: GUIDs come from its digest.
+    """
+    geometry = place(machine)
+    lo, hi = geometry.lo, geometry.hi
+    root = Element("Machine", version="1", bsgVersion="1.3", name=machine.digest)
+    world = SubElement(root, "Global")
+    x, z = (-(lo[axis] + hi[axis]) / (2 * UNITS) for axis in (0, 2))
+    _vector(world, "Position", (x, GROUND - lo[1] / UNITS, z))
+    _vector(world, "Rotation", FACINGS["z+"].quaternion)
+    blocks = SubElement(root, "Blocks")
+    for placed in geometry.blocks:
+        _write_block(blocks, placed, _guid(machine, placed.id))
+    indent(root)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, "unicode") + "\n"
+
+
+def _guid(machine: Machine, block_id: int) -> str:
+    digest = hashlib.sha256(f"{machine.digest}/{block_id}".encode()).digest()
+    return str(uuid.UUID(bytes=digest[:16], version=4))
+
+
+def _write_block(blocks: Element, placed: Placed, guid: str) -> None:
+    block = SubElement(blocks, "Block", id=str(placed.type), guid=guid)
+    transform = SubElement(block, "Transform")
+    _vector(transform, "Position", placed.origin)
+    _vector(transform, "Rotation", placed.quaternion)
+    _vector(transform, "Scale", (1.0, 1.0, 1.0))
+    data = SubElement(block, "Data")
+    for tag, key, value in _settings(placed):
+        SubElement(data, tag, key=key).text = value
+    if placed.type == _SPRING:
+        SubElement(SubElement(data, "StringArray", key="bmt-contract"), "String").text = "L"
+    if placed.far is not None:
+        (x, y, z), (u, v, w) = placed.at, placed.far
+        reach = to_metres((u - x, v - y, w - z))
+        for key, vector in ((START, _ORIGIN), (END, reach), (END_TURN, _ORIGIN)):
+            entry = SubElement(data, "Vector3", key=key)
+            for name, part in zip("XYZ", vector, strict=True):
+                SubElement(entry, name).text = f"{part:.9g}"
+
+
+def _settings(placed: Placed) -> list[tuple[str, str, str]]:
+    """Tag, key and value of what the game keeps of a block, other than positions."""
+    if placed.type == STARTING_BLOCK:
+        return [("Integer", "bmt-version", "1")]
+    if placed.type in WHEELS:
+        flipped = [("Boolean", "flipped", "True")] if placed.facing == "x-" else []
+        return [
+            ("Boolean", "bmt-automatic", "True"),
+            ("Boolean", "bmt-auto-brake", "False"),
+            *flipped,
+        ]
+    if placed.type == _SPRING:
+        return [("Single", "bmt-slider", "10"), ("Boolean", "bmt-toggle", "False")]
+    if placed.type == _ROTATING:
+        return [
+            ("Integer", "bmt-version", "1"),
+            ("Single", "bmt-speed", "1"),
+            ("Single", "bmt-acceleration", "Infinity"),
+            ("Boolean", "bmt-auto-brake", "True"),
+            ("Boolean", "flipped", "False"),
+        ]
+    return [("Single", "bmt-mass", "3")] if placed.type == _BALLAST else []
+
+
+def _vector(parent: Element, tag: str, values: Iterable[float]) -> None:
+    parts = {name: f"{value:.9g}" for name, value in zip("xyzw", values, strict=False)}
+    SubElement(parent, tag, parts)

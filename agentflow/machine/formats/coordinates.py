@@ -1,0 +1,143 @@
+"""Owns the coordinate representation: blocks with absolute positions and rotations (spec 1.3).
+
+Which block hangs on which is inferred by connect.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from agentflow.machine.blocks.library import STARTING_BLOCK, library
+from agentflow.machine.formats.connect import Located, Spot, connect
+from agentflow.machine.formats.parse import MAX_COORDINATE, MISSING, find_items, whole_number
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.pose import FACINGS, to_metres
+from agentflow.machine.problems import Problem, listed, shown, type_fault
+from agentflow.machine.tree import Machine
+
+__all__ = ["FORM", "read_coordinates", "to_coordinates"]
+
+FORM = (
+    'a JSON list of objects like {"type": 1, "Position": [0, 0, 0.5], "Rotation": [0, 0, 0, 1]}, '
+    'two-ended blocks with "end-position"'
+)
+"""The form in words, for messages."""
+_END = "end-position"
+_KEYS = ("type", "Position", "Rotation")
+
+
+def to_coordinates(machine: Machine) -> list[dict[str, object]]:
+    """A file-valid machine in coordinates: metres, machine frame, quaternions (x, y, z, w).
+
+    `Position` is the building point, of two-ended blocks the first end; `end-position` the second,
+    also in the machine frame.
+    """
+    items: list[dict[str, object]] = []
+    for placed in place(machine).blocks:
+        rotation = (FACINGS["z+"] if placed.two_ended else placed.orientation).quaternion
+        item: dict[str, object] = {
+            "type": placed.type,
+            "Position": list(placed.origin),
+            "Rotation": list(rotation),
+        }
+        if placed.far is not None:
+            item["end-position"] = list(to_metres(placed.far))
+        items.append(item)
+    return items
+
+
+def read_coordinates(source: object, blocks: Collection[int] | None = None) -> Located:
+    """Read a machine in coordinates and find out what hangs on what. Never raises.
+
+    Args:
+        source: any text whatever (spec 4.4), or JSON data.
+        blocks: allowed block types; the core types when None.
+    """
+    items, repaired, fault = find_items(source, FORM)
+    if fault is not None:
+        return Located(repaired=repaired, problems=(fault,))
+    notes: list[str] = []
+    problems: list[Problem] = []
+    allowed = library().core if blocks is None else blocks
+    found = [_spot(item, index, allowed, notes, problems) for index, item in enumerate(items)]
+    spots = [spot for spot in found if spot is not None]
+    if problems:
+        return Located((), repaired, tuple(notes), tuple(problems))
+    return connect(spots, repaired=repaired, notes=notes)
+
+
+def _spot(
+    item: object,
+    index: int,
+    allowed: Collection[int],
+    notes: list[str],
+    problems: list[Problem],
+) -> Spot | None:
+    """One item of the list; None, with the problem noted, when it cannot be a block."""
+    if not isinstance(item, dict):
+        message = f"item {index} of the list is {shown(item)}; expected an object with "
+        problems.append(Problem("not_an_object", (index,), message + listed(_KEYS)))
+        return None
+    kind = item.get("type", MISSING)
+    if type(kind) is not int:
+        kind = whole_number("type", kind, index, notes, problems)
+    two_ended = kind is not None and kind in library() and library()[kind].linear
+    keys = (*_KEYS, _END) if two_ended else _KEYS
+    sizes = {"Position": 3, "Rotation": 4, _END: 3}
+    values = [_numbers(item, key, sizes[key], index, notes, problems) for key in keys[1:]]
+    if kind is None or None in values:
+        return None
+    fault = _type_fault(kind, index, allowed, two_ended=two_ended)
+    if fault is not None:
+        problems.append(Problem(fault[0], (index,), f"block {index}: {fault[1]}"))
+        return None
+    extra = [shown(key) for key in item if key not in keys]
+    if extra:
+        notes.append(f"block {index}: ignored {listed(extra[:8])}")
+    position, rotation, *end = values
+    return Spot(index, kind, position, rotation, *end)  # type: ignore[arg-type]
+
+
+def _type_fault(
+    kind: int, index: int, allowed: Collection[int], *, two_ended: bool
+) -> tuple[str, str] | None:
+    if index > 0:
+        return type_fault(kind, allowed, two_ended=two_ended)
+    if kind != STARTING_BLOCK:
+        return "root", "the first block must be the Starting Block, type 0"
+    return None
+
+
+def _numbers(
+    item: dict[object, object],
+    key: str,
+    count: int,
+    index: int,
+    notes: list[str],
+    problems: list[Problem],
+) -> tuple[float, ...] | None:
+    """The numbers under a key; None, with the problem noted, when they are not there."""
+    if key not in item:
+        problems.append(Problem("missing_field", (index,), f"block {index} has no {key!r}"))
+        return None
+    value = item[key]
+    numbers = tuple(_number(part) for part in value) if isinstance(value, list) else ()
+    if len(numbers) == count and None not in numbers:
+        if str in map(type, value):  # type: ignore[call-overload]
+            notes.append(f"block {index}: {key} has strings, read as numbers")
+        return numbers  # type: ignore[return-value]
+    message = f"block {index}: {key} is {shown(value)}, expected a list of {count} numbers"
+    problems.append(Problem("not_a_number", (index,), message))
+    return None
+
+
+def _number(value: object) -> float | None:
+    """A finite number that a coordinate can be; None for anything else."""
+    if isinstance(value, str) and len(value) < 40:
+        try:
+            value = float(value)
+        except ValueError:
+            return None
+    if type(value) is not float and type(value) is not int:
+        return None
+    return float(value) if abs(value) <= MAX_COORDINATE else None

@@ -1,0 +1,71 @@
+"""Owns telling the three written forms of a machine apart: tree, coordinates, .bsg.
+
+Each form's reader is a module of its own; judging what was read is validity.py's.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Literal, get_args
+
+from agentflow.machine.brief import Brief
+from agentflow.machine.formats.connect import Located
+from agentflow.machine.formats.coordinates import read_coordinates
+from agentflow.machine.formats.parse import FORM, Reading, find_items, read_machine
+from agentflow.machine.tree import Machine
+
+__all__ = ["FORMS", "Form", "read_any", "read_for"]
+
+Form = Literal["auto", "tree", "coordinates", "bsg"]
+FORMS: tuple[Form, ...] = get_args(Form)
+
+_XML = re.compile(r"\s*(<!--((?!-->).)*-->\s*)*<(\?xml|!DOCTYPE|Machine)\b", re.DOTALL)
+"""How a .bsg file begins. A comment ends at its first `-->`: were it free to go on to a later one,
+many comments would be tried in all ways to join them."""
+
+
+def read_any(
+    source: object,
+    form: Form = "auto",
+    blocks: Collection[int] | None = None,
+    given: Machine | None = None,
+) -> Reading | Located:
+    """Read a machine in any of its forms. Never raises; `validity.check` judges the result.
+
+    Args:
+        source: any text whatever, or JSON data.
+        form: `auto` takes text that opens as XML for a .bsg file, and a list whose objects have a
+            `Position` and no `parent` for coordinates.
+        blocks: allowed block types; the core types when None.
+        given: what a tree must begin with; any root alone when None.
+    """
+    if form == "bsg" or (form == "auto" and isinstance(source, str) and _XML.match(source)):
+        from agentflow.machine.formats.bsg_reading import (
+            read_bsg,  # XML is rare, its import takes long
+        )
+
+        return read_bsg(source if isinstance(source, str) else "", blocks)
+    if form == "tree":
+        return read_machine(source, blocks, given)
+    if form == "coordinates":
+        return read_coordinates(source, blocks)
+    items, repaired, fault = find_items(source, FORM)
+    if fault is not None:
+        return Reading(None, repaired, problems=(fault,))
+    if _has_positions(items):
+        return replace(read_coordinates(items, blocks), repaired=repaired)
+    return replace(read_machine(items, blocks, given), repaired=repaired)
+
+
+def read_for(brief: Brief | None, source: object, form: Form = "auto") -> Reading | Located:
+    """Read a machine as a task allows it, or of core types only; see `read_any`."""
+    if brief is None:
+        return read_any(source, form)
+    return read_any(source, form, brief.blocks, brief.given)
+
+
+def _has_positions(items: list[object]) -> bool:
+    found = [item for item in items if isinstance(item, dict)]
+    return any("Position" in item for item in found) and not any("parent" in item for item in found)

@@ -1,0 +1,220 @@
+"""Owns file validity: from any text or JSON data to a construction tree or typed problems.
+
+Finding the JSON in a text is jsontext.py's; whether the machine fits in space is validity.py's.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.plates import plate_of
+from agentflow.machine.formats.json_text import Extracted, extract_json, found_json
+from agentflow.machine.problems import Problem, face_fault, listed, shown, type_fault
+from agentflow.machine.tree import ROOT, Machine, Step
+
+__all__ = ["MAX_BLOCKS", "Extracted", "Reading", "extract_json", "file_problems", "read_machine"]
+
+MAX_BLOCKS = 800
+"""Most blocks that are read; machines that fit the building volume are far smaller."""
+MAX_COORDINATE = 1e6
+"""Largest coordinate that is read, in metres."""
+
+_STANDARD = ("type", "id", "parent", "face_id")
+_TWO_ENDED = ("type", "id", "parent_a", "face_id_a", "parent_b", "face_id_b")
+FORM = 'a JSON list of objects like {"type": 1, "id": 1, "parent": 0, "face_id": 4}'
+MISSING = object()
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What was read; `machine` is None when it is not file-valid, and `problems` says why."""
+
+    machine: Machine | None
+    repaired: bool = False
+    """Whether the JSON had to be repaired."""
+    notes: tuple[str, ...] = ()
+    """What was passed over without harm: extra keys, numbers written as strings."""
+    problems: tuple[Problem, ...] = ()
+
+
+def read_machine(
+    source: object, blocks: Collection[int] | None = None, given: Machine | None = None
+) -> Reading:
+    """Read a construction tree and judge its file validity (spec 1.5). Never raises.
+
+    Args:
+        source: any text whatever (spec 4.4), or JSON data.
+        blocks: allowed block types; the core types when None.
+        given: what the machine must begin with; any root alone when None.
+    """
+    items, repaired, fault = find_items(source, FORM)
+    if fault is not None:
+        return Reading(None, repaired, problems=(fault,))
+    notes: list[str] = []
+    problems: list[Problem] = []
+    steps = [_read_step(item, index, notes, problems) for index, item in enumerate(items)]
+    problems += file_problems(steps, blocks, given)
+    if problems:
+        problems.sort(key=lambda problem: problem.blocks)
+        return Reading(None, repaired, tuple(notes), tuple(problems))
+    whole = tuple(step for step in steps if step is not None)
+    return Reading(Machine(whole), repaired, tuple(notes))
+
+
+def find_items(source: object, form: str) -> tuple[list[object], bool, Problem | None]:
+    """The items of a machine's list, whether it was repaired, and what is wrong if there is none.
+
+    Args:
+        source: any text whatever, or JSON data.
+        form: how a machine is written, in words.
+    """
+    repaired = False
+    if isinstance(source, str):
+        source, repaired = _machine_in(source)
+        if source is None:
+            message = f"no JSON list found; write the whole machine as {form} inside one ```json"
+            return [], repaired, Problem("not_json", (), f"{message} fence")
+    if not isinstance(source, list):
+        message = f"the machine is {shown(source)}; write it as {form}"
+        return [], repaired, Problem("not_a_list", (), message)
+    if not source:
+        message = f"the machine is an empty list; write it as {form}"
+        return [], repaired, Problem("empty", (), message)
+    if len(source) > MAX_BLOCKS:
+        message = f"the machine has {len(source)} blocks; at most {MAX_BLOCKS} are read"
+        return [], repaired, Problem("too_many_blocks", (), message)
+    return source, repaired, None
+
+
+def _machine_in(text: str) -> tuple[object, bool]:
+    """The list in a text that looks like a machine, else any list; None if there is none."""
+    fallback: tuple[object, bool] = (None, False)
+    for value, repaired in found_json(text, list):
+        if value and all(isinstance(item, dict) and "type" in item for item in value):
+            return value, repaired
+        if fallback[0] is None:
+            fallback = (value, repaired)
+    return fallback
+
+
+def _read_step(item: object, index: int, notes: list[str], problems: list[Problem]) -> Step | None:
+    """One item of the list as a step; None, with the problem noted, when it is none."""
+    if not isinstance(item, dict):
+        message = f"item {index} of the list is {shown(item)}; expected an object with "
+        problems.append(Problem("not_an_object", (index,), message + listed(_STANDARD)))
+        return None
+    two_ended = "parent_b" in item or "parent_a" in item
+    keys = _TWO_ENDED if two_ended else _STANDARD
+    values: list[int] = []
+    for key in keys:
+        value = item.get(key, MISSING)
+        if type(value) is not int:
+            value = whole_number(key, value, index, notes, problems)
+        if isinstance(value, int):
+            values.append(value)
+    if len(values) < len(keys):
+        return None
+    if len(item) > len(keys):
+        extra = [shown(key) for key in item if key not in keys]
+        notes.append(f"block {index}: ignored {listed(extra[:8])}")
+    kind, block_id, parent, face_id, *second = values
+    return Step(block_id, kind, parent, face_id, *second)
+
+
+def whole_number(
+    key: str, value: object, index: int, notes: list[str], problems: list[Problem]
+) -> int | None:
+    """The value as a whole number; None, with the problem noted, when it is none.
+
+    `MISSING` stands for no value.
+    """
+    if value is MISSING:
+        problems.append(Problem("missing_field", (index,), f"block {index} has no {key!r}"))
+        return None
+    if isinstance(value, str) and len(value) < 12:
+        digits = value.strip().removeprefix("-")
+        if digits.isascii() and digits.isdigit():
+            notes.append(f"block {index}: {key} is the string {value!r}, read as a number")
+            return int(value)
+    message = f"block {index}: {key} is {shown(value)}, expected a whole number"
+    problems.append(Problem("not_a_number", (index,), message))
+    return None
+
+
+def file_problems(
+    steps: Sequence[Step | None],
+    blocks: Collection[int] | None = None,
+    given: Machine | None = None,
+) -> list[Problem]:
+    """Everything that keeps steps from being a file-valid machine (spec 1.5).
+
+    Args:
+        steps: in list order; None where an item could not be read.
+        blocks: allowed block types; the core types when None.
+        given: what the machine must begin with; any root alone when None.
+    """
+    if not steps:
+        return [Problem("empty", (), f"the machine is an empty list; write it as {FORM}")]
+    allowed = library().core if blocks is None else blocks
+    begin = _root(steps[0]) if given is None else given.steps
+    problems = _start_problems(steps, begin)
+    for index, step in enumerate(steps):
+        if step is None or index < len(begin):
+            continue
+        if step.id != index:
+            problems.append(_wrong_id(step, index))
+        fault = type_fault(step.type, allowed, two_ended=step.parent_b is not None)
+        if fault is not None:
+            problems.append(Problem(fault[0], (index,), f"block {index}: {fault[1]}"))
+        problems += _end_problems(index, step.parent, step.face_id, steps)
+        if step.parent_b is not None and step.face_id_b is not None:
+            problems += _end_problems(index, step.parent_b, step.face_id_b, steps)
+    return problems
+
+
+def _root(step: Step | None) -> tuple[Step, ...]:
+    """The root that this step may be: a plate where it names one, else the Starting Block."""
+    is_plate = step is not None and plate_of(step.type) is not None
+    return (replace(ROOT, type=step.type),) if step is not None and is_plate else (ROOT,)
+
+
+def _start_problems(steps: Sequence[Step | None], begin: tuple[Step, ...]) -> list[Problem]:
+    """Where the steps do not begin as they must."""
+    if begin == (ROOT,):
+        if steps[0] is None or steps[0] == ROOT:
+            return []
+        message = "the first block must be the Starting Block: type 0, id 0, parent -1, face_id -1"
+        return [Problem("root", (0,), message)]
+    problems = []
+    for index, wanted in enumerate(begin):
+        if index >= len(steps) or steps[index] not in (None, wanted):
+            text = json.dumps(wanted.to_json())
+            message = f"block {index} is given and must be repeated unchanged: {text}"
+            problems.append(Problem("given_altered", (index,), message))
+    return problems
+
+
+def _wrong_id(step: Step, index: int) -> Problem:
+    message = (
+        f"item {index} of the list has id {shown(step.id)}; ids count 0, 1, 2, ... in list "
+        f"order, so it must be {index}"
+    )
+    return Problem("id_sequence", (index,), message)
+
+
+def _end_problems(
+    index: int, parent: int, face_id: int, steps: Sequence[Step | None]
+) -> list[Problem]:
+    """What is wrong with one attachment of a block that is not the root."""
+    if not 0 <= parent < len(steps):
+        message = f"parent {shown(parent)} does not exist; the blocks are 0 to {len(steps) - 1}"
+        return [Problem("parent_not_found", (index,), f"block {index}: {message}")]
+    if parent >= index:
+        message = f"block {index}: parent {parent} is not earlier in the list than block {index}"
+        return [Problem("parent_not_earlier", (index,), message)]
+    carrier = steps[parent]
+    fault = face_fault(parent, carrier.type, face_id) if carrier is not None else None
+    return [Problem("face_not_found", (index,), f"block {index}: {fault}")] if fault else []

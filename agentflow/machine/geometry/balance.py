@@ -1,0 +1,117 @@
+"""Owns weight and footing: mass, centre of mass, support polygon, whether a machine stands.
+
+What it says holds at rest on flat ground; what happens in motion is the environment's. Exact:
+masses are whole multiples of 0.05 kg, coordinates of 0.025 m (centres).
+"""
+
+from __future__ import annotations
+
+from agentflow.machine.blocks.library import BOULDER, library
+from agentflow.machine.geometry.placement import Geometry
+from agentflow.machine.geometry.pose import UNITS, Placed
+
+Point = tuple[int, int]
+"""(x, z) in half units, 0.025 m."""
+
+HALF_UNITS = 2 * UNITS
+"""Half units per metre."""
+
+_ROUND = frozenset({"Wheel", "Gear"})
+
+
+def mass(geometry: Geometry) -> float:
+    """Mass of all blocks in kg."""
+    return _weights(geometry)[1] / UNITS
+
+
+def centre_of_mass(geometry: Geometry) -> tuple[float, float, float]:
+    """Mean of the blocks' centres by mass, machine frame, metres."""
+    (x, y, z), total = _weights(geometry)
+    scale = HALF_UNITS * total
+    return (x / scale, y / scale, z / scale)
+
+
+def moments(geometry: Geometry) -> tuple[tuple[int, int, int], int]:
+    """Centre of mass as exact fractions of metres: x, y, z numerators and their denominator."""
+    sums, total = _weights(geometry)
+    return sums, HALF_UNITS * total
+
+
+def support_polygon(geometry: Geometry) -> tuple[tuple[float, float], ...]:
+    """Corners (x, z) in metres of the convex hull of what touches the ground.
+
+    The ground is where the machine's lowest corner is. Boxes stand on their bottom corners;
+    wheels and cogs with a level axis on the line below it, lying ones on their rim; a boulder on
+    one point. Counterclockwise seen with x to the right and z up; one or two corners where the
+    machine stands on a point or a line.
+    """
+    return tuple((x / HALF_UNITS, z / HALF_UNITS) for x, z in _hull(geometry))
+
+
+def stands(geometry: Geometry) -> bool:
+    """Whether the centre of mass lies over the support polygon, its edge included."""
+    (x, _, z), total = _weights(geometry)
+    hull = _hull(geometry)
+    corners = [(total * u, total * v) for u, v in hull]
+    inside_span = all(
+        min(values) <= value <= max(values)
+        for value, values in ((x, [u for u, _ in corners]), (z, [v for _, v in corners]))
+    )
+    edges = zip(corners, [*corners[1:], corners[0]], strict=True)
+    sides = [_turn(start, end, (x, z)) for start, end in edges]
+    return inside_span and all(side >= 0 for side in sides)
+
+
+def on_ground(geometry: Geometry, placed: Placed) -> bool:
+    """Whether a block's lowest corner is less than 0.05 m above the machine's lowest."""
+    return placed.shape is not None and placed.lo[1] == geometry.lo[1]
+
+
+def _weights(geometry: Geometry) -> tuple[tuple[int, int, int], int]:
+    """Sums of centre times mass along x, y, z in half units, and the mass; 0.05 kg each."""
+    x = y = z = total = 0
+    for placed in geometry.blocks:
+        weight = round(library()[placed.type].mass * UNITS)
+        lo, hi = placed.lo, placed.hi
+        x += weight * (lo[0] + hi[0])
+        y += weight * (lo[1] + hi[1])
+        z += weight * (lo[2] + hi[2])
+        total += weight
+    return (x, y, z), total
+
+
+def _footprint(placed: Placed) -> list[Point]:
+    (x0, _, z0), (x1, _, z1) = placed.lo, placed.hi
+    x, z = x0 + x1, z0 + z1
+    block = library()[placed.type]
+    if placed.type == BOULDER:
+        return [(x, z)]
+    if block.rotation_axis and block.category in _ROUND:
+        along_x, along_z = [(2 * x0, z), (2 * x1, z)], [(x, 2 * z0), (x, 2 * z1)]
+        axis = placed.facing[0]
+        return along_x if axis == "x" else along_z if axis == "z" else along_x + along_z
+    return [(2 * u, 2 * v) for u in (x0, x1) for v in (z0, z1)]
+
+
+def _hull(geometry: Geometry) -> list[Point]:
+    """Corners of the convex hull of all footprints on the ground, counterclockwise."""
+    touching = [placed for placed in geometry.blocks if on_ground(geometry, placed)]
+    points = sorted({point for placed in touching for point in _footprint(placed)})
+    if len(points) < 3:
+        return points
+    lower, upper = _chain(points), _chain(points[::-1])
+    return lower[:-1] + upper[:-1]
+
+
+def _chain(points: list[Point]) -> list[Point]:
+    chain: list[Point] = []
+    for point in points:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 0:
+            chain.pop()
+        chain.append(point)
+    return chain
+
+
+def _turn(a: Point, b: Point, c: Point) -> int:
+    """Positive when a, b, c turn left, with x to the right and z up."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -1,0 +1,243 @@
+"""Owns where blocks are: poses, boxes, free faces and closed loops that follow from a tree.
+
+Judging what it finds is validity.py's. Exact: all arithmetic is on integers, in units of 0.05 m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+from agentflow.machine.blocks.library import CONTAINER, library
+from agentflow.machine.blocks.types import Vec3
+from agentflow.machine.geometry.pose import (
+    FACINGS,
+    UNITS,
+    Facing,
+    Placed,
+    PlacedFace,
+    Units3,
+    add,
+    shape,
+    to_metres,
+)
+from agentflow.machine.tree import Machine, Step
+
+__all__ = [
+    "FACINGS",
+    "UNITS",
+    "AutoConnection",
+    "Facing",
+    "Geometry",
+    "Placed",
+    "PlacedFace",
+    "overlap_of",
+    "overlapping",
+    "place",
+    "place_step",
+    "place_steps",
+]
+
+
+class AutoConnection(NamedTuple):
+    """A closed loop: the front face of a block that meets a face of a block it does not hang on."""
+
+    block: int
+    face_id: int
+    """Always 0, its front."""
+    partner: int
+    partner_face: int
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Where everything is. Machine frame: left-handed, x right, y up, z forward, metres."""
+
+    blocks: tuple[Placed, ...]
+    """By block id; ids have gaps only while an edit script is at work."""
+
+    def __getitem__(self, block_id: int) -> Placed:
+        return self._by_id[block_id]
+
+    def children(self, block_id: int) -> tuple[int, ...]:
+        """Ids of the standard blocks on the block's faces, ascending."""
+        return tuple(child for child, _ in self._children[block_id])
+
+    def children_by_face(self, block_id: int) -> tuple[tuple[int, int], ...]:
+        """(face id, child id) of the standard blocks on the block's faces, by child id."""
+        return tuple((face, child) for child, face in self._children[block_id])
+
+    def carried(self, block_id: int) -> tuple[int, ...]:
+        """Ids of the two-ended blocks with an end on the block, ascending."""
+        return tuple(
+            placed.id
+            for placed in self.blocks
+            if placed.two_ended and block_id in placed.step.parents
+        )
+
+    def free_faces(self, block_id: int) -> tuple[int, ...]:
+        """Ids of the faces that carry no standard block, ascending."""
+        taken = {face for _, face in self._children[block_id]}
+        faces = library()[self[block_id].type].open_faces
+        return tuple(face for face in faces if face not in taken)
+
+    @property
+    def lo(self) -> Units3:
+        """Lowest x, y, z of all boxes, in units."""
+        return self._bounds[0]
+
+    @property
+    def hi(self) -> Units3:
+        """Highest x, y, z of all boxes, in units."""
+        return self._bounds[1]
+
+    @property
+    def box_min(self) -> Vec3:
+        """Lowest x, y, z of all boxes; two-ended blocks do not count."""
+        return to_metres(self.lo)
+
+    @property
+    def box_max(self) -> Vec3:
+        """Highest x, y, z of all boxes; two-ended blocks do not count."""
+        return to_metres(self.hi)
+
+    @property
+    def size(self) -> Vec3:
+        """Extent of the union of all boxes along x, y, z."""
+        lo, hi = self._bounds
+        return to_metres((hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]))
+
+    @cached_property
+    def overlaps(self) -> tuple[tuple[int, int], ...]:
+        """Id pairs whose boxes intersect, lower id first, sorted; see `overlapping`."""
+        return tuple(overlapping(self.blocks))
+
+    @cached_property
+    def auto_connections(self) -> tuple[AutoConnection, ...]:
+        """Closed loops (spec 1.2), sorted; two fronts that meet are one loop."""
+        meeting: dict[tuple[Units3, Units3], list[tuple[int, int]]] = {}
+        for placed in self.blocks:
+            for face in placed.shape.faces if placed.shape else ():
+                key = (add(placed.at, face.offset), face.facing.front)
+                meeting.setdefault(key, []).append((placed.id, face.id))
+        found: set[AutoConnection] = set()
+        for placed in self.blocks:
+            if placed.shape is None or not placed.shape.faces or not _grips(placed.type):
+                continue
+            front = placed.shape.faces[0]
+            x, y, z = front.facing.front
+            for partner, face_id in meeting.get((add(placed.at, front.offset), (-x, -y, -z)), ()):
+                other = self[partner].step
+                if other.parent == placed.id or placed.step.parent == partner:
+                    continue
+                if AutoConnection(partner, face_id, placed.id, 0) not in found:
+                    found.add(AutoConnection(placed.id, 0, partner, face_id))
+        return tuple(sorted(found))
+
+    def to_json(self) -> list[dict[str, object]]:
+        """All blocks as JSON data (spec 1.12, `blocks`)."""
+        return [placed.to_json() for placed in self.blocks]
+
+    @cached_property
+    def _by_id(self) -> dict[int, Placed]:
+        return {placed.id: placed for placed in self.blocks}
+
+    @cached_property
+    def _children(self) -> dict[int, list[tuple[int, int]]]:
+        children: dict[int, list[tuple[int, int]]] = {placed.id: [] for placed in self.blocks}
+        for placed in self.blocks:
+            if not placed.two_ended and placed.step.parent >= 0:
+                children[placed.step.parent].append((placed.id, placed.step.face_id))
+        return children
+
+    @cached_property
+    def _bounds(self) -> tuple[Units3, Units3]:
+        return bounds(self.blocks)
+
+
+def _grips(block_type: int) -> bool:
+    """Whether the front of this type connects by itself: rigid and powered blocks do."""
+    block = library()[block_type]
+    return not block.non_stable or block.non_static
+
+
+def place(machine: Machine) -> Geometry:
+    """Work out where every block of a file-valid machine is (spec 1.2)."""
+    return Geometry(tuple(place_steps(machine.steps).values()))
+
+
+def place_steps(steps: Iterable[Step]) -> dict[int, Placed]:
+    """Place steps by id; ids may have gaps, parents come before children and have the faces."""
+    placed: dict[int, Placed] = {}
+    for step in steps:
+        placed[step.id] = place_step(step, placed)
+    return placed
+
+
+def place_step(step: Step, placed: Mapping[int, Placed]) -> Placed:
+    """Place one step on blocks that are placed already."""
+    if step.parent_b is not None and step.face_id_b is not None:
+        a = _face_at(placed[step.parent], step.face_id)
+        b = _face_at(placed[step.parent_b], step.face_id_b)
+        lo = (min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2]))
+        hi = (max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2]))
+        return Placed(step, a, lo, hi, None, b)
+    if step.parent < 0:
+        x, y, z = 0, 0, 0
+        turned = shape(step.type, "z+")
+    else:
+        parent = placed[step.parent]
+        assert parent.shape is not None
+        _, (dx, dy, dz), facing = parent.shape.faces[step.face_id]
+        x, y, z = parent.at
+        x, y, z = x + dx, y + dy, z + dz
+        turned = shape(step.type, facing.name)
+    _, (x0, y0, z0), (x1, y1, z1), _ = turned
+    return Placed(step, (x, y, z), (x + x0, y + y0, z + z0), (x + x1, y + y1, z + z1), turned)
+
+
+def _face_at(parent: Placed, face_id: int) -> Units3:
+    assert parent.shape is not None
+    return add(parent.at, parent.shape.faces[face_id].offset)
+
+
+def bounds(blocks: Iterable[Placed]) -> tuple[Units3, Units3]:
+    """Lowest and highest corner of the union of all boxes, in units; two-ended blocks have none."""
+    boxes = [(lo, hi) for _, _, lo, hi, turned, _ in blocks if turned is not None]
+    x0, y0, z0 = (min(lo[axis] for lo, _ in boxes) for axis in range(3))
+    x1, y1, z1 = (max(hi[axis] for _, hi in boxes) for axis in range(3))
+    return (x0, y0, z0), (x1, y1, z1)
+
+
+def overlapping(blocks: Iterable[Placed]) -> list[tuple[int, int]]:
+    """Id pairs of standard blocks whose boxes intersect, lower id first, sorted (spec 1.5).
+
+    Touching is legal, and so is a container with its direct child. Boxes differ by whole units,
+    so any intersection is far more than the 0.001 m that the rule allows.
+    """
+    boxes = [
+        (*lo, *hi, step.id, step.parent, step.type == CONTAINER)
+        for step, _, lo, hi, turned, _ in blocks
+        if turned is not None
+    ]
+    boxes.sort()
+    pairs = []
+    for i, (_, y0, z0, x1, y1, z1, a, parent_a, holds_a) in enumerate(boxes, 1):
+        for j in range(i, len(boxes)):
+            u0, v0, w0, _, v1, w1, b, parent_b, holds_b = boxes[j]
+            if u0 >= x1:
+                break
+            if v0 < y1 and y0 < v1 and w0 < z1 and z0 < w1:
+                if (holds_a and parent_b == a) or (holds_b and parent_a == b):
+                    continue
+                pairs.append((a, b) if a < b else (b, a))
+    pairs.sort()
+    return pairs
+
+
+def overlap_of(a: Placed, b: Placed) -> Vec3:
+    """Extent of the intersection of two boxes along x, y, z; negative where they are apart."""
+    x, y, z = (min(a.hi[axis], b.hi[axis]) - max(a.lo[axis], b.lo[axis]) for axis in range(3))
+    return to_metres((x, y, z))

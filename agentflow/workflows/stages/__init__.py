@@ -1,0 +1,1 @@
+"""The stages that workflows are made of."""

@@ -1,0 +1,206 @@
+"""Owns the feedback loop: each trajectory's own search, its nodes fed by simulation and querier.
+
+How the tree grows is agentflow.search's; a node is a machine with the feedback that one
+querier-refiner interaction gave it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from agentflow.agents.history import Entry, History
+from agentflow.agents.meta_designer import Blueprint
+from agentflow.agents.querier import Querier, QuerierInput
+from agentflow.agents.refiner import Refiner, RefinerInput
+from agentflow.errors import BudgetSpentError
+from agentflow.machine.tree import Machine
+from agentflow.search.concurrency import together
+from agentflow.search.node import Attempt, Evaluation, Found, Node
+from agentflow.search.registry import strategy
+from agentflow.workflows.base import Candidate, First, StageName, Trial
+from agentflow.workflows.context import Bench
+from agentflow.workflows.stages.search_record import SearchRecord
+from agentflow.workflows.stages.shared import edit_of, failure_of, first_of
+
+STAGE: StageName = "env_feedback"
+
+
+@dataclass(frozen=True)
+class Version:
+    """A machine in a search, and how it came about; equal to any version of the same machine."""
+
+    machine: Machine
+    edit: Entry | None = field(default=None, compare=False)
+    """The refinement that made it, its score after still open."""
+    history: History = field(default=History(), compare=False)
+    """What led to the machine that was refined."""
+    label: str = field(default="", compare=False)
+    """Of the attempt that made it; tells versions of the same machine apart."""
+
+
+async def feedback_loop(
+    bench: Bench, candidate: Candidate, blueprint: Blueprint | None, *, desk: str = ""
+) -> Candidate:
+    """Let a trajectory search from its machine; yields its tree's best machine.
+
+    Args:
+        bench: The run.
+        candidate: A valid, simulated machine.
+        blueprint: The plan it was built to.
+        desk: Whose model and sampling refines, if not the refiner's own.
+    """
+    numbers = bench.settings.search
+    assert candidate.machine is not None
+    assert candidate.evaluation is not None
+    name = f"traj-{candidate.trajectory}"
+    trajectory = Trajectory(bench, name, blueprint, desk)
+    notes = SearchRecord(bench.record, f"{STAGE}/{name}")
+    found = await strategy(numbers.strategy)(
+        Version(candidate.machine, candidate.edit),
+        candidate.evaluation,
+        trajectory.expand,
+        trajectory.evaluate,
+        numbers,
+        notes,
+    )
+    notes.found(found)
+    return _harvest(candidate, found, trajectory.first)
+
+
+class Trajectory:
+    """What the search of one trajectory needs: how to expand a node and how to try a version."""
+
+    def __init__(self, bench: Bench, name: str, blueprint: Blueprint | None, desk: str) -> None:
+        """For the trajectory of that name ("traj-3"), refined at the desk."""
+        self.first = First()
+        """What the first attempt of the search came to."""
+        self._bench, self._name, self._blueprint, self._desk = bench, name, blueprint, desk
+        self._queried: dict[int, str] = {}
+        """Node id -> answers to its querier: one interaction per node."""
+        self._tried: dict[str, list[Attempt[Version]]] = {}
+        """Label of a version -> refinements of it, of all its expansions."""
+        self._scores: dict[Machine, float | None] = {}
+        """Of every machine that was simulated."""
+        self._history = History()
+        """Of the node under expansion."""
+        self._views: tuple[str, ...] = ()
+        """Pictures of its machine."""
+
+    async def evaluate(self, version: Version, label: str) -> Evaluation:
+        """Simulate a version."""
+        found = await self._bench.evaluate(version.machine, STAGE, f"{self._name}/{label}")
+        self._scores[version.machine] = found.score
+        return found
+
+    async def expand(
+        self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
+    ) -> list[Attempt[Version]]:
+        """One wave of refiners on a node, told what became of the earlier waves.
+
+        Raises:
+            BudgetSpentError: The budget ran out before any of them answered.
+        """
+        self._scores[node.candidate.machine] = node.evaluation.score
+        if not earlier:
+            self._history = self._history_of(node)
+            self._views = await self._bench.views(node.candidate.machine)
+            if self._bench.settings.asks_querier and node.id not in self._queried:
+                self._queried[node.id] = await self._inquire(node)
+        given = self._given(node, earlier)
+        answers = await together(self._refine(node, given, label) for label in labels)
+        attempts = [answer for answer in answers if answer is not None]
+        if not attempts:
+            raise self._bench.spent or BudgetSpentError("the budget has run out")
+        self._tried.setdefault(node.candidate.label, []).extend(attempts)
+        return attempts
+
+    async def _refine(
+        self, node: Node[Version], given: RefinerInput, label: str
+    ) -> Attempt[Version] | None:
+        full = f"refiner/feedback/{self._name}/{label}"
+        outcome = await self._bench.ask(
+            Refiner(), given, full, stage=STAGE, desk=self._desk, once=True
+        )
+        if outcome is None:
+            return None
+        if label == "round-1/node-0/try-1":
+            self.first = first_of(outcome)
+        if outcome.output is None:
+            return Attempt(label, None, failure_of(outcome))
+        edit = edit_of(outcome.output, node.evaluation.score)
+        version = Version(outcome.output.machine, edit, self._history, label)
+        return Attempt(label, version, edit.script)
+
+    def _given(self, node: Node[Version], earlier: Sequence[Attempt[Version]]) -> RefinerInput:
+        settings = self._bench.settings
+        return RefinerInput(
+            brief=self._bench.brief,
+            machine=node.candidate.machine,
+            blueprint=self._blueprint,
+            history=self._history if settings.history else History(),
+            score=node.evaluation.score,
+            feedback="" if settings.feedback == "score_only" else _feedback(node),
+            queried=self._queried.get(node.id, ""),
+            earlier=tuple(_verdict(attempt) for attempt in earlier),
+            spatial=settings.spatial,
+            format=settings.refinement,
+            representation=settings.representation,
+            images=self._views,
+        )
+
+    def _history_of(self, node: Node[Version]) -> History:
+        """What was tried on the way to the node, and what was tried at it before."""
+        version, score = node.candidate, node.evaluation.score
+        history = version.history
+        if version.edit is not None:
+            history = history.add(replace(version.edit, after=score))
+        for attempt in self._tried.get(version.label, ()):
+            child = attempt.candidate
+            if child is None:
+                history = history.add(Entry("", "Error", attempt.note, before=score))
+            elif child.edit is not None:
+                after = self._scores[child.machine]
+                history = history.add(replace(child.edit, after=after))
+        return history
+
+    async def _inquire(self, node: Node[Version]) -> str:
+        """Ask the querier about a node; "" when it gives or asks nothing."""
+        bench, machine = self._bench, node.candidate.machine
+        given = QuerierInput(
+            brief=bench.brief,
+            machine=machine,
+            score=node.evaluation.score,
+            feedback=_feedback(node),
+            spatial=bench.settings.spatial,
+            representation=bench.settings.representation,
+        )
+        label = f"querier/{self._name}/node-{node.id}"
+        outcome = await bench.ask(Querier(), given, label, stage=STAGE)
+        if outcome is None or outcome.output is None or not outcome.output.queries:
+            return ""
+        return await bench.query(machine, outcome.output.queries, label)
+
+
+def _verdict(attempt: Attempt[Version]) -> str:
+    """What later attempts of the same expansion are told of this one."""
+    if attempt.candidate is None:
+        return attempt.note
+    return f"{attempt.note}\n(accepted: make another change than this one)"
+
+
+def _feedback(node: Node[Version]) -> str:
+    trial: Trial = node.evaluation.details
+    return trial.feedback
+
+
+def _harvest(start: Candidate, found: Found[Version], first: First) -> Candidate:
+    best = found.nodes[found.best]
+    return Candidate(
+        start.trajectory,
+        best.candidate.machine,
+        best.evaluation,
+        first=first,
+        edit=best.candidate.edit,
+        tally=found.tally,
+    )

@@ -1,0 +1,61 @@
+"""Owns what follows the first machines in the iterative and the hierarchical workflow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from agentflow.agents.meta_designer import Blueprint
+from agentflow.search.concurrency import together
+from agentflow.workflows.base import Candidate, WorkflowResult
+from agentflow.workflows.context import Bench
+from agentflow.workflows.stages.feedback import STAGE, feedback_loop
+from agentflow.workflows.stages.shared import BLIND, INITIAL, refined_blindly, tried
+
+
+async def refined(
+    bench: Bench, designed: Sequence[Candidate], blueprint: Blueprint | None
+) -> WorkflowResult:
+    """Inspector and blind refinement, then the feedback loop; ends early with what there is.
+
+    No trajectory waits for another: one may search while the first machine of another is still
+    simulated. What a trajectory does depends on its own answers alone, also on a spent budget.
+
+    Args:
+        bench: The run, in its first stage.
+        designed: The machines of that stage, not simulated yet.
+        blueprint: The plan that the machines were built to.
+    """
+    over = bench.spent is not None
+    initial: list[Candidate] = []
+    blind: list[Candidate] = []
+
+    def close() -> None:
+        """Close the stages to which nothing more can come."""
+        if len(initial) < len(designed):
+            return
+        if not bench.ended(INITIAL):
+            bench.end(INITIAL, initial)
+        whole = blind and len(blind) == sum(candidate.valid for candidate in initial)
+        if whole and not bench.ended(BLIND):
+            bench.end(BLIND, blind)
+
+    async def follow(design: Candidate) -> Candidate | None:
+        (candidate,) = await tried(bench, INITIAL, [design])
+        initial.append(candidate)
+        close()
+        if over or not candidate.valid:
+            return None
+        bench.begin(BLIND)
+        better = await refined_blindly(bench, candidate, blueprint)
+        blind.append(better)
+        close()
+        if not better.valid or not bench.settings.search.rounds:
+            return None
+        bench.begin(STAGE)
+        return await feedback_loop(bench, better, blueprint)
+
+    searched = await together(follow(design) for design in designed)
+    found = [candidate for candidate in searched if candidate is not None]
+    if found:
+        bench.end(STAGE, found)
+    return bench.result()

@@ -1,0 +1,143 @@
+"""Owns the stages that workflows share: whole-machine designs, criticism, blind refinement.
+
+Building by structure is hierarchical.py's; the feedback loop is feedback.py's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from agentflow.agents.base import Outcome
+from agentflow.agents.designer import Designer, DesignerInput
+from agentflow.agents.history import Entry
+from agentflow.agents.inspector import Inspector, InspectorInput
+from agentflow.agents.meta_designer import Blueprint
+from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
+from agentflow.machine.validity import check
+from agentflow.search.concurrency import together
+from agentflow.workflows.base import Candidate, First, StageName
+from agentflow.workflows.context import Bench
+
+INITIAL: StageName = "initial"
+BLIND: StageName = "blind_refinement"
+UNANSWERED = "the budget ran out before an answer"
+
+
+def first_of(outcome: Outcome[Any] | None) -> First:
+    """What the first attempt of a question came to."""
+    if outcome is None or not outcome.attempts:
+        return First()
+    parsed = outcome.attempts[0].parsed
+    return First(parsed.parsed, parsed.spatial is True, parsed.output is not None)
+
+
+def failure_of(outcome: Outcome[Any] | None) -> str:
+    """Why a question gave no output: the problem of its last attempt."""
+    if outcome is None:
+        return UNANSWERED
+    return outcome.attempts[-1].parsed.problem if outcome.attempts else "no attempt was allowed"
+
+
+async def whole_machines(bench: Bench) -> list[Candidate]:
+    """One designer per trajectory, each for a whole machine; not simulated yet."""
+
+    async def design(trajectory: int) -> Candidate:
+        given = DesignerInput(
+            bench.brief,
+            spatial=bench.settings.spatial,
+            representation=bench.settings.representation,
+            rationale=bench.settings.rationale(trajectory),
+        )
+        label = f"designer/traj-{trajectory}"
+        outcome = await bench.ask(Designer(), given, label, stage="initial")
+        first = first_of(outcome)
+        if outcome is None or outcome.output is None:
+            return Candidate(trajectory, first=first, reason=failure_of(outcome))
+        return Candidate(trajectory, outcome.output.machine, first=first)
+
+    every = range(1, bench.settings.trajectories + 1)
+    return await together(design(number) for number in every)
+
+
+async def tried(bench: Bench, stage: StageName, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Simulate the candidates that have a valid machine; say of the others why not."""
+
+    async def judge(candidate: Candidate) -> Candidate:
+        machine = candidate.machine
+        if machine is None:
+            return candidate
+        report = check(machine, bench.brief)
+        if not report.task_valid:
+            return replace(candidate, reason=candidate.reason or report.problems[0].message)
+        evaluation = await bench.evaluate(machine, stage, f"traj-{candidate.trajectory}")
+        reason = "" if evaluation.valid else "the simulation refused the machine"
+        return replace(candidate, evaluation=evaluation, reason=reason)
+
+    return await together(judge(candidate) for candidate in candidates)
+
+
+async def refined_blindly(
+    bench: Bench, candidate: Candidate, blueprint: Blueprint | None
+) -> Candidate:
+    """Criticise a machine, refine it once without having seen a simulation, simulate it.
+
+    A trajectory whose refiner gives nothing valid within its retries ends here (spec 5.2).
+    """
+    critique = await _critique(bench, candidate, blueprint)
+    assert candidate.machine is not None
+    given = RefinerInput(
+        brief=bench.brief,
+        machine=candidate.machine,
+        blueprint=blueprint,
+        critique=critique,
+        spatial=bench.settings.spatial,
+        format=bench.settings.refinement,
+        representation=bench.settings.representation,
+        images=await bench.views(candidate.machine),
+    )
+    label = f"refiner/blind/traj-{candidate.trajectory}"
+    outcome = await bench.ask(Refiner(), given, label, stage=BLIND)
+    first = first_of(outcome)
+    if outcome is None or outcome.output is None:
+        return Candidate(candidate.trajectory, first=first, reason=failure_of(outcome))
+    edit = edit_of(outcome.output, candidate.score)
+    made = Candidate(candidate.trajectory, outcome.output.machine, first=first, edit=edit)
+    return (await tried(bench, BLIND, [made]))[0]
+
+
+def edit_of(refinement: Refinement, before: float | None) -> Entry:
+    """A refinement as an entry of the edit history, its own score still unknown."""
+    return Entry(refinement.script or refinement.description, "Success", before=before)
+
+
+async def _critique(bench: Bench, candidate: Candidate, blueprint: Blueprint | None) -> str:
+    """The inspector's report; "" when it is switched off or gives none."""
+    if not bench.settings.inspector or candidate.machine is None:
+        return ""
+    given = InspectorInput(
+        bench.brief,
+        candidate.machine,
+        blueprint,
+        groups=candidate.groups,
+        spatial=bench.settings.spatial,
+        representation=bench.settings.representation,
+    )
+    label = f"inspector/traj-{candidate.trajectory}"
+    outcome = await bench.ask(Inspector(), given, label, stage=BLIND)
+    if outcome is None or outcome.output is None:
+        return ""
+    found = outcome.output
+    bench.record.event(
+        "inspection",
+        label,
+        machine=candidate.machine.digest,
+        world_score=found.world_score,
+        world=found.world,
+        defects=[
+            {"blocks": list(d.blocks), "structure": d.structure, "text": d.text}
+            for d in found.defects
+        ],
+    )
+    return found.text

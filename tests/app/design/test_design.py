@@ -1,0 +1,295 @@
+"""The main job from end to end: real prompts, real text, real physics, real files."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from agentflow.app.design.design import design, resume
+from agentflow.app.design.models import configured
+from agentflow.app.design.replay import replay
+from agentflow.cli import main
+from agentflow.config.run import build, load
+from agentflow.errors import RunError
+from agentflow.runs import read_events, read_result
+from agentflow.runs.document import document_text
+
+ROOT = Path(__file__).parents[3]
+SMALL = ROOT / "configs" / "small.yaml"
+
+
+def ignore(_line: str) -> None:
+    """Takes a remark for the user."""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small run with the procedural model."""
+    out = tmp_path_factory.mktemp("runs")
+    return Path(design(build(load(SMALL)), out, ignore)["run"])
+
+
+@pytest.mark.slow
+def test_a_run_holds_everything_that_the_record_promises(run: Path) -> None:
+    result = read_result(run)
+    document = yaml.safe_load((run / "run.yaml").read_text())
+    assert document["config"]["settings"]["trajectories"] == 2
+    digests = {len(document[key]) for key in ("prompts", "demands", "constants")}
+    assert digests == {16}
+    calls = [json.loads(line) for line in (run / "calls.jsonl").read_text().splitlines()]
+    assert result["calls"] == len(calls)
+    assert {call["request"]["role"] for call in calls} == {
+        "meta_designer",
+        "designer",
+        "inspector",
+        "querier",
+        "refiner",
+    }
+    assert [stage["name"] for stage in result["stages"]] == [
+        "initial",
+        "blind_refinement",
+        "env_feedback",
+    ]
+    assert result["model"] == "procedural (no language model)"
+    assert result["valid"] is True
+    kept = {path.stem for path in (run / "machines").iterdir()}
+    tried = {e.data["machine"] for e in read_events(run) if e.kind == "evaluation"}
+    assert tried <= kept
+    assert {path.stem for path in (run / "rollouts").iterdir()} <= tried
+    assert list((run / "rollouts").iterdir())
+
+
+@pytest.mark.slow
+def test_the_best_machine_scores_again_what_the_run_says(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = read_result(run)
+    (tmp_path / "best.json").write_text(json.dumps(result["machine"]))
+    assert main(["simulate", str(tmp_path / "best.json"), "--task", "throwing", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["score"] == result["score"]
+
+
+@pytest.mark.slow
+def test_a_replay_is_identical(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["replay", str(run)]) == 0
+    assert capsys.readouterr().out == "identical\n"
+
+
+@pytest.mark.slow
+def test_a_replay_finds_the_first_difference(run: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    subprocess.run(["cp", "-r", str(run), str(other)], check=True)
+    lines = (other / "events.jsonl").read_text().splitlines(keepends=True)
+    at, line = next((i, item) for i, item in enumerate(lines) if '"evaluation"' in item)
+    event = json.loads(line)
+    event["data"]["score"] = 1234.5
+    lines[at] = json.dumps(event) + "\n"
+    (other / "events.jsonl").write_text("".join(lines))
+    assert (replay(other, ignore) or "").startswith(
+        f"evaluation {event['label']}: score was 1234.5, is now "
+    )
+
+
+@pytest.mark.slow
+def test_a_finished_run_resumes_to_its_result(run: Path) -> None:
+    assert resume(run, ignore) == read_result(run)
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_result_and_another_does_not(
+    run: Path, tmp_path: Path
+) -> None:
+    config = build(load(SMALL))
+    again = design(config, tmp_path, ignore)
+    first = read_result(run)
+    volatile = {"seconds", "worker_seconds", "run"}
+    assert {k: again[k] for k in set(again) - volatile} == {
+        k: first[k] for k in set(first) - volatile
+    }
+    other = design(config.model_copy(update={"seed": 1}), tmp_path, ignore)
+    assert other["machine"] != first["machine"]
+
+
+@pytest.mark.parametrize("what", ["constants", "demands", "prompts"])
+@pytest.mark.slow
+def test_a_run_is_not_continued_under_other_conditions(
+    run: Path, tmp_path: Path, what: str
+) -> None:
+    other = tmp_path / "other"
+    subprocess.run(["cp", "-r", str(run), str(other)], check=True)
+    (other / "result.json").unlink()
+    document = yaml.safe_load((other / "run.yaml").read_text())
+    assert len(document[what]) == 16
+    (other / "run.yaml").write_text(document_text({**document, what: "0" * 16}))
+    with pytest.raises(RunError, match=f"was begun with other {what}: its record and"):
+        resume(other, ignore)
+
+
+def test_a_finished_run_that_is_not_ours_to_read_is_refused(run: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    subprocess.run(["cp", "-r", str(run), str(other)], check=True)
+    document = yaml.safe_load((other / "run.yaml").read_text())
+    (other / "run.yaml").write_text(document_text({**document, "schema": 2}))
+    with pytest.raises(RunError, match="has schema 2, this version reads 1"):
+        resume(other, ignore)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [1, 8, 15])
+def test_a_killed_run_resumes_to_the_same_result(run: Path, tmp_path: Path, after: int) -> None:
+    command = [sys.executable, "-c", "from agentflow.cli import main; main()", "design"]
+    process = subprocess.Popen(
+        [*command, "--config", str(SMALL), "--out", str(tmp_path), "--quiet"],
+        stdout=subprocess.DEVNULL,
+    )
+    deadline = time.monotonic() + 60
+    while _calls_in(tmp_path) < after and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    (killed,) = tmp_path.iterdir()
+    with pytest.raises(RunError, match="the run is unfinished"):
+        read_result(killed)
+    recorded = _calls_in(tmp_path)
+    result = resume(killed, ignore)
+    first = read_result(run)
+    for key in ("score", "machine", "stages", "calls", "rollouts"):
+        assert result[key] == first[key], key
+    assert recorded >= after
+    assert _calls_in(tmp_path) == first["calls"]
+    assert replay(killed, ignore) is None
+
+
+def _calls_in(out: Path) -> int:
+    return sum(path.read_bytes().count(b"\n") for path in out.glob("*/calls.jsonl"))
+
+
+@pytest.mark.slow
+def test_an_edited_record_is_told_of_and_set_right(run: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    subprocess.run(["cp", "-r", str(run), str(other)], check=True)
+    (other / "result.json").unlink()
+    text = (other / "events.jsonl").read_text()
+    event = next(e for e in read_events(run) if e.kind == "evaluation")
+    score = json.dumps(event.data["score"])
+    (other / "events.jsonl").write_text(text.replace(f'"score": {score}', '"score": 1234.5', 1))
+    edited = (other / "events.jsonl").read_bytes()
+    said: list[str] = []
+    assert resume(other, said.append)["score"] == read_result(run)["score"]
+    assert said == [
+        f"1 of the recorded events came out otherwise this time, first evaluation {event.label}: a "
+        "rollout had been cut off, a file edited, or agentflow has changed; both are kept, the "
+        "later one holds"
+    ]
+    assert (other / "events.jsonl").read_bytes().startswith(edited)
+    assert replay(other, ignore) is None
+
+
+@pytest.mark.slow
+def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", "import sys; from agentflow.cli import main; sys.exit(main())"]
+    process = subprocess.Popen(
+        [*command, "design", "--config", str(SMALL), "--out", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60
+    while _calls_in(tmp_path) < 3 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    (run,) = tmp_path.iterdir()
+    assert (process.returncode, out) == (130, "")
+    assert err.splitlines()[-1] == (
+        f"agentflow: interrupted; continue with: agentflow design --resume {run}"
+    )
+    assert resume(run, ignore)["valid"] is True
+
+
+@pytest.mark.slow
+def test_a_spent_budget_ends_a_run_cleanly_and_replays(tmp_path: Path) -> None:
+    config = configured(SMALL, ["model.budget.calls=9"], {})
+    result = design(config, tmp_path, ignore)
+    assert (result["stopped"], result["calls"]) == ("budget", 9)
+    assert replay(Path(result["run"]), ignore) is None
+
+
+@pytest.mark.slow
+def test_any_endpoint_takes_the_place_of_the_model(
+    stub_url: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-1234567890")
+    job = ["--task", "movement", "--workflow", "single", "--out", str(tmp_path)]
+    few = ["--set", "trajectories=1", "--set", "search.rounds=0"]
+    model = ["--model", "some-model", "--base-url", stub_url]
+    status = main(["design", *job, *few, *model, "--quiet", "--json"])
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
+    assert (status, result["model"], result["calls"]) == (0, "some-model", 1)
+    assert 40 <= result["score"] <= 50
+    written = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert not any(b"sk-secret" in path.read_bytes() for path in written)
+    assert {"best.png", "best.gif"} <= {path.name for path in written}
+
+
+@pytest.mark.slow
+def test_json_is_the_result_object_and_nothing_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["design", "--config", str(SMALL), "--out", str(tmp_path), "--json", "--quiet"]
+    assert main(arguments) == 0
+    captured = capsys.readouterr()
+    result = json.loads(captured.out)
+    assert captured.err == ""
+    wanted = {
+        "score",
+        "machine",
+        "valid",
+        "stages",
+        "model",
+        "calls",
+        "tokens",
+        "rollouts",
+        "seconds",
+        "run",
+    }
+    assert wanted <= set(result)
+    assert {"name", "valid", "mean", "max"} <= set(result["stages"][0])
+
+
+def test_an_endpoint_that_is_not_there_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    attempts = ["--set", "model.endpoint.retry.attempts=1"]
+    url = "http://127.0.0.1:9/v1"
+    assert main(["design", "--model", "m", "--base-url", url, *attempts, "--quiet"]) == 4
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith(f"agentflow: no answer from {url} ")
+    assert "check OPENAI_BASE_URL or --base-url" in captured.err
+    assert os.listdir(tmp_path) == []
+
+
+def test_an_unknown_model_is_named(
+    stub_url: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["design", "--model", "nonesuch", "--base-url", stub_url, "--quiet"]) == 4
+    assert "nonesuch" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == []

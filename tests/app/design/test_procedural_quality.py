@@ -1,0 +1,36 @@
+"""What the embedded model is worth, on real physics: the promise that the README makes of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from statistics import median
+
+import pytest
+
+from agentflow.app.design.design import design
+from agentflow.app.tasks import find_task
+from agentflow.config.run import build
+from agentflow.env.simulation.simulate import simulate
+from agentflow.machine import read_machine
+
+SEEDS = range(5)
+LEAST_MEDIAN = {"throwing": 5.0, "movement": 30.0}
+"""Metres."""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("name", sorted(LEAST_MEDIAN))
+def test_search_improves_on_the_first_designs_by_power_alone(name: str, tmp_path: Path) -> None:
+    task = find_task(name)
+    scores, improved = [], 0
+    for seed in SEEDS:
+        result = design(build({"task": name, "seed": seed}), tmp_path, lambda _line: None)
+        initial = next(stage for stage in result["stages"] if stage["name"] == "initial")
+        scores.append(result["score"])
+        improved += result["score"] > (initial["max"] or 0.0)
+        machine = read_machine(result["machine"], task.brief.blocks).machine
+        assert machine is not None
+        assert simulate(machine, task, power=False).score == pytest.approx(0.0, abs=0.01)
+    assert median(scores) >= LEAST_MEDIAN[name], scores
+    assert improved >= 4, scores

@@ -1,0 +1,61 @@
+"""Designing to the plans of another run, which may be gone afterwards."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from agentflow.app.design.design import design
+from agentflow.app.design.rationales import rationales_of
+from agentflow.app.design.replay import replay
+from agentflow.config.run import build
+from agentflow.errors import RunError
+from agentflow.runs import read_document
+
+TINY = {"workflow": "single", "settings": {"trajectories": 2, "search": {"rounds": 0}}}
+
+
+def ignore(_line: str) -> None:
+    """Takes a remark for the user."""
+
+
+@pytest.mark.slow
+def test_plans_are_followed_and_kept(tmp_path: Path) -> None:
+    first = Path(design(build(TINY), tmp_path, ignore)["run"])
+    plans = rationales_of(first)
+    assert len(plans) == 2
+    config = build({**TINY, "seed": 1, "rationale_from": str(first)})
+    second = Path(design(config, tmp_path, ignore)["run"])
+    assert read_document(second)["config"]["settings"]["rationales"] == list(plans)
+    for line in (second / "calls.jsonl").read_text().splitlines():
+        request = json.loads(line)["request"]
+        number = int(request["label"].split("traj-")[1].split("/")[0])
+        quoted = "\n".join(f"> {line}".rstrip() for line in plans[number - 1].splitlines())
+        assert f"## Rationale to follow\n{quoted}\n" in request["messages"][1]["text"]
+    shutil.rmtree(first)
+    assert replay(second, ignore) is None
+
+
+@pytest.mark.slow
+def test_the_plans_of_structures_follow_each_other(tmp_path: Path) -> None:
+    settings = {**TINY["settings"], "inspector": False}  # type: ignore[dict-item]
+    run = design(build({"workflow": "hierarchical", "settings": settings}), tmp_path, ignore)
+    plans = rationales_of(Path(run["run"]))
+    assert plans
+    assert all(len(plan.splitlines()) > 1 for plan in plans)
+
+
+def test_no_run_no_plans(tmp_path: Path) -> None:
+    with pytest.raises(RunError):
+        design(build({**TINY, "rationale_from": str(tmp_path / "gone")}), tmp_path, ignore)
+    nobody = design(
+        build({"workflow": "random-dsl", "workers": 1, "settings": {"rollouts": 1}}),
+        tmp_path,
+        ignore,
+    )
+    assert nobody["model"] == "none (random edits)"
+    with pytest.raises(RunError, match=r" holds no rationale: no design of it was accepted$"):
+        rationales_of(Path(nobody["run"]))

@@ -1,0 +1,82 @@
+"""What a resumed run says of a record that it did not repeat, and that it destroys nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from agentflow.app.design.conduct import Plan
+from agentflow.app.design.design import design, resume
+from agentflow.app.design.keeping import run_document
+from agentflow.app.design.remarks import REMARK, Remarks
+from agentflow.config.run import build
+from agentflow.errors import UnreachableError
+from agentflow.llm.messages import Request
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.runs import RunDirectory, read_events
+
+CONFIG = build({"task": "movement", "workflow": "single", "workers": 1})
+
+
+def unreachable(_request: Request) -> str:
+    raise UnreachableError("nobody answers")
+
+
+def test_every_difference_is_told_and_both_sides_are_kept(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "run", {})
+    Remarks(run, lambda _line: None).tell("waiting")
+    for label in ("initial", "edited", "added"):
+        run.event("stage", label, valid=1)
+    run.close()
+    with (run.path / "events.jsonl").open("a") as file:
+        file.write('{"kind')
+    recorded = (run.path / "events.jsonl").read_bytes()[: -len('{"kind')]
+
+    again = RunDirectory.resume(run.path)
+    again.event("stage", "initial", valid=1)
+    again.event("stage", "edited", valid=2)
+    said: list[str] = []
+    Remarks(again, said.append).tell_differences()
+    again.close()
+    why = "a rollout had been cut off, a file edited, or agentflow has changed"
+    assert said == [
+        f"{run.path / 'events.jsonl'}: dropped a half-written last line (6 bytes)",
+        f"1 of the recorded events came out otherwise this time, first stage edited: {why}; "
+        "both are kept, the later one holds",
+        f"1 of the recorded events did not happen this time, first stage added: {why}; "
+        "they are kept",
+    ]
+    assert (run.path / "events.jsonl").read_bytes().startswith(recorded)
+    told = [event.data["text"] for event in read_events(run.path) if event.kind == REMARK]
+    assert told == ["waiting", *said]
+
+
+def test_a_run_that_repeats_its_record_says_nothing(tmp_path: Path) -> None:
+    run = RunDirectory.create(tmp_path, "run", {})
+    said: list[str] = []
+    run.event("stage", "initial", valid=1)
+    Remarks(run, said.append).tell_differences()
+    run.close()
+    again = RunDirectory.resume(run.path)
+    again.event("stage", "initial", valid=1)
+    Remarks(again, said.append).tell_differences()
+    again.close()
+    assert said == []
+
+
+def test_without_an_answer_a_fresh_run_goes_and_a_resumed_one_stays(tmp_path: Path) -> None:
+    client = ScriptedClient(unreachable)
+    with pytest.raises(UnreachableError, match=r"^nobody answers$"):
+        design(CONFIG, tmp_path / "runs", lambda _line: None, client=client)
+    assert list(tmp_path.iterdir()) == []
+
+    run = RunDirectory.create(tmp_path, "run", run_document(Plan.of(CONFIG)))
+    run.save_machine("ab", "[]")
+    run.close()
+    with pytest.raises(UnreachableError) as caught:
+        resume(run.path, lambda _line: None, client=client)
+    assert str(caught.value) == (
+        f"nobody answers; continue with: agentflow design --resume {run.path}"
+    )
+    assert (run.path / "machines" / "ab.json").read_text() == "[]\n"

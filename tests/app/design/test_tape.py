@@ -1,0 +1,169 @@
+"""Whole runs on disk, whatever order their calls end in and whenever they are killed."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from agentflow.agents.base import Desk
+from agentflow.llm.build import wrap
+from agentflow.llm.client import Client
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.settings import LimitSettings
+from agentflow.llm.wrappers.budget import Budget
+from agentflow.llm.wrappers.limits import LimitedClient, Limiter
+from agentflow.llm.wrappers.record import ReplayClient
+from agentflow.llm.wrappers.tape import Tape
+from agentflow.runs import RunDirectory
+from agentflow.workflows.base import WorkflowResult
+from agentflow.workflows.registry import workflow
+from agentflow.workflows.settings import WorkflowSettings
+from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
+
+SETTINGS = WorkflowSettings.model_validate(
+    {"trajectories": 3, "search": {"rounds": 2, "width": 2, "waves": 2}}
+)
+Written = dict[str, bytes]
+
+
+def carry_out(folder: Path, chance: random.Random) -> tuple[WorkflowResult, RunDirectory, Tape]:
+    """A run on disk whose replies and rollouts take random times, so many at once."""
+    run = RunDirectory.create(folder, "run", {})
+    tape = Tape(run.tape, pytest.fail)
+    limits = LimitSettings(concurrent=chance.choice([1, 2, 5, 16, None]))
+    inner = LimitedClient(Delayed(ScriptedClient(Author(seed=4)), chance), Limiter(limits))
+    client = wrap(inner, tape=tape, budget=Budget())
+    return asyncio.run(conduct(client, run, Shelf(delays=chance))), run, tape
+
+
+async def conduct(client: Client, run: RunDirectory, shelf: Shelf) -> WorkflowResult:
+    desk = Desk(client, PROMPTS, max_retry=3)
+    return await workflow("hierarchical")(BRIEF, lambda _role: desk, shelf, SETTINGS, run, 0)
+
+
+def written(run: RunDirectory) -> Written:
+    """Every file of a run, lines in order of content and without timings."""
+    found = {}
+    for path in sorted(run.path.rglob("*")):
+        if path.suffix == ".jsonl":
+            items = [json.loads(line) for line in path.read_bytes().splitlines()]
+            for item in items:
+                item.pop("at", None)
+                item.get("reply", {}).pop("latency_s", None)
+            lines = sorted(json.dumps(item) for item in items)
+            found[str(path.relative_to(run.path))] = "\n".join(lines).encode()
+        elif path.is_file():
+            found[str(path.relative_to(run.path))] = path.read_bytes()
+    return found
+
+
+@pytest.mark.slow
+def test_fifty_orders_of_completion_give_one_run(tmp_path: Path) -> None:
+    runs, results, orders = [], [], set()
+    for seed in range(50):
+        folder = tmp_path / str(seed)
+        result, run, tape = carry_out(folder, random.Random(seed))
+        labels = [entry.request.label for entry in tape.entries()]
+        tape.close()
+        run.close()
+        runs.append(written(run))
+        results.append(result)
+        orders.add(tuple(labels))
+    assert all(result == results[0] for result in results)
+    for name in runs[0]:
+        assert len({files.get(name) for files in runs}) == 1, name
+    assert all(files.keys() == runs[0].keys() for files in runs)
+    assert len(orders) > 40, "hardly any order was another"
+    assert len(runs[0]["calls.jsonl"].splitlines()) > 40
+
+
+def test_a_replay_in_any_order_gives_the_recorded_run(tmp_path: Path) -> None:
+    result, run, tape = carry_out(tmp_path / "recorded", random.Random(1))
+    recorded = written(run)
+    run.close()
+    again = RunDirectory.create(tmp_path / "again", "run", {})
+    client = Delayed(ReplayClient(tape, "scripted"), random.Random(2))
+    assert asyncio.run(conduct(client, again, Shelf())) == result
+    tape.close()
+    again.close()
+    repeated = written(again)
+    assert repeated.pop("run.yaml") == recorded.pop("run.yaml")
+    recorded.pop("calls.jsonl")
+    assert repeated == recorded
+
+
+KILLED = """
+import asyncio, os, random, sys
+from pathlib import Path
+from agentflow.llm.wrappers.record import RecordingClient
+from agentflow.llm.messages import Request
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.wrappers.tape import Tape
+from tests.llm.helpers import ask
+
+CALLS = 2000
+
+class Slow(ScriptedClient):
+    async def complete(self, request: Request):
+        os.write(log, (request.label + "\\n").encode())
+        await asyncio.sleep(random.random() * 0.02)
+        return await super().complete(request)
+
+async def main(folder):
+    with Tape(folder / "calls.jsonl", print) as tape:
+        print("started", flush=True)
+        client = RecordingClient(Slow(lambda request: request.label * 300), tape)
+        numbers = iter(range(CALLS))
+        async def worker():
+            for number in numbers:
+                await client.complete(ask(label=f"a/{number}"))
+        await asyncio.gather(*[worker() for _ in range(8)])
+
+folder = Path(sys.argv[1])
+log = os.open(folder / sys.argv[2], os.O_WRONLY | os.O_APPEND | os.O_CREAT)
+asyncio.run(main(folder))
+"""
+
+
+@pytest.mark.slow
+def test_killed_thirty_times_no_recorded_call_is_asked_twice_and_none_is_lost(
+    tmp_path: Path,
+) -> None:
+    rng = random.Random(5)
+    path, recorded = tmp_path / "calls.jsonl", b""
+    command = [sys.executable, "-c", KILLED, str(tmp_path)]
+    killed_at_work = 0
+    for number in range(31):
+        with subprocess.Popen(
+            [*command, f"asked-{number}"], stdout=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None
+            assert "started" in process.stdout.read(100 if number == 30 else 8)
+            if number < 30:
+                enough = len(recorded) + rng.randrange(150_000)
+                while path.stat().st_size < enough and process.poll() is None:
+                    time.sleep(0.001)
+                process.kill()
+        known = {json.loads(line)["request"]["label"] for line in recorded.splitlines()}
+        asked = (tmp_path / f"asked-{number}").read_text().split()
+        assert len(asked) == len(set(asked))
+        assert not known & set(asked), "asked again although it was recorded"
+        now = path.read_bytes()
+        whole = now[: now.rindex(b"\n") + 1] if b"\n" in now else b""
+        assert whole.startswith(recorded), "lost although it was recorded"
+        killed_at_work += recorded != whole and process.returncode == -signal.SIGKILL
+        recorded = whole
+    assert process.returncode == 0
+    assert killed_at_work > 10
+    with Tape(path, pytest.fail, writable=False) as tape:
+        replies = {entry.request.label: entry.reply.text for entry in tape.entries()}
+        assert len(replies) == len(tape)
+    assert replies == {f"a/{i}": f"a/{i}" * 300 for i in range(2000)}

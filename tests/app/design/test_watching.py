@@ -1,0 +1,53 @@
+"""What listeners hear of calls under way."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from agentflow.app.design.models import Models
+from agentflow.app.design.watching import watched
+from agentflow.errors import UnreachableError
+from agentflow.llm.messages import Reply, Request
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.llm.wrappers.budget import Budget
+from agentflow.runs import Event
+from tests.llm.helpers import ask
+
+
+class Closing(ScriptedClient):
+    """A client that counts how often it is closed, and lets others in between."""
+
+    closed = 0
+
+    async def complete(self, request: Request) -> Reply:
+        await asyncio.sleep(0)
+        return await super().complete(request)
+
+    async def aclose(self) -> None:
+        self.closed += 1
+
+
+async def test_every_call_is_heard_of_twice() -> None:
+    client, heard = Closing(lambda request: request.label), []
+    models = watched(Models({"designer": client, "refiner": client}, {}), Budget(), heard.append)
+    assert models.name == "scripted"
+    designer, refiner = models.clients["designer"], models.clients["refiner"]
+    await asyncio.gather(designer.complete(ask(label="a")), refiner.complete(ask(label="b")))
+    counts = [event.data["under_way"] for event in heard]
+    assert counts == [1, 2, 1, 0]
+    assert heard[0] == Event("calls", "a", {"under_way": 1, "cost": 0.0})
+    await models.aclose()
+    assert client.closed == 1
+
+
+async def test_a_call_that_fails_is_under_way_no_more() -> None:
+    def fail(_request: Request) -> str:
+        raise UnreachableError("nothing answers")
+
+    heard: list[Event] = []
+    models = watched(Models({"designer": ScriptedClient(fail)}, {}), Budget(), heard.append)
+    with pytest.raises(UnreachableError):
+        await models.clients["designer"].complete(ask(label="a"))
+    assert [event.data["under_way"] for event in heard] == [1, 0]

@@ -1,0 +1,125 @@
+"""Films: a frame per sample, what is broken is red from then on, the path is dotted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from agentflow.env.drawing import film
+from agentflow.env.drawing.cameras import Camera
+from agentflow.env.drawing.film import save_film
+from agentflow.env.drawing.mp4 import save_mp4
+from agentflow.env.rollout import Broken, Rollout
+from agentflow.env.scene import Thing
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task
+from tests.env.drawing.mp4boxes import boxes_of
+from tests.env.machines import CAR
+
+SIZE = (120, 90)
+
+
+@cache
+def drive() -> tuple[Task, Rollout]:
+    task = get_task("movement", {"window": 1})
+    rollout = simulate(CAR, task, interval=0.2)
+    assert rollout.trace is not None
+    return task, rollout
+
+
+def reds(rollout: Rollout) -> list[int]:
+    """How many red pixels each frame has: at 0, 0.2, 0.4, 0.6, 0.8 and 1 s."""
+    assert rollout.trace is not None
+    counts = []
+    for frame in film._frames(CAR, drive()[0], rollout, rollout.trace, (320, 240)):
+        pixels = np.asarray(frame).astype(np.int64)
+        counts.append(int((pixels[:, :, 0] > 90 + pixels[:, :, 1:].max(axis=2)).sum()))
+    return counts
+
+
+def test_a_gif_has_one_frame_per_sample(tmp_path: Path) -> None:
+    task, rollout = drive()
+    save_film(CAR, task, rollout, tmp_path / "car.gif", size=SIZE)
+    with Image.open(tmp_path / "car.gif") as picture:
+        assert (picture.size, getattr(picture, "n_frames", 1)) == (SIZE, 6)
+        assert picture.info["duration"] == 200
+
+
+def test_an_mp4_has_one_frame_per_sample(tmp_path: Path) -> None:
+    task, rollout = drive()
+    path = tmp_path / "car.mp4"
+    save_film(CAR, task, rollout, path, size=SIZE)
+    boxes = boxes_of(path.read_bytes())
+    assert boxes["ftyp"][:4] == b"iso8"
+    assert boxes["hdlr"][8:12] == b"vide"
+    assert int.from_bytes(boxes["stsz"][8:12], "big") == 6
+    assert b"av01" in boxes["stsd"]
+    milliseconds = [int.from_bytes(boxes["mvhd"][24:32], "big")]
+    milliseconds.append(int.from_bytes(boxes["tkhd"][28:36], "big"))
+    milliseconds.append(int.from_bytes(boxes["mdhd"][24:32], "big"))
+    assert milliseconds == [1200, 1200, 1200]
+    assert boxes["tkhd"][-8:] == (120 << 16).to_bytes(4, "big") + (90 << 16).to_bytes(4, "big")
+    assert not {"meta", "edts"} & set(boxes)
+
+
+def test_one_frame_alone_makes_an_mp4_too(tmp_path: Path) -> None:
+    save_mp4([Image.new("RGB", (64, 48))], tmp_path / "x.mp4", 0.5)
+    boxes = boxes_of((tmp_path / "x.mp4").read_bytes())
+    assert int.from_bytes(boxes["stsz"][8:12], "big") == 2
+
+
+@pytest.mark.parametrize("ending", [".gif", ".mp4"])
+@pytest.mark.slow
+def test_a_film_has_the_same_bytes_every_time(ending: str, tmp_path: Path) -> None:
+    task, rollout = drive()
+    paths = [(tmp_path / name).with_suffix(ending) for name in ("a", "b")]
+    for path in paths:
+        save_film(CAR, task, rollout, path, size=SIZE)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+@pytest.mark.slow
+def test_a_block_is_red_from_the_moment_it_breaks() -> None:
+    rollout = drive()[1]
+    broken = Broken(block=1, type=1, partner=0, time=0.5, load=1.1)
+    hurt = np.array(reds(replace(rollout, broken=(broken,))))
+    more = hurt - reds(rollout)
+    assert more[:3].tolist() == [0, 0, 0]
+    assert (more[3:] > 100).all()
+
+
+@pytest.mark.slow
+def test_the_path_grows_with_every_sample() -> None:
+    counts = reds(drive()[1])
+    assert counts[0] == 0
+    assert counts == sorted(set(counts))
+
+
+def test_tall_things_before_the_machine_are_left_out_low_ones_are_not() -> None:
+    camera = Camera(eye=(30.0, 10.0, -3.0), target=(0.0, 1.0, 0.0))
+    things = [
+        Thing("tall", "box", (1.0, 5.0, 90.0), (12.0, 2.5, 0.0)),
+        Thing("low", "box", (1.0, 1.5, 90.0), (12.0, 0.75, 0.0)),
+        Thing("behind", "box", (1.0, 5.0, 90.0), (-12.0, 2.5, 0.0)),
+        Thing("aside", "box", (1.0, 5.0, 5.0), (12.0, 2.5, 40.0)),
+    ]
+    kept = film._unhidden(things, camera)
+    assert [thing.name for thing in kept] == ["low", "behind", "aside"]
+
+
+def test_the_camera_follows_smoothly() -> None:
+    _, rollout = drive()
+    assert rollout.trace is not None
+    cameras = film._cameras(rollout.trace, 0, film.View(back=film.SIDE, size=SIZE))
+    targets = np.array([camera.target for camera in cameras])
+    moves = [float(np.linalg.norm(after - before)) for before, after in pairwise(targets)]
+    assert len(cameras) == 6
+    assert max(moves) < 1.5
+    assert targets[-1, 2] > targets[0, 2]

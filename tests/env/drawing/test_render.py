@@ -1,0 +1,116 @@
+"""Stills: size, contents, every side, and the same bytes each time."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from agentflow.env.drawing.backdrop import LAND
+from agentflow.env.drawing.cameras import VIEWS
+from agentflow.env.drawing.figures import BROKEN, ROD_DIAMETER, Figures, Pose
+from agentflow.env.drawing.stills import render_png
+from agentflow.errors import UnknownNameError
+from agentflow.machine.tree import ROOT, Machine, Step
+from tests.env.machines import BALLASTED, machine
+
+CAR = Machine(
+    (
+        ROOT,
+        Step(1, 1, 0, 0),
+        Step(2, 1, 0, 1),
+        Step(3, 2, 1, 2),
+        Step(4, 2, 1, 3),
+        Step(5, 2, 2, 2),
+        Step(6, 2, 2, 3),
+        Step(7, 9, 1, 4, 2, 4),
+    )
+)
+ARROW = machine((0, -1, -1), (1, 0, 0), (1, 0, 2), (35, 1, 0))
+"""Forward a block and a ballast, one block to a side."""
+
+
+def pixels_of(path: Path) -> NDArray[np.int64]:
+    with Image.open(path) as picture:
+        return np.asarray(picture.convert("RGB")).astype(np.int64)
+
+
+def test_the_machine_fills_the_picture_and_stands_on_land(tmp_path: Path) -> None:
+    render_png(CAR, tmp_path / "car.png", size=(160, 120))
+    pixels = pixels_of(tmp_path / "car.png")
+    assert pixels.shape == (120, 160, 3)
+    solid = np.abs(pixels - LAND).max(axis=2) > 100
+    rows, columns = np.flatnonzero(solid.any(axis=1)), np.flatnonzero(solid.any(axis=0))
+    assert rows.min() > 5
+    assert rows.max() < 115
+    assert columns.min() > 5
+    assert columns.max() < 155
+    assert max(np.ptp(rows) / 120, np.ptp(columns) / 160) > 0.5
+    assert (pixels == LAND).all(axis=2).mean() > 0.3
+
+
+def test_all_views_differ_and_a_sheet_shows_them_all(tmp_path: Path) -> None:
+    pictures = {}
+    for view in VIEWS:
+        render_png(BALLASTED, tmp_path / "x.png", view=view, size=(80, 60))
+        pictures[view] = pixels_of(tmp_path / "x.png")
+    for one, other in combinations(pictures, 2):
+        assert np.abs(pictures[one] - pictures[other]).max() > 60, (one, other)
+    render_png(BALLASTED, tmp_path / "sheet.png", view="sheet", size=(160, 120))
+    sheet = pixels_of(tmp_path / "sheet.png")
+    assert sheet.shape == (120, 240, 3)
+    tile = sheet[60 + 24 : 119, 1:79]  # below its name, within its frame
+    assert np.abs(tile - pictures["right"][24:59, 1:79]).max() == 0
+
+
+def test_each_view_has_the_side_that_it_is_named_after(tmp_path: Path) -> None:
+    weights = {}
+    for view in VIEWS:
+        render_png(ARROW, tmp_path / "x.png", view=view, size=(160, 120))
+        pixels = pixels_of(tmp_path / "x.png")
+        bluish = (pixels[:, :, 2] > pixels[:, :, 0] + 8) & (pixels.sum(axis=2) < 450)
+        weights[view] = np.argwhere(bluish).mean(axis=0) if bluish.any() else None
+    assert weights["back"] is None
+    assert weights["front"] is not None
+    assert weights["left"][1] < 70
+    assert weights["right"][1] > 90
+    assert weights["top"][0] < 40
+    assert weights["three-quarter"][1] > 80
+
+
+def test_a_picture_has_the_same_bytes_every_time(tmp_path: Path) -> None:
+    for name in ("a.png", "b.png"):
+        render_png(CAR, tmp_path / name, view="sheet", size=(160, 120))
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_an_unknown_view_is_named_with_those_that_exist(tmp_path: Path) -> None:
+    with pytest.raises(
+        UnknownNameError, match="unknown view 'frnt'; known: front, left, back, right"
+    ):
+        render_png(CAR, tmp_path / "x.png", view="frnt")
+
+
+def test_broken_blocks_are_red_and_broken_springs_are_gone() -> None:
+    figures = Figures(CAR)
+    rest = figures.rest
+    whole = {thing.name for thing in figures.things(rest)}
+    hurt = figures.things(Pose(rest.centre, rest.rotation, range(7)), {1})
+    assert whole == {f"block {i}" for i in range(8)}
+    assert {thing.name for thing in hurt if thing.color == BROKEN} == {"block 1"}
+    assert "block 7" not in {thing.name for thing in hurt}
+
+
+def test_a_spring_spans_the_faces_that_it_hangs_on() -> None:
+    figures = Figures(CAR)
+    spring = figures.rod(7, figures.rest)
+    assert spring.size == pytest.approx((ROD_DIAMETER, 17**0.5, ROD_DIAMETER))
+    moved = figures.rest.centre.copy()
+    moved[2] += (0.0, 0.0, -3.0)
+    assert figures.rod(7, Pose(moved, figures.rest.rotation, range(8))).size[1] == pytest.approx(
+        50**0.5
+    )

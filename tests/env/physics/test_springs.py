@@ -1,0 +1,93 @@
+"""The law of springs, and that their pulls act on the parts that they hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Assembly, Pull
+from agentflow.env.physics.laws.air import Members
+from agentflow.env.physics.laws.springs import Springs
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.rollout import Array
+from agentflow.env.scene import Scene, Vec3
+from agentflow.machine.geometry.placement import place
+from tests.env.machines import machine
+
+
+def test_a_spring_pulls_beyond_its_natural_length_only() -> None:
+    members = Members(np.array([0, 1]), np.zeros((2, 3)))
+    levels = {"springs": 1.0}
+    spring = Pull(3, 0, 1, natural=0.5, ramp=0.5, force=600.0, damping=10.0)
+    springs = Springs([spring], members, levels)
+    still = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def pull(distance: float, rate: float = 0.0) -> list[tuple[int, Vec3, Vec3 | None]]:
+        row = (distance, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, rate, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return [tuple(push) for push in springs([still, row])]
+
+    assert pull(3.0) == [
+        (0, (600.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        (1, (-600.0, 0.0, 0.0), (3.0, 0.0, 0.0)),
+    ]
+    assert pull(0.75)[0][1] == (300.0, 0.0, 0.0)
+    assert pull(0.5) == pull(0.3) == []
+    assert pull(3.0, -2.0)[0][1] == pytest.approx((580.0, 0.0, 0.0))
+    assert pull(3.0, -100.0)[0][1] == (0.0, 0.0, 0.0)
+    levels["springs"] = 0.5
+    assert pull(3.0)[0][1] == (300.0, 0.0, 0.0)
+    for off in (0.0, -1.0):
+        levels["springs"] = off
+        assert pull(3.0) == []
+
+
+def in_space(assembly: Assembly) -> Assembly:
+    """Far above the ground and without drag."""
+    up = 50.0
+    return replace(
+        assembly,
+        parts=tuple(
+            replace(
+                part,
+                centre=(part.centre[0], part.centre[1] + up, part.centre[2]),
+                linear_drag=0.0,
+                angular_drag=0.0,
+            )
+            for part in assembly.parts
+        ),
+        joints=tuple(
+            replace(joint, pivot=(joint.pivot[0], joint.pivot[1] + up, joint.pivot[2]))
+            for joint in assembly.joints
+        ),
+    )
+
+
+def test_springs_inside_rigid_clusters_change_no_motion() -> None:
+    """Also when their ends are not the parts that lead their clusters, and turn fast."""
+    rows = [(0, -1, -1), (63, 0, 4), (63, 1, 0), (63, 0, 0), (63, 3, 0)]
+    rows += [(22, 2, 0), (63, 5, 3), (63, 6, 0), (9, 7, 0, 6, 5), (9, 2, 3, 4, 3)]
+    physics = constants().changed({"gravity": 0.0})
+    tree = machine(*rows)
+    engine = PyBulletEngine(physics)
+
+    def tumble(springs: float, apart: bool) -> Array:
+        assembly = in_space(assemble(tree, place(tree), physics))
+        engine.build(assembly, Scene(), 240.0)
+        engine.switch("motors", 1.0)
+        for _ in range(60):
+            engine.step()
+        if apart:
+            engine.split([i for i, joint in enumerate(assembly.joints) if joint.block == 5])
+        engine.switch("springs", springs)
+        for _ in range(60):
+            engine.step()
+        assert engine.top_speeds[1] > 3.0
+        return engine.state().centre
+
+    assert tumble(1.0, False) == pytest.approx(tumble(0.0, False), abs=1e-6)
+    assert tumble(1.0, True) == pytest.approx(tumble(0.0, True), abs=1e-6)
+    engine.close()
