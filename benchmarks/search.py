@@ -82,7 +82,7 @@ async def once(name: str, domain: str, seed: int, settings: SearchSettings) -> t
     root = Evaluation(True, DOMAINS[domain](START))
     found = await STRATEGIES[name](START, root, field.expand, field.evaluate, settings)
     score = [found.nodes[node].evaluation.score or 0.0 for node in (found.result, found.best)]
-    return (*score, found.tally.expansions, found.tally.attempts, found.tally.rollouts)
+    return (*score, found.cost.expansions, found.cost.attempts, found.cost.rollouts)
 
 
 def main() -> None:

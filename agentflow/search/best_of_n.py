@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agentflow.search.events import Observer, Selected, ignore
-from agentflow.search.node import C, Evaluate, Evaluation, Expand, Found
+from agentflow.search.node import C, Evaluate, Evaluation, Expand, SearchResult
 from agentflow.search.settings import SearchSettings
 from agentflow.search.tree import Tree
 
@@ -15,7 +15,7 @@ async def best_of_n(
     evaluate: Evaluate[C],
     settings: SearchSettings,
     observe: Observer = ignore,
-) -> Found[C]:
+) -> SearchResult[C]:
     """Per round, `settings.width` children of the best node so far; the result is the best.
 
     Only a strictly better child takes over, so a node may be expanded again. Arguments as for

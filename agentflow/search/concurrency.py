@@ -11,7 +11,7 @@ from agentflow.search.node import C, Evaluate, Evaluation
 T = TypeVar("T")
 
 
-async def together(jobs: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
+async def run_concurrently(jobs: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
     """Run jobs at once and return their results in order.
 
     When one fails, or this call is cancelled, the others are cancelled and waited for, so that
@@ -26,7 +26,7 @@ async def together(jobs: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-class Once(Generic[C]):
+class EvaluateOnce(Generic[C]):
     """An evaluation that tries every distinct candidate once, also when two ask at one moment."""
 
     def __init__(self, evaluate: Evaluate[C], known: Mapping[C, Evaluation] | None = None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agentflow.search.events import BackedUp, Observer, Selected, ignore
-from agentflow.search.node import C, Evaluate, Evaluation, Expand, Found, Node
+from agentflow.search.node import C, Evaluate, Evaluation, Expand, Node, SearchResult
 from agentflow.search.settings import SearchSettings
 from agentflow.search.tree import Tree
 from agentflow.search.ucb import select
@@ -16,7 +16,7 @@ async def mcts(
     evaluate: Evaluate[C],
     settings: SearchSettings,
     observe: Observer = ignore,
-) -> Found[C]:
+) -> SearchResult[C]:
     """Search for `settings.rounds` rounds; the result is the best candidate of the tree.
 
     Results without a score (the computer failed) are left out of the back-up. Such a node stays

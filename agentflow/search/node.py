@@ -66,7 +66,7 @@ Evaluate = Callable[[C, str], Awaitable[Evaluation]]
 
 
 @dataclass
-class Tally:
+class SearchCost:
     """What a search cost; the same for all strategies, so that equal budgets can be compared."""
 
     expansions: int = 0
@@ -80,7 +80,7 @@ class Tally:
 
 
 @dataclass(frozen=True)
-class Found(Generic[C]):
+class SearchResult(Generic[C]):
     """The outcome of a search."""
 
     nodes: tuple[Node[C], ...]
@@ -88,6 +88,6 @@ class Found(Generic[C]):
     """Node id of the strategy's answer."""
     best: int
     """Node id of the best candidate met anywhere; the lower id among equals."""
-    tally: Tally
+    cost: SearchCost
     stopped: bool = False
     """Whether the budget ended it before its last round; everything above is what it had."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agentflow.search.events import Observer, Selected, ignore
-from agentflow.search.node import C, Evaluate, Evaluation, Expand, Found
+from agentflow.search.node import C, Evaluate, Evaluation, Expand, SearchResult
 from agentflow.search.settings import SearchSettings
 from agentflow.search.tree import Tree
 
@@ -15,7 +15,7 @@ async def random(
     evaluate: Evaluate[C],
     settings: SearchSettings,
     observe: Observer = ignore,
-) -> Found[C]:
+) -> SearchResult[C]:
     """Per round, one child of the last node; the result is the last one, `best` stands beside it.
 
     Arguments as for `mcts`; `settings.width` and `settings.ucb` are not used.

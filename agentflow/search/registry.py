@@ -10,7 +10,7 @@ from agentflow.errors import UnknownNameError
 from agentflow.search.best_of_n import best_of_n
 from agentflow.search.events import Observer, ignore
 from agentflow.search.mcts import mcts
-from agentflow.search.node import C, Evaluate, Evaluation, Expand, Found
+from agentflow.search.node import C, Evaluate, Evaluation, Expand, SearchResult
 from agentflow.search.random import random
 from agentflow.search.settings import SearchSettings
 
@@ -26,7 +26,7 @@ class Strategy(Protocol):
         evaluate: Evaluate[C],
         settings: SearchSettings,
         observe: Observer = ignore,
-    ) -> Awaitable[Found[C]]:
+    ) -> Awaitable[SearchResult[C]]:
         """Run it."""
 
 

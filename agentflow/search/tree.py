@@ -8,13 +8,13 @@ from __future__ import annotations
 import time
 from typing import Generic
 
-from agentflow.search.concurrency import Once, together
+from agentflow.search.concurrency import EvaluateOnce, run_concurrently
 from agentflow.search.events import Expanded, Observer, Simulated
 from agentflow.search.expansion import Expansion, expand_node
-from agentflow.search.node import C, Evaluate, Evaluation, Expand, Found, Node, Tally
+from agentflow.search.node import C, Evaluate, Evaluation, Expand, Node, SearchCost, SearchResult
 
 
-def better(new: Evaluation, old: Evaluation) -> bool:
+def is_better(new: Evaluation, old: Evaluation) -> bool:
     """Whether `new` is a valid, scored result above `old`; anything scored beats nothing."""
     if not new.valid or new.score is None:
         return False
@@ -37,9 +37,9 @@ class Tree(Generic[C]):
         self.nodes = [Node(0, root, None, evaluation)]
         self.stopped = False
         """Whether the budget ran out: no further growth."""
-        self._tally = Tally()
+        self._cost = SearchCost()
         self._expand = expand
-        self._evaluate = Once(evaluate, {root: evaluation})
+        self._evaluate = EvaluateOnce(evaluate, {root: evaluation})
         self._waves = waves
         self._observe = observe
         self._started = time.perf_counter()
@@ -55,7 +55,7 @@ class Tree(Generic[C]):
         """The best valid node; the lower id among equals; the first when none has a score."""
         first, *others = self.nodes
         for node in others:
-            if better(node.evaluation, first.evaluation):
+            if is_better(node.evaluation, first.evaluation):
                 first = node
         return first
 
@@ -70,7 +70,7 @@ class Tree(Generic[C]):
         ids = tuple(range(len(self.nodes), len(self.nodes) + len(expansion.children)))
         self._count(expansion)
         self._observe(Expanded(round_, parent.id, expansion.attempts, ids, expansion.fallback))
-        evaluations = await together(
+        evaluations = await run_concurrently(
             self._evaluate(candidate, f"round-{round_}/node-{id_}")
             for id_, (candidate, _) in zip(ids, expansion.children, strict=True)
         )
@@ -86,14 +86,14 @@ class Tree(Generic[C]):
             self._observe(Simulated(round_, child))
         return children
 
-    def found(self, result: Node[C]) -> Found[C]:
+    def found(self, result: Node[C]) -> SearchResult[C]:
         """Close the books with `result` as the strategy's answer."""
-        self._tally.seconds = time.perf_counter() - self._started
-        self._tally.rollouts = self._evaluate.count
-        return Found(tuple(self.nodes), result.id, self.best().id, self._tally, self.stopped)
+        self._cost.seconds = time.perf_counter() - self._started
+        self._cost.rollouts = self._evaluate.count
+        return SearchResult(tuple(self.nodes), result.id, self.best().id, self._cost, self.stopped)
 
     def _count(self, expansion: Expansion[C]) -> None:
         self.stopped = expansion.stopped
-        self._tally.expansions += bool(expansion.attempts)
-        self._tally.attempts += len(expansion.attempts)
-        self._tally.valid += sum(item.candidate is not None for item in expansion.attempts)
+        self._cost.expansions += bool(expansion.attempts)
+        self._cost.attempts += len(expansion.attempts)
+        self._cost.valid += sum(item.candidate is not None for item in expansion.attempts)

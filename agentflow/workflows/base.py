@@ -13,7 +13,7 @@ from agentflow.agents.base import Desk
 from agentflow.agents.history import Entry
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
-from agentflow.search.node import Evaluation, Tally
+from agentflow.search.node import Evaluation, SearchCost
 from agentflow.workflows.settings import WorkflowSettings
 
 Desks = Callable[[str], Desk]
@@ -103,7 +103,7 @@ class Candidate:
     """Structure -> ids of its blocks, as built; empty once the machine was edited."""
     edit: Entry | None = None
     """The refinement that made it; its score after is the candidate's."""
-    tally: Tally = field(default_factory=Tally)
+    search_cost: SearchCost = field(default_factory=SearchCost)
     """What its search cost; zeros outside the feedback loop."""
 
     @property

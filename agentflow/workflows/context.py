@@ -15,7 +15,7 @@ from agentflow.agents.refiner import Refinement
 from agentflow.errors import BudgetSpentError
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
-from agentflow.search.concurrency import Once
+from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import (
     Candidate,
@@ -66,7 +66,7 @@ class Bench:
             laboratory,
             seed,
         )
-        self._simulate: Once[Machine] = Once(self._try)
+        self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._try)
         self._stages: list[Stage] = []
         self._counts: dict[str, _Count] = {}
         """By stage name; trajectories may be in different stages at a time."""

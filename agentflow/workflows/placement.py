@@ -8,7 +8,7 @@ from __future__ import annotations
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.errors import UsageError
 from agentflow.machine.edits.random import random_machine
-from agentflow.search.concurrency import together
+from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, First, StageName, WorkflowResult
 from agentflow.workflows.context import Bench
 from agentflow.workflows.settings import WorkflowSettings
@@ -36,7 +36,7 @@ async def placement(bench: Bench) -> WorkflowResult:
             return Candidate(attempt, first=first, reason=failure_of(outcome))
         return Candidate(attempt, outcome.output.machine, first=first)
 
-    placed = await together(place(attempt) for attempt in _attempts(bench))
+    placed = await run_concurrently(place(attempt) for attempt in _attempts(bench))
     bench.end(STAGE, await tried(bench, STAGE, placed))
     return bench.result()
 

@@ -11,9 +11,9 @@ from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.random import random_edit, random_machine
 from agentflow.machine.tree import Machine
-from agentflow.search.concurrency import together
-from agentflow.search.node import Tally
-from agentflow.search.tree import better
+from agentflow.search.concurrency import run_concurrently
+from agentflow.search.node import SearchCost
+from agentflow.search.tree import is_better
 from agentflow.workflows.base import Candidate, First, Stage, WorkflowResult
 from agentflow.workflows.context import Bench
 from agentflow.workflows.stages.feedback import STAGE
@@ -86,7 +86,7 @@ def _better_of(initial: Stage, blind: Stage) -> list[Candidate]:
         assert candidate.evaluation is not None
         earlier = found[candidate.trajectory].evaluation
         assert earlier is not None
-        if better(candidate.evaluation, earlier):
+        if is_better(candidate.evaluation, earlier):
             found[candidate.trajectory] = candidate
     return list(found.values())
 
@@ -98,7 +98,7 @@ class _Climber:
     best: Candidate
     chance: random.Random
     seen: set[Machine]
-    tally: Tally
+    search_cost: SearchCost
 
     def next(self, bench: Bench) -> Machine | None:
         """A machine one edit from the best that this climb has not tried; None without one."""
@@ -121,17 +121,17 @@ async def _climb(
 ) -> list[Candidate]:
     """Edits of each trajectory's best machine, kept when better, until the rollouts are spent."""
     climbers = [
-        _Climber(start, chances[start.trajectory], {start.machine}, Tally())
+        _Climber(start, chances[start.trajectory], {start.machine}, SearchCost())
         for start in starts
         if start.machine is not None
     ]
     before, rounds = bench.rollouts, 0
     while climbers and (left := rollouts - (bench.rollouts - before)) > 0:
         rounds += 1
-        steps = await together(_step(bench, climber, rounds) for climber in climbers[:left])
+        steps = await run_concurrently(_step(bench, climber, rounds) for climber in climbers[:left])
         if not any(steps):
             break
-    return [replace(climber.best, tally=climber.tally) for climber in climbers]
+    return [replace(climber.best, search_cost=climber.search_cost) for climber in climbers]
 
 
 async def _step(bench: Bench, climber: _Climber, round_: int) -> bool:
@@ -139,11 +139,11 @@ async def _step(bench: Bench, climber: _Climber, round_: int) -> bool:
     machine, old = climber.next(bench), climber.best
     if machine is None:
         return False
-    climber.tally.attempts += 1
+    climber.search_cost.attempts += 1
     place = f"traj-{old.trajectory}/round-{round_}"
     evaluation = await bench.evaluate(machine, STAGE, place)
     assert old.evaluation is not None
-    kept = better(evaluation, old.evaluation)
+    kept = is_better(evaluation, old.evaluation)
     bench.record.event(
         "edit",
         f"{STAGE}/{place}",
@@ -151,8 +151,8 @@ async def _step(bench: Bench, climber: _Climber, round_: int) -> bool:
         machine=machine.digest,
         kept=kept,
     )
-    climber.tally.expansions += 1
-    climber.tally.valid += 1
+    climber.search_cost.expansions += 1
+    climber.search_cost.valid += 1
     if kept:
         edit = Entry("a random edit", "Success", before=old.score, after=evaluation.score)
         climber.best = Candidate(old.trajectory, machine, evaluation, VALID, edit=edit)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agentflow.search.concurrency import together
+from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import Bench
 from agentflow.workflows.settings import WorkflowSettings
@@ -25,7 +25,7 @@ async def single(bench: Bench) -> WorkflowResult:
             feedback_loop(bench, candidate, None, desk="designer")
             for candidate in initial.survivors
         )
-        bench.end(STAGE, await together(revised))
+        bench.end(STAGE, await run_concurrently(revised))
     return bench.result()
 
 

@@ -37,9 +37,9 @@ def row(stage: Stage) -> dict[str, Any]:
         "calls": stage.calls,
         "tokens": stage.tokens,
         "rollouts": stage.rollouts,
-        "expansions": sum(c.tally.expansions for c in candidates),
-        "attempts": sum(c.tally.attempts for c in candidates),
-        "children": sum(c.tally.valid for c in candidates),
+        "expansions": sum(c.search_cost.expansions for c in candidates),
+        "attempts": sum(c.search_cost.attempts for c in candidates),
+        "children": sum(c.search_cost.valid for c in candidates),
     }
 
 

@@ -2,14 +2,14 @@ import random
 
 from agentflow.search.best_of_n import best_of_n
 from agentflow.search.events import Selected
-from agentflow.search.node import Evaluation, Found
+from agentflow.search.node import Evaluation, SearchResult
 from agentflow.search.settings import SearchSettings
 from tests.search.domain import Chance, Words, scores
 
 ROOT = Evaluation(valid=True, score=1.0)
 
 
-async def run(words: Words, numbers: SearchSettings) -> Found[str]:
+async def run(words: Words, numbers: SearchSettings) -> SearchResult[str]:
     return await best_of_n("r", ROOT, words.expand, words.evaluate, numbers, words.events.append)
 
 
@@ -57,8 +57,8 @@ async def test_golden_tree() -> None:
         (0, 2),
     ]
     assert (found.result, found.best, found.stopped) == (8, 8, False)
-    tally = found.tally
-    assert (tally.expansions, tally.attempts, tally.valid, tally.rollouts) == (4, 16, 9, 8)
+    cost = found.cost
+    assert (cost.expansions, cost.attempts, cost.valid, cost.rollouts) == (4, 16, 9, 8)
 
 
 async def test_a_spent_budget_ends_it_with_the_best_so_far() -> None:
@@ -66,7 +66,7 @@ async def test_a_spent_budget_ends_it_with_the_best_so_far() -> None:
     words.budget = 3
     found = await run(words, SearchSettings(rounds=5, width=4))
     assert [n.candidate for n in found.nodes] == ["r", "b", "a", "b"]
-    assert (found.result, found.stopped, found.tally.rollouts) == (1, True, 2)
+    assert (found.result, found.stopped, found.cost.rollouts) == (1, True, 2)
     assert words.waves == [("r", 4, 0)]
 
 

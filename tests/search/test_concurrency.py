@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from agentflow.search.concurrency import Once, together
+from agentflow.search.concurrency import EvaluateOnce, run_concurrently
 from agentflow.search.node import Evaluation
 
 
@@ -11,7 +11,7 @@ async def test_results_come_in_order() -> None:
         await asyncio.sleep(0.003 / (value + 1))
         return value
 
-    assert await together(late(i) for i in range(4)) == [0, 1, 2, 3]
+    assert await run_concurrently(late(i) for i in range(4)) == [0, 1, 2, 3]
 
 
 async def test_nothing_runs_on_after_a_failure() -> None:
@@ -31,7 +31,7 @@ async def test_nothing_runs_on_after_a_failure() -> None:
         raise RuntimeError("bug")
 
     with pytest.raises(RuntimeError, match="bug"):
-        await together([slow(), fails()])
+        await run_concurrently([slow(), fails()])
     assert ended == ["cancelled"]
 
 
@@ -44,8 +44,9 @@ async def test_each_candidate_is_tried_once() -> None:
         return Evaluation(valid=True, score=float(len(candidate)))
 
     known = Evaluation(valid=True, score=9.0)
-    once = Once(evaluate, {"root": known})
-    results = await together(once(c, f"label-{i}") for i, c in enumerate(["a", "bb", "a", "root"]))
+    once = EvaluateOnce(evaluate, {"root": known})
+    candidates = enumerate(["a", "bb", "a", "root"])
+    results = await run_concurrently(once(c, f"label-{i}") for i, c in candidates)
     assert asked == [("a", "label-0"), ("bb", "label-1")]
     assert [result.score for result in results] == [1.0, 2.0, 1.0, 9.0]
     assert await once("bb", "later") is results[1]

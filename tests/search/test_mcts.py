@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from agentflow.search.events import BackedUp, Expanded, Selected, Simulated
 from agentflow.search.mcts import mcts
-from agentflow.search.node import Evaluation, Found
+from agentflow.search.node import Evaluation, SearchResult
 from agentflow.search.settings import SearchSettings, UcbSettings
 from tests.search.domain import Chance, Words, scores
 
@@ -37,7 +37,7 @@ SCORES: dict[str, float | None] = {
 ROOT = Evaluation(valid=True, score=1.0)
 
 
-async def run(words: Words, numbers: SearchSettings = SMALL) -> Found[str]:
+async def run(words: Words, numbers: SearchSettings = SMALL) -> SearchResult[str]:
     return await mcts("r", ROOT, words.expand, words.evaluate, numbers, words.events.append)
 
 
@@ -76,9 +76,9 @@ async def test_golden_tree() -> None:
         (9, "g", 7, 4.0, [], 1, 4.0),
     ]
     assert (found.result, found.best, found.stopped) == (4, 4, False)
-    tally = found.tally
-    assert (tally.expansions, tally.attempts, tally.valid, tally.rollouts) == (5, 15, 8, 7)
-    assert tally.seconds > 0
+    cost = found.cost
+    assert (cost.expansions, cost.attempts, cost.valid, cost.rollouts) == (5, 15, 8, 7)
+    assert cost.seconds > 0
 
 
 async def test_waves_ask_for_what_is_missing_and_know_the_earlier_attempts() -> None:
@@ -189,7 +189,7 @@ async def test_a_spent_budget_ends_it_with_what_was_answered(
     found = await run(words)
     assert "".join(n.candidate for n in found.nodes) == nodes
     assert found.stopped
-    assert (found.tally.attempts, found.tally.rollouts) == (attempts, rollouts)
+    assert (found.cost.attempts, found.cost.rollouts) == (attempts, rollouts)
     whole = await run(Words(REPLIES, SCORES))
     for stopped, node in zip(found.nodes, whole.nodes, strict=False):
         assert replace(node, children=[], visits=0, total=0.0) == replace(
@@ -232,7 +232,7 @@ async def test_back_up_keeps_the_books(
         assert node.visits == len(below)
         assert node.total == pytest.approx(math.fsum(below))
         assert len(node.children) <= width
-    assert found.tally.expansions == rounds
+    assert found.cost.expansions == rounds
     best = max(n.evaluation.score for n in nodes if n.evaluation.score is not None)
     assert nodes[found.result].evaluation.score == best
 

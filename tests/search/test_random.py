@@ -1,7 +1,7 @@
 import random as chance
 
 from agentflow.search.events import Selected
-from agentflow.search.node import Evaluation, Found
+from agentflow.search.node import Evaluation, SearchResult
 from agentflow.search.random import random
 from agentflow.search.settings import SearchSettings
 from tests.search.domain import Chance, Words, scores
@@ -9,7 +9,7 @@ from tests.search.domain import Chance, Words, scores
 ROOT = Evaluation(valid=True, score=1.0)
 
 
-async def run(words: Words, numbers: SearchSettings) -> Found[str]:
+async def run(words: Words, numbers: SearchSettings) -> SearchResult[str]:
     return await random("r", ROOT, words.expand, words.evaluate, numbers, words.events.append)
 
 
@@ -41,8 +41,8 @@ async def test_golden_chain() -> None:
     ]
     assert [e.path[-1] for e in words.events if isinstance(e, Selected)] == [0, 1, 2, 3]
     assert (found.result, found.best, found.stopped) == (4, 1, False)
-    tally = found.tally
-    assert (tally.expansions, tally.attempts, tally.valid, tally.rollouts) == (4, 6, 3, 3)
+    cost = found.cost
+    assert (cost.expansions, cost.attempts, cost.valid, cost.rollouts) == (4, 6, 3, 3)
 
 
 async def test_a_spent_budget_ends_it_with_the_last() -> None:

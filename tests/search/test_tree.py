@@ -7,7 +7,7 @@ import pytest
 from agentflow.search.node import Evaluation
 from agentflow.search.registry import STRATEGIES, strategy
 from agentflow.search.settings import SearchSettings
-from agentflow.search.tree import better
+from agentflow.search.tree import is_better
 from tests.search.domain import Words
 
 ROOT = Evaluation(valid=True, score=1.0)
@@ -26,7 +26,7 @@ FAILED, INVALID = Evaluation(valid=True, score=None), Evaluation(valid=False, sc
     ],
 )
 def test_better_is_valid_scored_and_above(new: Evaluation, old: Evaluation, expected: bool) -> None:
-    assert better(new, old) is expected
+    assert is_better(new, old) is expected
 
 
 @pytest.mark.parametrize("name", STRATEGIES)
@@ -35,7 +35,7 @@ async def test_a_root_that_is_fallen_back_to_is_not_tried_again(name: str) -> No
     numbers = SearchSettings(rounds=1, width=1, waves=2)
     found = await strategy(name)("r", ROOT, words.expand, words.evaluate, numbers)
     assert [(node.candidate, node.evaluation) for node in found.nodes] == [("r", ROOT)] * 2
-    assert (words.rollouts, found.tally.rollouts) == ([], 0)
+    assert (words.rollouts, found.cost.rollouts) == ([], 0)
 
 
 @pytest.mark.parametrize("name", STRATEGIES)
@@ -47,4 +47,4 @@ async def test_a_budget_spent_before_the_first_answer_ends_it_without_an_expansi
     found = await strategy(name)("r", ROOT, words.expand, words.evaluate, numbers)
     assert len(words.waves) == 1
     assert (len(found.nodes), found.result, found.stopped) == (1, 0, True)
-    assert (found.tally.expansions, found.tally.attempts) == (0, 0)
+    assert (found.cost.expansions, found.cost.attempts) == (0, 0)

@@ -1,6 +1,6 @@
 import statistics
 
-from agentflow.search.node import Evaluation, Tally
+from agentflow.search.node import Evaluation, SearchCost
 from agentflow.workflows.base import Candidate, First, Stage
 from agentflow.workflows.statistics import best_of, passes, row
 
@@ -19,7 +19,7 @@ def test_row() -> None:
             scored(3, None, First(True, False, False)),
             Candidate(4, reason="no machine"),
             Candidate(5, evaluation=Evaluation(False, 0.0)),
-            Candidate(6, evaluation=Evaluation(True, -2.0), tally=Tally(5, 24, 18, 17)),
+            Candidate(6, evaluation=Evaluation(True, -2.0), search_cost=SearchCost(5, 24, 18, 17)),
         ),
         calls=40,
         tokens=4000,

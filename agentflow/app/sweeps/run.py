@@ -24,7 +24,7 @@ from agentflow.errors import AgentflowError, EndpointError, InterruptedRunError,
 from agentflow.llm.wrappers.limits import Limiter
 from agentflow.runs import Event, read_document
 from agentflow.runs.lines import LineFile
-from agentflow.search.concurrency import together
+from agentflow.search.concurrency import run_concurrently
 
 LEFTOVERS = {"run.yaml.part"}
 """What a process that was killed while it began a run may have left of it."""
@@ -130,7 +130,7 @@ class _Work:
                     pool = await stack.enter_async_context(RolloutPool(workers))
                 store = Store(self.folder / STORE, pool)
                 queue = iter(waiting)
-                await together(self._some(queue, store, log) for _ in range(jobs))
+                await run_concurrently(self._some(queue, store, log) for _ in range(jobs))
         finally:
             log.close()
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from agentflow.agents.designer import Designer, DesignerInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.machine.tree import Machine
-from agentflow.search.concurrency import together
+from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, First
 from agentflow.workflows.context import Bench
 from agentflow.workflows.stages.shared import failure_of, first_of
@@ -43,7 +43,7 @@ async def build(bench: Bench, blueprint: Blueprint) -> list[Candidate]:
     for number, structure in enumerate(blueprint.structures, start=1):
         label = f"structure-{number}"
         places = beam if number == 1 else _refilled(bench, beam, label, chance)
-        built = await together(
+        built = await run_concurrently(
             _extend(bench, blueprint, number, slot, place)
             for place, slot in enumerate(places, start=1)
         )
@@ -107,7 +107,7 @@ async def _extend(bench: Bench, blueprint: Blueprint, number: int, slot: Slot, p
         return Slot(machine, first, groups=groups)
 
     indices = range(1, bench.settings.candidates + 1)
-    designs = await together(design(index) for index in indices)
+    designs = await run_concurrently(design(index) for index in indices)
     valid = [item for item in designs if item.machine]
     if not valid:
         return designs[0]

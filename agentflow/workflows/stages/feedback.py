@@ -15,8 +15,8 @@ from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import BudgetSpentError
 from agentflow.machine.tree import Machine
-from agentflow.search.concurrency import together
-from agentflow.search.node import Attempt, Evaluation, Found, Node
+from agentflow.search.concurrency import run_concurrently
+from agentflow.search.node import Attempt, Evaluation, Node, SearchResult
 from agentflow.search.registry import strategy
 from agentflow.workflows.base import Candidate, First, StageName, Trial
 from agentflow.workflows.context import Bench
@@ -108,7 +108,7 @@ class Trajectory:
             if self._bench.settings.asks_querier and node.id not in self._queried:
                 self._queried[node.id] = await self._inquire(node)
         given = self._given(node, earlier)
-        answers = await together(self._refine(node, given, label) for label in labels)
+        answers = await run_concurrently(self._refine(node, given, label) for label in labels)
         attempts = [answer for answer in answers if answer is not None]
         if not attempts:
             raise self._bench.spent or BudgetSpentError("the budget has run out")
@@ -194,7 +194,7 @@ def _feedback(node: Node[Version]) -> str:
     return trial.feedback
 
 
-def _harvest(start: Candidate, found: Found[Version], first: First) -> Candidate:
+def _harvest(start: Candidate, found: SearchResult[Version], first: First) -> Candidate:
     best = found.nodes[found.best]
     return Candidate(
         start.trajectory,
@@ -202,5 +202,5 @@ def _harvest(start: Candidate, found: Found[Version], first: First) -> Candidate
         best.evaluation,
         first=first,
         edit=best.candidate.edit,
-        tally=found.tally,
+        search_cost=found.cost,
     )

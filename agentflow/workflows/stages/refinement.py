@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agentflow.agents.meta_designer import Blueprint
-from agentflow.search.concurrency import together
+from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import Bench
 from agentflow.workflows.stages.feedback import STAGE, feedback_loop
@@ -54,7 +54,7 @@ async def refined(
         bench.begin(STAGE)
         return await feedback_loop(bench, better, blueprint)
 
-    searched = await together(follow(design) for design in designed)
+    searched = await run_concurrently(follow(design) for design in designed)
     found = [candidate for candidate in searched if candidate is not None]
     if found:
         bench.end(STAGE, found)

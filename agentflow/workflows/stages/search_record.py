@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from agentflow.search.events import BackedUp, Expanded, SearchEvent, Selected, Simulated
-from agentflow.search.node import Found
+from agentflow.search.node import SearchResult
 from agentflow.workflows.base import Record
 
 
@@ -29,19 +29,19 @@ class SearchRecord:
             node = f"{self._label}/node-{event.path[-1]}"
             self._record.event("back_up", node, path=list(event.path), reward=event.reward)
 
-    def found(self, found: Found[Any]) -> None:
+    def found(self, found: SearchResult[Any]) -> None:
         """Note the outcome."""
-        tally = found.tally
+        cost = found.cost
         self._record.event(
             "search",
             self._label,
             result=found.result,
             best=found.best,
             stopped=found.stopped,
-            expansions=tally.expansions,
-            attempts=tally.attempts,
-            valid=tally.valid,
-            rollouts=tally.rollouts,
+            expansions=cost.expansions,
+            attempts=cost.attempts,
+            valid=cost.valid,
+            rollouts=cost.rollouts,
         )
 
 

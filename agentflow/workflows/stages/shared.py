@@ -16,7 +16,7 @@ from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
 from agentflow.machine.validity import check
-from agentflow.search.concurrency import together
+from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, First, StageName
 from agentflow.workflows.context import Bench
 
@@ -58,7 +58,7 @@ async def whole_machines(bench: Bench) -> list[Candidate]:
         return Candidate(trajectory, outcome.output.machine, first=first)
 
     every = range(1, bench.settings.trajectories + 1)
-    return await together(design(number) for number in every)
+    return await run_concurrently(design(number) for number in every)
 
 
 async def tried(bench: Bench, stage: StageName, candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -75,7 +75,7 @@ async def tried(bench: Bench, stage: StageName, candidates: Sequence[Candidate])
         reason = "" if evaluation.valid else "the simulation refused the machine"
         return replace(candidate, evaluation=evaluation, reason=reason)
 
-    return await together(judge(candidate) for candidate in candidates)
+    return await run_concurrently(judge(candidate) for candidate in candidates)
 
 
 async def refined_blindly(
