@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from agentflow.config.yaml import NOT_YAML, first_fault, in_words, read_yaml
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.discovery import family, family_names, level_files
+from agentflow.env.tasks.discovery import FAMILIES, level_files
 from agentflow.env.tasks.knobs import (
     Knob,
     knobs_of,
@@ -83,7 +83,7 @@ def _read(text: str, source: str) -> LevelFile:
 
 def task_names() -> tuple[str, ...]:
     """Every level of every family; a family's first level bears the family's name alone."""
-    return tuple(level for name in family_names() for level in _levels(name))
+    return tuple(level for name in FAMILIES for level in _levels(name))
 
 
 def get_level(name: str) -> Level:
@@ -102,7 +102,7 @@ def get_level(name: str) -> Level:
             raise ConfigError(f"the level {name} is no text in UTF-8") from None
         return Level(name, 0, _read(text, name))
     kind = name.partition("/")[0]
-    level = _levels(kind).get(name.removesuffix("/1")) if kind in family_names() else None
+    level = _levels(kind).get(name.removesuffix("/1")) if kind in FAMILIES else None
     if level is None:
         raise UnknownNameError("task", name, task_names())
     return level
@@ -120,7 +120,7 @@ def get_task(name: str, overrides: Mapping[str, object] | None = None) -> Task:
         ConfigError: an unknown or out-of-range knob; the message names the range.
     """
     level = get_level(name)
-    kind = family(level.file.family)
+    kind = FAMILIES[level.file.family]
     values = merged(level.file.parameters, nested(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
     return kind(level.name, level.number, knobs, knobs.window, kind.schedule_of(knobs))

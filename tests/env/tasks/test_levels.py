@@ -13,7 +13,7 @@ import pytest
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.discovery import family_names
+from agentflow.env.tasks.discovery import FAMILIES
 from agentflow.env.tasks.knobs import Knob
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
 from agentflow.errors import ConfigError
@@ -115,8 +115,8 @@ def test_knobs_out_of_range_and_unknown_ones_are_refused(name: str) -> None:
 
 
 def test_every_family_has_its_five_levels() -> None:
-    assert len(NAMES) == 5 * len(family_names())
-    for family in family_names():
+    assert len(NAMES) == 5 * len(FAMILIES)
+    for family in FAMILIES:
         assert [name for name in NAMES if get_task(name).family == family] == [
             family,
             *(f"{family}/{number}" for number in range(2, 6)),

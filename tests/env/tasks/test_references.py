@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks.discovery import family_names
+from agentflow.env.tasks.discovery import FAMILIES
 from agentflow.env.tasks.registry import get_level, get_task, task_names
 from benchmarks.shelf import DIGITS, FOLDER, Reference, families, here, load, read
 
@@ -80,7 +80,7 @@ def test_every_reference_says_how_it_was_found_and_has_a_small_picture(
 
 
 def test_the_files_are_those_of_the_families() -> None:
-    assert set(families()) <= set(family_names())
+    assert set(families()) <= set(FAMILIES)
     assert [read(family).family for family in families()] == list(families())
     stray = Counter(
         path.relative_to(FOLDER).as_posix()

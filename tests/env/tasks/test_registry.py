@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.env.tasks.discovery import family, family_names
+from agentflow.env.tasks.discovery import FAMILIES
 from agentflow.env.tasks.knobs import knobs_of
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
 from agentflow.errors import ConfigError, UnknownNameError, UsageError
@@ -77,9 +77,9 @@ def test_every_ranged_knob_refuses_what_lies_outside(name: str) -> None:
         )
 
 
-@pytest.mark.parametrize("name", family_names())
+@pytest.mark.parametrize("name", FAMILIES)
 def test_every_knob_has_a_line_of_help(name: str) -> None:
-    assert all(item.help for item in knobs_of(family(name).knobs))
+    assert all(item.help for item in knobs_of(FAMILIES[name].knobs))
 
 
 def test_a_first_level_has_two_names() -> None:
@@ -151,7 +151,7 @@ def test_an_own_level_is_a_file(tmp_path: Path) -> None:
             "family: throwing\ntitle: x\ngood: 1\nparameters: {window: true}\n",
             "expected a number, not true or false",
         ),
-        ("family: swimming\ntitle: x\ngood: 1\n", "unknown family 'swimming'; known: "),
+        ("family: swimming\ntitle: x\ngood: 1\n", "unknown task family 'swimming'; known: "),
     ],
 )
 def test_a_damaged_level_is_refused(tmp_path: Path, text: str, message: str) -> None:
@@ -173,7 +173,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
         (b"\xb0\xff", "the level {} is no text in UTF-8"),
         (b"just text", "{} must be a mapping with family, title, good and parameters"),
         (b"[\n" * 5000, "{} is not YAML: maximum recursion depth exceeded"),
-        (b"family: gearng\ntitle: t\ngood: 1\n", "unknown family 'gearng'; known: gearing, "),
+        (b"family: gearng\ntitle: t\ngood: 1\n", "unknown task family 'gearng'; known: gearing, "),
     ],
 )
 def test_what_is_no_level_is_refused_in_one_line(

@@ -1,0 +1,118 @@
+"""Registries: ours by name, those of other distributions by entry point, loaded on first use.
+
+Whatever can be added to agentflow has one registry, from which names, help and tests are made:
+
+    ENGINES: Registry[type[Engine]] = Registry(
+        "physics engine",
+        "agentflow.engines",
+        {"pybullet": "agentflow.env.physics.pybullet.engine:PyBulletEngine"},
+        subclass_of(Engine),
+    )
+    ENGINES["pybullet"], list(ENGINES), "mujoco" in ENGINES
+
+Another distribution adds to it in its pyproject.toml:
+
+    [project.entry-points."agentflow.engines"]
+    mine = "mypackage.engine:MyEngine"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, TypeVar
+
+from agentflow.errors import ConfigError, UnknownNameError
+
+T = TypeVar("T")
+Check = Callable[[str, Any], str]
+"""(name, loaded object) -> why it cannot be used, as "is not ..."; "" if it can."""
+
+
+class Registry(Mapping[str, T]):
+    """The things of one kind by name: ours in the given order, then others alphabetically."""
+
+    def __init__(
+        self, kind: str, group: str, ours: Mapping[str, str], check: Check = lambda *_: ""
+    ) -> None:
+        """Declare a registry; nothing is loaded and no distribution is searched yet.
+
+        Args:
+            kind: what its things are called in messages, e.g. "physics engine".
+            group: entry-point group of other distributions.
+            ours: name -> "module:attribute", or "module" for a whole module.
+            check: what is wrong with a thing from another distribution.
+        """
+        self.kind, self._group, self._check = kind, group, check
+        self._ours = {name: EntryPoint(name, value, group) for name, value in ours.items()}
+        self._loaded: dict[str, T] = {}
+
+    @property
+    def ours(self) -> tuple[str, ...]:
+        """Names of the things that ship with agentflow."""
+        return tuple(self._ours)
+
+    def __iter__(self) -> Iterator[str]:
+        """All names; loads none of the things."""
+        return iter((*self._ours, *self._others))
+
+    def __len__(self) -> int:
+        return len(self._ours) + len(self._others)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._ours or name in self._others
+
+    def __getitem__(self, name: str) -> T:
+        """The thing of this name.
+
+        Raises:
+            UnknownNameError: There is none.
+            ConfigError: It comes from another distribution and cannot be loaded or used, or two
+                things have one name; the message names entry point and distribution.
+        """
+        if name not in self._loaded:
+            if name not in self:
+                raise UnknownNameError(self.kind, name, self)
+            ours = self._ours.get(name)
+            self._loaded[name] = ours.load() if ours else self._load(self._others[name])
+        return self._loaded[name]
+
+    def describe(self, name: str) -> str:
+        """A known name with what it stands for and where it comes from, for messages."""
+        return self._describe(self._ours.get(name) or self._others[name])
+
+    def _describe(self, entry: EntryPoint) -> str:
+        origin = f" of the distribution {entry.dist.name!r}" if entry.dist else ""
+        return f"the {self.kind} {entry.name!r} ({entry.value}){origin}"
+
+    @cached_property
+    def _others(self) -> dict[str, EntryPoint]:
+        found: dict[str, EntryPoint] = {}
+        for entry in sorted(entry_points(group=self._group), key=lambda entry: entry.name):
+            if entry.name in self._ours or entry.name in found:
+                problem = f"has a name that another {self.kind} already has"
+                raise ConfigError(f"{self._describe(entry)} {problem}")
+            found[entry.name] = entry
+        return found
+
+    def _load(self, entry: EntryPoint) -> T:
+        try:
+            thing: T = entry.load()
+        except Exception as error:  # other people's code may raise anything
+            problem = f"cannot be loaded: {type(error).__name__}: {error}"
+            raise ConfigError(f"{self._describe(entry)} {problem}") from error
+        if problem := self._check(entry.name, thing):
+            raise ConfigError(f"{self._describe(entry)} {problem}")
+        return thing
+
+
+def subclass_of(base: type) -> Check:
+    """A check that refuses everything but subclasses of a class."""
+    name = f"{base.__module__}.{base.__qualname__}"
+
+    def check(_: str, thing: Any) -> str:
+        is_one = isinstance(thing, type) and issubclass(thing, base)
+        return "" if is_one else f"is not a subclass of {name}"
+
+    return check
