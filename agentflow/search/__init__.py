@@ -1,1 +1,1 @@
-"""Search over candidates, whatever they are: the domain comes in as `expand` and `evaluate`."""
+"""Search over candidates of any kind; the domain is passed in as `expand` and `evaluate`."""

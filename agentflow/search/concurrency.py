@@ -1,4 +1,4 @@
-"""Owns running things at once: all of them or none left over, and each distinct thing once."""
+"""Structured concurrency: leave no task behind, and evaluate each candidate once."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ T = TypeVar("T")
 
 
 async def run_concurrently(jobs: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
-    """Run jobs at once and return their results in order.
+    """Run jobs concurrently and return their results in order.
 
-    When one fails, or this call is cancelled, the others are cancelled and waited for, so that
-    nothing runs on behind the caller's back.
+    If one fails, or this call is cancelled, cancel the others and wait for them to finish.
     """
     tasks = [asyncio.ensure_future(job) for job in jobs]
     try:
@@ -27,18 +26,18 @@ async def run_concurrently(jobs: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
 
 
 class EvaluateOnce(Generic[C]):
-    """An evaluation that tries every distinct candidate once, also when two ask at one moment."""
+    """Evaluates each distinct candidate once, even when it is requested twice concurrently."""
 
     def __init__(self, evaluate: Evaluate[C], known: Mapping[C, Evaluation] | None = None) -> None:
-        """Wrap `evaluate`; what `known` holds is never tried."""
+        """Wrap `evaluate`; candidates in `known` are never evaluated."""
         self._evaluate = evaluate
         self._known = dict(known or {})
         self._running: dict[C, asyncio.Future[Evaluation]] = {}
         self.count = 0
-        """Candidates really tried."""
+        """Evaluations started."""
 
     async def __call__(self, candidate: C, label: str) -> Evaluation:
-        """The candidate's evaluation; the label of whoever asks first is handed on."""
+        """The candidate's evaluation, made under the label of its first request."""
         if candidate in self._known:
             return self._known[candidate]
         if candidate not in self._running:

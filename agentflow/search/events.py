@@ -1,7 +1,4 @@
-"""Owns what an observer of a search is told: one event per thing done, in a fixed order.
-
-What becomes of the events (a record, a live view) is the observer's business.
-"""
+"""Events that a search reports to its observer, in a reproducible order."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from agentflow.search.node import Attempt, Node
 
 @dataclass(frozen=True)
 class Selected:
-    """A node was chosen for expansion; `path` are the node ids from the root to it."""
+    """A node was selected for expansion; `path` lists the node ids from the root to it."""
 
     round: int
     path: tuple[int, ...]
@@ -22,21 +19,21 @@ class Selected:
 
 @dataclass(frozen=True)
 class Expanded:
-    """An expansion ended."""
+    """An expansion has finished."""
 
     round: int
     node: int
     attempts: tuple[Attempt[Any], ...]
-    """In label order, all waves."""
+    """Attempts of all waves, in label order."""
     children: tuple[int, ...]
-    """Ids of the nodes that come of it; empty only when the budget ran out first."""
+    """Ids of the new nodes; empty only if the budget ran out first."""
     fallback: bool
-    """Whether no attempt was valid and the only child is the parent's candidate again."""
+    """Whether no attempt was valid, so that the only child repeats the parent's candidate."""
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """A child was evaluated; told in order of node ids, whichever came back first."""
+    """A child was evaluated; reported in order of node ids, not of completion."""
 
     round: int
     node: Node[Any]
@@ -44,7 +41,7 @@ class Simulated:
 
 @dataclass(frozen=True)
 class BackedUp:
-    """A reward was added to every node of `path`, the root first."""
+    """A reward was backed up along `path`, given from the root."""
 
     round: int
     path: tuple[int, ...]
@@ -56,4 +53,4 @@ Observer = Callable[[SearchEvent], None]
 
 
 def ignore(_event: SearchEvent) -> None:
-    """The observer that does nothing."""
+    """Do nothing with the event."""

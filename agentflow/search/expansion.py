@@ -1,7 +1,4 @@
-"""Owns one expansion: waves of attempts until there are enough children or no waves left.
-
-Which node is expanded is the strategies' choice; evaluating the children is the tree's.
-"""
+"""Expansion: waves of attempts until a node has enough children or no waves are left."""
 
 from __future__ import annotations
 
@@ -14,31 +11,31 @@ from agentflow.search.node import Attempt, C, Expand, Node
 
 @dataclass(frozen=True)
 class Expansion(Generic[C]):
-    """All attempts of one expansion, and the children (candidate, attempt label) they gave."""
+    """All attempts of one expansion and the resulting (candidate, attempt label) pairs."""
 
     attempts: tuple[Attempt[C], ...]
     children: tuple[tuple[C, str], ...]
     fallback: bool = False
-    """Whether the only child is the parent's own candidate, for want of a valid attempt."""
+    """Whether no attempt was valid, so that the only child repeats the parent's candidate."""
     stopped: bool = False
-    """Whether the budget ran out; children answered for before that are kept."""
+    """Whether the budget ran out; children received before that are kept."""
 
 
 async def expand_node(
     node: Node[C], expand: Expand[C], prefix: str, width: int, waves: int
 ) -> Expansion[C]:
-    """Ask for `width` children of a node (spec 5.1).
+    """Make up to `width` children of a node.
 
-    The first wave asks for all, each later one for as many as are still missing, and knows what
-    became of the earlier attempts. With no valid child after the last wave, the parent's candidate
-    becomes the single child.
+    The first wave makes `width` attempts; each later wave makes one per missing child and is given
+    the earlier attempts. If no attempt is valid after the last wave, the parent's candidate becomes
+    the only child.
 
     Args:
         node: The node to expand.
         expand: Runs one wave.
-        prefix: Of the labels, which count on over the waves: "{prefix}/try-1", ...
-        width: Children wanted.
-        waves: Most waves.
+        prefix: Prefix of the labels, "{prefix}/try-1", ..., numbered across waves.
+        width: Number of children wanted.
+        waves: Maximum number of waves.
     """
     attempts: list[Attempt[C]] = []
     stopped = False

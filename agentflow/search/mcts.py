@@ -1,11 +1,11 @@
-"""Owns MCTS-style search: select by UCB, expand, simulate every child, back up (spec 5.1)."""
+"""MCTS-style search: select by UCB, expand, evaluate every child, back up."""
 
 from __future__ import annotations
 
 from agentflow.search.events import BackedUp, Observer, Selected, ignore
 from agentflow.search.node import C, Evaluate, Evaluation, Expand, Node, SearchResult
 from agentflow.search.settings import SearchSettings
-from agentflow.search.tree import Tree
+from agentflow.search.tree import SearchTree
 from agentflow.search.ucb import select
 
 
@@ -17,20 +17,20 @@ async def mcts(
     settings: SearchSettings,
     observe: Observer = ignore,
 ) -> SearchResult[C]:
-    """Search for `settings.rounds` rounds; the result is the best candidate of the tree.
+    """Search for `settings.rounds` rounds; return the best candidate in the tree.
 
-    Results without a score (the computer failed) are left out of the back-up. Such a node stays
-    unvisited, and unvisited nodes are selected first. The root's own score is no visit of it.
+    Evaluations without a score (infrastructure failures) are not backed up: the node stays
+    unvisited, and unvisited nodes are selected first. The root's own evaluation is not a visit.
 
     Args:
-        root: Where to start.
-        evaluation: The root's.
+        root: Candidate to start from.
+        evaluation: Evaluation of the root.
         expand: Runs one wave of attempts.
-        evaluate: Tries a candidate; asked once per distinct candidate.
+        evaluate: Evaluates a candidate; called once per distinct candidate.
         settings: Rounds, width, waves and `ucb`.
-        observe: Told everything, in an order that concurrency does not change.
+        observe: Called with every event, in an order that does not depend on concurrency.
     """
-    tree = Tree(root, evaluation, expand, evaluate, settings.waves, observe)
+    tree = SearchTree(root, evaluation, expand, evaluate, settings.waves, observe)
     for round_ in range(1, settings.rounds + 1):
         path = select(tree.nodes, settings.ucb)
         observe(Selected(round_, tuple(node.id for node in path)))
@@ -38,10 +38,10 @@ async def mcts(
             _back_up(tree, child, round_, observe)
         if tree.stopped:
             break
-    return tree.found(tree.best())
+    return tree.result(tree.best())
 
 
-def _back_up(tree: Tree[C], child: Node[C], round_: int, observe: Observer) -> None:
+def _back_up(tree: SearchTree[C], child: Node[C], round_: int, observe: Observer) -> None:
     reward = child.evaluation.score
     if reward is None:
         return

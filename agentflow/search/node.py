@@ -1,6 +1,6 @@
-"""Owns the vocabulary of search: evaluations, attempts, nodes, and the two functions it is given.
+"""Search types: evaluations, attempts, nodes, results, and the `expand` and `evaluate` signatures.
 
-A candidate is anything hashable; search never looks into it.
+A candidate is any hashable value; search never looks inside it.
 """
 
 from __future__ import annotations
@@ -14,38 +14,38 @@ C = TypeVar("C")
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What trying a candidate gave.
+    """The result of evaluating a candidate.
 
-    `score` is None when the computer, not the candidate, failed (timeout, crash): such a result
-    counts neither as zero nor in means.
+    `score` is None if the infrastructure failed (timeout, crash) rather than the candidate. Such a
+    result is not a zero, and means leave it out.
     """
 
     valid: bool
     score: float | None
     details: Any = None
-    """Whatever the domain wants to hand on; search does not look at it."""
+    """Data of the domain, passed through unchanged."""
 
 
 @dataclass(frozen=True)
 class Attempt(Generic[C]):
-    """One reply to an expansion: a child, or the reason why there is none."""
+    """One attempt at a child: a candidate, or None and the reason."""
 
     label: str
     candidate: C | None
     note: str
-    """Told to the later attempts of the same expansion."""
+    """Shown to later attempts of the same expansion."""
 
 
 @dataclass
 class Node(Generic[C]):
-    """A candidate in a tree. Ids count from 0 (the root) in order of creation."""
+    """A candidate in a tree. Ids number the nodes in order of creation; the root is 0."""
 
     id: int
     candidate: C
     parent: int | None
     evaluation: Evaluation
     label: str = ""
-    """Of the attempt that made it; empty for the root and for a parent fallen back to."""
+    """Label of the attempt that made it; empty for the root and for a fallback child."""
     children: list[int] = field(default_factory=list)
     visits: int = 0
     total: float = 0.0
@@ -55,10 +55,10 @@ class Node(Generic[C]):
 Expand = Callable[[Node[C], Sequence[str], Sequence[Attempt[C]]], Awaitable[Sequence[Attempt[C]]]]
 """expand(node, labels, earlier) -> one attempt per label, in label order.
 
-One wave: the calls run at once. `earlier` are the attempts of the earlier waves of this expansion;
-the labels are "round-2/node-3/try-5" and unique within the search. When the budget runs out within
-a wave, the attempts that were answered come back, fewer than labels; when none was answered,
-BudgetSpentError is raised. Either ends the search.
+Runs one wave of concurrent attempts. `earlier` holds the attempts of earlier waves of this
+expansion. Labels such as "round-2/node-3/try-5" are unique within the search. If the budget runs
+out during a wave, only the completed attempts are returned, or BudgetSpentError is raised if there
+are none. Either ends the search.
 """
 
 Evaluate = Callable[[C, str], Awaitable[Evaluation]]
@@ -67,16 +67,16 @@ Evaluate = Callable[[C, str], Awaitable[Evaluation]]
 
 @dataclass
 class SearchCost:
-    """What a search cost; the same for all strategies, so that equal budgets can be compared."""
+    """What a search cost, counted the same way for all strategies."""
 
     expansions: int = 0
     attempts: int = 0
     valid: int = 0
-    """Attempts that gave a child."""
+    """Attempts that produced a child."""
     rollouts: int = 0
-    """Distinct candidates evaluated, the root not counted."""
+    """Distinct candidates evaluated, not counting the root."""
     seconds: float = field(default=0.0, compare=False)
-    """Wall time; no part of what makes two searches equal."""
+    """Wall time; ignored by comparison."""
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,9 @@ class SearchResult(Generic[C]):
 
     nodes: tuple[Node[C], ...]
     result: int
-    """Node id of the strategy's answer."""
+    """Id of the node that the strategy returns."""
     best: int
-    """Node id of the best candidate met anywhere; the lower id among equals."""
+    """Id of the best node of the whole tree; the lowest id among equals."""
     cost: SearchCost
     stopped: bool = False
-    """Whether the budget ended it before its last round; everything above is what it had."""
+    """Whether the budget ran out before the last round."""

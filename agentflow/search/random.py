@@ -1,11 +1,11 @@
-"""Owns random search: refine the last candidate, keep what comes, better or not."""
+"""Random search: expand the last candidate, whether or not it improved."""
 
 from __future__ import annotations
 
 from agentflow.search.events import Observer, Selected, ignore
 from agentflow.search.node import C, Evaluate, Evaluation, Expand, SearchResult
 from agentflow.search.settings import SearchSettings
-from agentflow.search.tree import Tree
+from agentflow.search.tree import SearchTree
 
 
 async def random(
@@ -16,15 +16,15 @@ async def random(
     settings: SearchSettings,
     observe: Observer = ignore,
 ) -> SearchResult[C]:
-    """Per round, one child of the last node; the result is the last one, `best` stands beside it.
+    """Each round, expand the last node into one child; return the last node.
 
     Arguments as for `mcts`; `settings.width` and `settings.ucb` are not used.
     """
-    tree = Tree(root, evaluation, expand, evaluate, settings.waves, observe)
+    tree = SearchTree(root, evaluation, expand, evaluate, settings.waves, observe)
     for round_ in range(1, settings.rounds + 1):
         last = tree.nodes[-1]
         observe(Selected(round_, tuple(node.id for node in tree.path(last))))
         await tree.grow(last, round_, width=1)
         if tree.stopped:
             break
-    return tree.found(tree.nodes[-1])
+    return tree.result(tree.nodes[-1])

@@ -1,4 +1,4 @@
-"""Owns the names of the search strategies."""
+"""Registry of search strategies."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from agentflow.search.settings import SearchSettings
 
 
 class Strategy(Protocol):
-    """A search; the arguments are explained at `mcts`."""
+    """A search strategy; see `mcts` for the arguments."""
 
     def __call__(
         self,
@@ -27,7 +27,7 @@ class Strategy(Protocol):
         settings: SearchSettings,
         observe: Observer = ignore,
     ) -> Awaitable[SearchResult[C]]:
-        """Run it."""
+        """Run the search."""
 
 
 STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
@@ -36,10 +36,10 @@ STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
 
 
 def strategy(name: str) -> Strategy:
-    """The strategy of that name.
+    """The strategy with this name.
 
     Raises:
-        UnknownNameError: There is none.
+        UnknownNameError: No strategy has this name.
     """
     if name not in STRATEGIES:
         raise UnknownNameError("search strategy", name, STRATEGIES)

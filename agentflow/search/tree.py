@@ -1,6 +1,6 @@
-"""Owns the growing tree that all strategies share: its nodes, its bookkeeping, its best.
+"""The search tree that all strategies share.
 
-Replies and rollouts may come back in any order: nodes are numbered by attempt, not by arrival.
+Nodes are numbered by attempt, not by arrival, so the tree does not depend on concurrency.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from agentflow.search.node import C, Evaluate, Evaluation, Expand, Node, SearchC
 
 
 def is_better(new: Evaluation, old: Evaluation) -> bool:
-    """Whether `new` is a valid, scored result above `old`; anything scored beats nothing."""
+    """Whether `new` is valid and scores higher than `old`; any valid score beats none."""
     if not new.valid or new.score is None:
         return False
     return not old.valid or old.score is None or new.score > old.score
 
 
-class Tree(Generic[C]):
-    """Nodes by id, and how to grow them. One search, one tree, one expansion at a time."""
+class SearchTree(Generic[C]):
+    """The nodes of one search, by id; expanded one node at a time."""
 
     def __init__(
         self,
@@ -33,10 +33,10 @@ class Tree(Generic[C]):
         waves: int,
         observe: Observer,
     ) -> None:
-        """Start with an evaluated root; `waves` is the most waves per expansion."""
+        """Start with an evaluated root; make at most `waves` waves of attempts per expansion."""
         self.nodes = [Node(0, root, None, evaluation)]
         self.stopped = False
-        """Whether the budget ran out: no further growth."""
+        """Whether the budget has run out."""
         self._cost = SearchCost()
         self._expand = expand
         self._evaluate = EvaluateOnce(evaluate, {root: evaluation})
@@ -45,30 +45,30 @@ class Tree(Generic[C]):
         self._started = time.perf_counter()
 
     def path(self, node: Node[C]) -> list[Node[C]]:
-        """The nodes from the root to `node`, both included."""
+        """The nodes from the root to `node`, inclusive."""
         path = [node]
         while path[-1].parent is not None:
             path.append(self.nodes[path[-1].parent])
         return path[::-1]
 
     def best(self) -> Node[C]:
-        """The best valid node; the lower id among equals; the first when none has a score."""
-        first, *others = self.nodes
-        for node in others:
-            if is_better(node.evaluation, first.evaluation):
-                first = node
-        return first
+        """The best valid node, the lowest id among equals; the root if no node has a score."""
+        best = self.nodes[0]
+        for node in self.nodes[1:]:
+            if is_better(node.evaluation, best.evaluation):
+                best = node
+        return best
 
     async def grow(self, parent: Node[C], round_: int, width: int) -> list[Node[C]]:
-        """Expand a node, evaluate all its new children at once, and add them to the tree.
+        """Expand a node, evaluate its new children concurrently, and add them to the tree.
 
         Returns:
-            The children by id; empty only when the budget ran out before the first valid one.
+            The children by id; empty only if the budget ran out before the first valid one.
         """
         prefix = f"round-{round_}/node-{parent.id}"
         expansion = await expand_node(parent, self._expand, prefix, width, self._waves)
         ids = tuple(range(len(self.nodes), len(self.nodes) + len(expansion.children)))
-        self._count(expansion)
+        self._record_cost(expansion)
         self._observe(Expanded(round_, parent.id, expansion.attempts, ids, expansion.fallback))
         evaluations = await run_concurrently(
             self._evaluate(candidate, f"round-{round_}/node-{id_}")
@@ -86,13 +86,13 @@ class Tree(Generic[C]):
             self._observe(Simulated(round_, child))
         return children
 
-    def found(self, result: Node[C]) -> SearchResult[C]:
-        """Close the books with `result` as the strategy's answer."""
+    def result(self, result: Node[C]) -> SearchResult[C]:
+        """The outcome of the search, with `result` as the node that the strategy returns."""
         self._cost.seconds = time.perf_counter() - self._started
         self._cost.rollouts = self._evaluate.count
         return SearchResult(tuple(self.nodes), result.id, self.best().id, self._cost, self.stopped)
 
-    def _count(self, expansion: Expansion[C]) -> None:
+    def _record_cost(self, expansion: Expansion[C]) -> None:
         self.stopped = expansion.stopped
         self._cost.expansions += bool(expansion.attempts)
         self._cost.attempts += len(expansion.attempts)

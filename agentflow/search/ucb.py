@@ -1,4 +1,4 @@
-"""Owns the upper confidence bound by which MCTS-style search chooses among siblings."""
+"""Selection by upper confidence bound (UCB1)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from agentflow.search.settings import UcbSettings
 
 
 def reward_range(nodes: Sequence[Node[C]], settings: UcbSettings) -> tuple[float, float]:
-    """What to subtract from a reward and what to divide it by.
+    """Offset to subtract from a reward and number to divide it by.
 
-    With `scale: minmax`, least reward and spread of the tree so far, root included; a tree of
-    equal rewards scales to 0. With `none`, (0, 1).
+    With `scale: minmax`, the lowest reward of the current tree, including the root, and the spread
+    of its rewards (1 if they are all equal). With `none`, (0, 1).
     """
     scores = [node.evaluation.score for node in nodes if node.evaluation.score is not None]
     if settings.scale == "none" or not scores:
@@ -21,10 +21,10 @@ def reward_range(nodes: Sequence[Node[C]], settings: UcbSettings) -> tuple[float
     return min(scores), (max(scores) - min(scores)) or 1.0
 
 
-def bound(
+def ucb(
     parent_visits: int, visits: int, total: float, scale: tuple[float, float], c: float
 ) -> float:
-    """mean + c * sqrt(ln(parent visits) / visits), infinite for the unvisited (spec 5.1)."""
+    """mean + c * sqrt(ln(parent visits) / visits); infinite for unvisited nodes."""
     if visits == 0:
         return math.inf
     low, spread = scale
@@ -32,18 +32,13 @@ def bound(
 
 
 def select(nodes: Sequence[Node[C]], settings: UcbSettings) -> list[Node[C]]:
-    """The path from the root to the leaf to expand; ties go to the lower node id."""
+    """The path from the root to the leaf to expand; ties go to the lowest node id."""
     scale = reward_range(nodes, settings)
     path = [nodes[0]]
     while path[-1].children:
-        path.append(_choose(nodes, path[-1], scale, settings.c))
+        parent, children = path[-1], [nodes[id_] for id_ in path[-1].children]
+        bounds = [
+            ucb(parent.visits, child.visits, child.total, scale, settings.c) for child in children
+        ]
+        path.append(children[bounds.index(max(bounds))])
     return path
-
-
-def _choose(
-    nodes: Sequence[Node[C]], parent: Node[C], scale: tuple[float, float], c: float
-) -> Node[C]:
-    def rank(child: Node[C]) -> tuple[float, int]:
-        return bound(parent.visits, child.visits, child.total, scale, c), -child.id
-
-    return max((nodes[id_] for id_ in parent.children), key=rank)

@@ -4,17 +4,17 @@ import pytest
 
 from agentflow.search.node import Evaluation, Node
 from agentflow.search.settings import UcbSettings
-from agentflow.search.ucb import bound, reward_range, select
+from agentflow.search.ucb import reward_range, select, ucb
 
 
 def node(id_: int, score: float | None, parent: int | None = 0, **books: object) -> Node[str]:
     return Node(id_, "", parent, Evaluation(valid=True, score=score), **books)  # type: ignore[arg-type]
 
 
-def test_bound() -> None:
-    assert bound(8, 2, 6.0, (1.0, 4.0), 2.0) == (3 - 1) / 4 + 2 * math.sqrt(math.log(8) / 2)
-    assert bound(8, 0, 0.0, (0.0, 1.0), 2.0) == math.inf
-    assert bound(1, 1, 3.0, (0.0, 1.0), 5.0) == 3.0
+def test_upper_confidence_bound() -> None:
+    assert ucb(8, 2, 6.0, (1.0, 4.0), 2.0) == (3 - 1) / 4 + 2 * math.sqrt(math.log(8) / 2)
+    assert ucb(8, 0, 0.0, (0.0, 1.0), 2.0) == math.inf
+    assert ucb(1, 1, 3.0, (0.0, 1.0), 5.0) == 3.0
 
 
 def test_range_is_that_of_the_tree_so_far_root_included() -> None:
