@@ -17,7 +17,7 @@ import time
 from collections import defaultdict
 from typing import Any
 
-from agentflow.agents.base import Desk
+from agentflow.agents.base import AskContext
 from agentflow.app.design.laboratory import PhysicsLaboratory
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
@@ -98,12 +98,12 @@ def critical_path(
 async def measure(options: argparse.Namespace) -> None:
     """Run once and print both times."""
     task, client, notes = get_task(options.task), Slow(options.seed, options.latency), Notes()
-    desk = Desk(client, PromptSet())
+    context = AskContext(client, PromptSet())
     async with RolloutPool(options.workers) as pool:
         laboratory = Timed(task, pool, options.seed)
         start = time.perf_counter()
         result = await workflow("hierarchical")(
-            task.brief, lambda _: desk, laboratory, WorkflowSettings(), notes, options.seed
+            task.brief, lambda _: context, laboratory, WorkflowSettings(), notes, options.seed
         )
         wall = time.perf_counter() - start
     path = critical_path(client.spans, notes.tried, laboratory.seconds)

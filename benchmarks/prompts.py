@@ -13,7 +13,7 @@ from typing import Any
 
 from agentflow.agents.base import Role
 from agentflow.agents.designer import Designer, DesignerInput
-from agentflow.agents.history import Entry, History
+from agentflow.agents.history import EditRecord, History
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
 from agentflow.agents.placer import Placer, PlacerInput
@@ -66,7 +66,9 @@ def questions(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
     states = answer(machine, rollout, [{"id": block, **wanted} for block in (0, 3, 9)]).text
     history = History()
     for score in range(20):
-        history = history.add(Entry("Add 15 to 3 in 2\nRemove 7", "Success", "", score, score + 1))
+        history = history.add(
+            EditRecord("Add 15 to 3 in 2\nRemove 7", "Success", "", score, score + 1)
+        )
     yield "plan", MetaDesigner(), MetaDesignerInput(brief)
     yield "detailed plan", MetaDesigner(), MetaDesignerInput(brief, detailed=True)
     yield "whole machine", Designer(), DesignerInput(brief)

@@ -45,7 +45,7 @@ class Parsed(Generic[Out]):
 
 
 @dataclass(frozen=True)
-class Attempt(Generic[Out]):
+class RoleAttempt(Generic[Out]):
     """One call of a role and what came of it; recorded whatever it is."""
 
     role: str
@@ -55,11 +55,11 @@ class Attempt(Generic[Out]):
 
 
 @dataclass(frozen=True)
-class Outcome(Generic[Out]):
+class RoleOutcome(Generic[Out]):
     """All attempts of one question; `output` is None when every one failed (a recorded result)."""
 
     output: Out | None
-    attempts: tuple[Attempt[Out], ...]
+    attempts: tuple[RoleAttempt[Out], ...]
 
 
 class Role(ABC, Generic[In, Out]):
@@ -82,7 +82,7 @@ class Role(ABC, Generic[In, Out]):
 
 
 @dataclass(frozen=True)
-class Desk:
+class AskContext:
     """What every question needs beside its input: who answers, from which prompts, how."""
 
     client: Client
@@ -90,19 +90,19 @@ class Desk:
     sampling: Sampling = field(default_factory=Sampling)
     max_retry: int = 5
     """Most attempts per question."""
-    on_attempt: Callable[[Attempt[object]], None] = lambda _attempt: None
+    on_attempt: Callable[[RoleAttempt[object]], None] = lambda _attempt: None
 
 
-async def ask(role: Role[In, Out], given: In, desk: Desk, label: str) -> Outcome[Out]:
-    """Ask a role until a reply gives an output, at most `desk.max_retry` times.
+async def ask(role: Role[In, Out], given: In, context: AskContext, label: str) -> RoleOutcome[Out]:
+    """Ask a role until a reply gives an output, at most `context.max_retry` times.
 
     A reply that does not is sent back within the conversation with the reason. Every attempt goes
-    to `desk.on_attempt` before the next begins.
+    to `context.on_attempt` before the next begins.
 
     Args:
         role: whose prompts and parser to use.
         given: the typed input.
-        desk: model, prompts, sampling, number of attempts.
+        context: model, prompts, sampling, number of attempts.
         label: which question of the run this is; attempts are labelled `<label>/attempt-<i>`.
 
     Raises:
@@ -110,30 +110,30 @@ async def ask(role: Role[In, Out], given: In, desk: Desk, label: str) -> Outcome
         BudgetSpentError: The budget has run out.
         ReplayMissError: A replaying client has no record of the request.
     """
-    system, user = desk.prompts.render(role.name, role.variables(given))
+    system, user = context.prompts.render(role.name, role.variables(given))
     conversation = [
         Message(role="system", text=system),
         Message(role="user", text=user, images=role.images(given)),
     ]
-    attempts: list[Attempt[Out]] = []
-    for number in range(1, desk.max_retry + 1):
+    attempts: list[RoleAttempt[Out]] = []
+    for number in range(1, context.max_retry + 1):
         request = Request(
             role=role.name,
             label=f"{label}/attempt-{number}",
             messages=tuple(conversation),
-            sampling=desk.sampling,
+            sampling=context.sampling,
         )
-        reply = await desk.client.complete(request)
-        attempt = Attempt(role.name, request.label, reply, _judge(role, given, reply))
-        desk.on_attempt(attempt)
+        reply = await context.client.complete(request)
+        attempt = RoleAttempt(role.name, request.label, reply, _judge(role, given, reply))
+        context.on_attempt(attempt)
         attempts.append(attempt)
         if attempt.parsed.output is not None:
             break
         conversation += [
             Message(role="assistant", text=reply.text.strip() or "(no text)"),
-            Message(role="user", text=desk.prompts.retry(attempt.parsed.problem)),
+            Message(role="user", text=context.prompts.retry(attempt.parsed.problem)),
         ]
-    return Outcome(attempts[-1].parsed.output if attempts else None, tuple(attempts))
+    return RoleOutcome(attempts[-1].parsed.output if attempts else None, tuple(attempts))
 
 
 def _judge(role: Role[In, Out], given: In, reply: Reply) -> Parsed[Out]:

@@ -18,7 +18,7 @@ SHORT_LIMIT, SHORT_LINES, SHORT_WIDTH = 4, 3, 100
 
 
 @dataclass(frozen=True)
-class Entry:
+class EditRecord:
     """One earlier modification of the machine or of one of its ancestors."""
 
     script: str
@@ -39,7 +39,7 @@ class Entry:
 class History:
     """Entries in order of time. Bounded: the newest stay, and always the best and the worst."""
 
-    entries: tuple[Entry, ...] = ()
+    entries: tuple[EditRecord, ...] = ()
     limit: int = LIMIT
     """At least 3: the best, the worst and the newest."""
 
@@ -47,7 +47,7 @@ class History:
         if self.limit < 3:
             raise ValueError(f"a history needs a limit of at least 3, not {self.limit}")
 
-    def add(self, entry: Entry) -> History:
+    def add(self, entry: EditRecord) -> History:
         """The history with one more entry, the oldest dispensable one gone if it is too long."""
         number = self.entries[-1].number + 1 if self.entries else 1
         entries = (*self.entries, replace(entry, number=number))
@@ -62,7 +62,7 @@ class History:
         return _text(_bounded(self.entries, SHORT_LIMIT), SHORT_LINES, SHORT_WIDTH)
 
 
-def _bounded(entries: tuple[Entry, ...], limit: int) -> tuple[Entry, ...]:
+def _bounded(entries: tuple[EditRecord, ...], limit: int) -> tuple[EditRecord, ...]:
     """As many entries, the oldest gone first, the best and the worst never."""
     kept = {item.number for item in _extremes(entries)}
     gone = [item.number for item in entries if item.number not in kept]
@@ -70,12 +70,12 @@ def _bounded(entries: tuple[Entry, ...], limit: int) -> tuple[Entry, ...]:
     return tuple(item for item in entries if item.number not in gone)
 
 
-def _text(entries: tuple[Entry, ...], lines: int, width: int) -> str:
+def _text(entries: tuple[EditRecord, ...], lines: int, width: int) -> str:
     best, worst = _marks(entries)
     return "\n".join(_entry_text(item, best, worst, lines, width) for item in entries)
 
 
-def _extremes(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
+def _extremes(entries: tuple[EditRecord, ...]) -> tuple[EditRecord, ...]:
     """The entries with the greatest and the least score after; the earlier one among equals."""
     scored = [item for item in entries if item.after is not None]
     if not scored:
@@ -83,11 +83,11 @@ def _extremes(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
     return max(scored, key=_after), min(scored, key=_after)
 
 
-def _after(entry: Entry) -> float:
+def _after(entry: EditRecord) -> float:
     return entry.after if entry.after is not None else 0.0
 
 
-def _marks(entries: tuple[Entry, ...]) -> tuple[int, int]:
+def _marks(entries: tuple[EditRecord, ...]) -> tuple[int, int]:
     """Numbers of the best and the worst entry; 0 where the scores tell none apart."""
     extremes = _extremes(entries)
     if not extremes or _after(extremes[0]) == _after(extremes[1]):
@@ -95,7 +95,7 @@ def _marks(entries: tuple[Entry, ...]) -> tuple[int, int]:
     return extremes[0].number, extremes[1].number
 
 
-def _entry_text(entry: Entry, best: int, worst: int, lines: int, width: int) -> str:
+def _entry_text(entry: EditRecord, best: int, worst: int, lines: int, width: int) -> str:
     mark = {best: ", best so far", worst: ", worst so far"}.get(entry.number, "")
     head = f"{entry.number}. {entry.verdict}, score {_score(entry.before)} -> {_score(entry.after)}"
     told = (line for text in (entry.script, entry.reason) for line in _cut(text, lines, width))

@@ -9,21 +9,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
-from agentflow.agents.base import Desk
-from agentflow.agents.history import Entry
+from agentflow.agents.base import AskContext
+from agentflow.agents.history import EditRecord
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation, SearchCost
 from agentflow.workflows.settings import WorkflowSettings
 
-Desks = Callable[[str], Desk]
+AskContexts = Callable[[str], AskContext]
 """Role name -> who answers for that role, from which prompts, how."""
 
 StageName = Literal["initial", "blind_refinement", "env_feedback"]
 
 
 @dataclass(frozen=True)
-class Trial:
+class SimulationSummary:
     """What a simulation tells designers: the `details` of a laboratory's evaluation."""
 
     score: float | None
@@ -44,7 +44,7 @@ class Laboratory(Protocol):
     """Simulates machines at the task of the run; the workflow asks once per distinct machine."""
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:
-        """Try a machine; `details` is a `Trial`. The label names the machine, not who asks."""
+        """Simulate a machine; `details` is a `SimulationSummary`; the label names the machine."""
 
     async def query(self, machine: Machine, queries: Sequence[object]) -> str:
         """Answer queries on the states of an evaluated machine, as text for a model."""
@@ -68,7 +68,7 @@ class Record(Protocol):
 
 
 @dataclass(frozen=True)
-class First:
+class FirstAttempt:
     """What the first attempt came to, before any retry."""
 
     parsed: bool = False
@@ -78,9 +78,9 @@ class First:
     valid: bool = False
     """... and it was what was asked for in every respect."""
 
-    def __and__(self, other: First) -> First:
+    def __and__(self, other: FirstAttempt) -> FirstAttempt:
         """Both; of designs that build on each other."""
-        return First(
+        return FirstAttempt(
             self.parsed and other.parsed,
             self.spatial and other.spatial,
             self.valid and other.valid,
@@ -96,12 +96,12 @@ class Candidate:
     machine: Machine | None = None
     evaluation: Evaluation | None = None
     """None when it was not simulated, which invalid machines are not."""
-    first: First = First()
+    first: FirstAttempt = FirstAttempt()
     reason: str = ""
     """Why it is invalid; empty when it is valid."""
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Structure -> ids of its blocks, as built; empty once the machine was edited."""
-    edit: Entry | None = None
+    edit: EditRecord | None = None
     """The refinement that made it; its score after is the candidate's."""
     search_cost: SearchCost = field(default_factory=SearchCost)
     """What its search cost; zeros outside the feedback loop."""
@@ -157,7 +157,7 @@ class Workflow(Protocol):
     async def __call__(
         self,
         brief: Brief,
-        desks: Desks,
+        contexts: AskContexts,
         laboratory: Laboratory,
         settings: WorkflowSettings,
         record: Record,
@@ -167,7 +167,7 @@ class Workflow(Protocol):
 
         Args:
             brief: The task as its designers see it.
-            desks: Who answers for each role.
+            contexts: Who answers for each role.
             laboratory: Simulates machines at the task.
             settings: The switches.
             record: Told everything that happens.

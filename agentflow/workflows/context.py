@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from agentflow.agents.base import Attempt, Outcome, Role, ask
+from agentflow.agents.base import Role, RoleAttempt, RoleOutcome, ask
 from agentflow.agents.refiner import Refinement
 from agentflow.errors import BudgetSpentError
 from agentflow.machine.brief import Brief
@@ -18,13 +18,13 @@ from agentflow.machine.tree import Machine
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import (
+    AskContexts,
     Candidate,
-    Desks,
     Laboratory,
     Record,
+    SimulationSummary,
     Stage,
     StageName,
-    Trial,
     WorkflowResult,
 )
 from agentflow.workflows.settings import WorkflowSettings
@@ -50,7 +50,7 @@ class Bench:
         self,
         workflow: str,
         brief: Brief,
-        desks: Desks,
+        contexts: AskContexts,
         laboratory: Laboratory,
         settings: WorkflowSettings,
         record: Record,
@@ -60,9 +60,9 @@ class Bench:
         self.brief, self.settings, self.record = brief, settings, record
         self.spent: BudgetSpentError | None = None
         """Set once the budget has run out; no more questions are worth asking then."""
-        self._workflow, self._desks, self._laboratory, self._seed = (
+        self._workflow, self._contexts, self._laboratory, self._seed = (
             workflow,
-            desks,
+            contexts,
             laboratory,
             seed,
         )
@@ -82,9 +82,9 @@ class Bench:
         label: str,
         *,
         stage: StageName,
-        desk: str = "",
+        model_role: str = "",
         once: bool = False,
-    ) -> Outcome[Out] | None:
+    ) -> RoleOutcome[Out] | None:
         """Ask a role, with its retries or `once`; None when the budget runs out before the answer.
 
         Args:
@@ -92,10 +92,10 @@ class Bench:
             given: What it is told.
             label: Of the question; unique in the run.
             stage: For which it is asked, and counted.
-            desk: Whose model and sampling to use, if not the role's own.
+            model_role: Role whose model and sampling to use, if not its own.
             once: Whether one attempt is all; for searches, which own the attempts.
         """
-        own = self._desks(desk or role.name)
+        own = self._contexts(model_role or role.name)
         count = self._counts[stage]
         used = replace(own, on_attempt=lambda made: self._note(made, count, own.on_attempt))
         try:
@@ -109,17 +109,17 @@ class Bench:
         label = f"{stage}/{place}"
         self._counts[stage].tried.add(machine)
         evaluation = await self._simulate(machine, f"machine-{machine.digest}")
-        trial: Trial = evaluation.details
+        summary: SimulationSummary = evaluation.details
         self.record.event(
             "evaluation",
             label,
             machine=machine.digest,
             valid=evaluation.valid,
             score=evaluation.score,
-            status=trial.status,
-            broken=[list(item) for item in trial.broken],
-            rollout=trial.digest,
-            moved=trial.moved,
+            status=summary.status,
+            broken=[list(item) for item in summary.broken],
+            rollout=summary.digest,
+            moved=summary.moved,
         )
         return evaluation
 
@@ -203,7 +203,7 @@ class Bench:
         return await self._laboratory.evaluate(machine, label)
 
     def _note(
-        self, attempt: Attempt[Any], count: _Count, then: Callable[[Attempt[object]], None]
+        self, attempt: RoleAttempt[Any], count: _Count, then: Callable[[RoleAttempt[object]], None]
     ) -> None:
         count.calls += 1
         count.tokens += attempt.reply.usage.total

@@ -9,7 +9,7 @@ from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.errors import UsageError
 from agentflow.machine.edits.random import random_machine
 from agentflow.search.concurrency import run_concurrently
-from agentflow.workflows.base import Candidate, First, StageName, WorkflowResult
+from agentflow.workflows.base import Candidate, FirstAttempt, StageName, WorkflowResult
 from agentflow.workflows.context import Bench
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.shared import failure_of, first_of, tried
@@ -22,14 +22,14 @@ MOST_PLACED = 10
 async def placement(bench: Bench) -> WorkflowResult:
     """`settings.placements` placers, one call each; what is valid is simulated.
 
-    Placers sit at the designer's desk: its model, its sampling.
+    Placers use the designer's model and sampling.
     """
     bench.begin(STAGE)
 
     async def place(attempt: int) -> Candidate:
         label = f"placer/traj-{attempt}"
         outcome = await bench.ask(
-            Placer(), PlacerInput(bench.brief), label, stage=STAGE, desk="designer", once=True
+            Placer(), PlacerInput(bench.brief), label, stage=STAGE, model_role="designer", once=True
         )
         first = first_of(outcome)
         if outcome is None or outcome.output is None:
@@ -56,7 +56,7 @@ async def random_placement(bench: Bench) -> WorkflowResult:
         except UsageError as error:
             placed.append(Candidate(attempt, reason=str(error)))
         else:
-            placed.append(Candidate(attempt, machine, first=First(True, True, True)))
+            placed.append(Candidate(attempt, machine, first=FirstAttempt(True, True, True)))
     bench.end(STAGE, await tried(bench, STAGE, placed))
     return bench.result()
 

@@ -6,7 +6,7 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from agentflow.agents.history import Entry
+from agentflow.agents.history import EditRecord
 from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.random import random_edit, random_machine
@@ -14,12 +14,12 @@ from agentflow.machine.tree import Machine
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import SearchCost
 from agentflow.search.tree import is_better
-from agentflow.workflows.base import Candidate, First, Stage, WorkflowResult
+from agentflow.workflows.base import Candidate, FirstAttempt, Stage, WorkflowResult
 from agentflow.workflows.context import Bench
 from agentflow.workflows.stages.feedback import STAGE
 from agentflow.workflows.stages.shared import BLIND, tried
 
-VALID = First(parsed=True, spatial=True, valid=True)
+VALID = FirstAttempt(parsed=True, spatial=True, valid=True)
 MAX_REPEATS = 20
 """Edits in a row that may lead to machines already tried before a search for new ones ends."""
 
@@ -66,8 +66,8 @@ async def _blind(
         assert candidate.machine is not None
         machine = _edited(bench, candidate.machine, chances[candidate.trajectory])
         reason = "" if machine else "no edit is legal"
-        first = VALID if machine else First()
-        edit = Entry("a random edit", "Success", before=candidate.score) if machine else None
+        first = VALID if machine else FirstAttempt()
+        edit = EditRecord("a random edit", "Success", before=candidate.score) if machine else None
         edited.append(Candidate(candidate.trajectory, machine, None, first, reason, edit=edit))
     return await tried(bench, BLIND, edited)
 
@@ -154,6 +154,6 @@ async def _step(bench: Bench, climber: _Climber, round_: int) -> bool:
     climber.search_cost.expansions += 1
     climber.search_cost.valid += 1
     if kept:
-        edit = Entry("a random edit", "Success", before=old.score, after=evaluation.score)
+        edit = EditRecord("a random edit", "Success", before=old.score, after=evaluation.score)
         climber.best = Candidate(old.trajectory, machine, evaluation, VALID, edit=edit)
     return True

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.machine.brief import LONE_ROOT, Brief
-from agentflow.workflows.base import Desks, Laboratory, Record, Workflow, WorkflowResult
+from agentflow.workflows.base import AskContexts, Laboratory, Record, Workflow, WorkflowResult
 from agentflow.workflows.context import Bench
 from agentflow.workflows.hierarchical import hierarchical
 from agentflow.workflows.iterative import iterative
@@ -47,7 +47,7 @@ def workflow(name: str) -> Workflow:
 
     async def carry_out(
         brief: Brief,
-        desks: Desks,
+        contexts: AskContexts,
         laboratory: Laboratory,
         settings: WorkflowSettings,
         record: Record,
@@ -55,7 +55,7 @@ def workflow(name: str) -> Workflow:
     ) -> WorkflowResult:
         if name in OWN_SETTINGS:
             settings = OWN_SETTINGS[name](settings)
-        bench = Bench(name, brief, desks, laboratory, settings, record, seed)
+        bench = Bench(name, brief, contexts, laboratory, settings, record, seed)
         return await WORKFLOWS[name](bench)
 
     return carry_out

@@ -1,4 +1,4 @@
-"""Owns the switches of the workflows (spec 5.2). Models and sampling come with the desks."""
+"""Owns the switches of the workflows (spec 5.2). Models and sampling come with the contexts."""
 
 from __future__ import annotations
 

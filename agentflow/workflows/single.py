@@ -13,7 +13,7 @@ from agentflow.workflows.stages.shared import INITIAL, tried, whole_machines
 async def single(bench: Bench) -> WorkflowResult:
     """One designer per candidate; then each revises its machine, `search.rounds` times.
 
-    A revision is a refinement of the last machine at the designer's desk (its model and sampling),
+    A revision is a refinement of the last machine with the designer's model and sampling,
     told the default feedback: no inspector, and the settings are `chained`. With 0 rounds there is
     no feedback.
     """
@@ -22,7 +22,7 @@ async def single(bench: Bench) -> WorkflowResult:
     if not bench.over(initial) and bench.settings.search.rounds:
         bench.begin(STAGE)
         revised = (
-            feedback_loop(bench, candidate, None, desk="designer")
+            feedback_loop(bench, candidate, None, model_role="designer")
             for candidate in initial.survivors
         )
         bench.end(STAGE, await run_concurrently(revised))

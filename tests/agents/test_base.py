@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import pytest
 
-from agentflow.agents.base import Attempt, Desk, Parsed, Role, ask
+from agentflow.agents.base import AskContext, Parsed, Role, RoleAttempt, ask
 from agentflow.llm.messages import Reply, Sampling
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.prompts.render import PromptSet
@@ -43,17 +43,17 @@ class Number(Role[str, int]):
         return Parsed(None, f"{text!r} is no number for {given}.", "no_number", parsed=False)
 
 
-def _desk(
+def _context(
     replies: list[str | Reply], max_retry: int = 5
-) -> tuple[Desk, ScriptedClient, list[Attempt[object]]]:
-    client, seen = ScriptedClient(replies), list[Attempt[object]]()
-    desk = Desk(client, PromptSet(), Sampling(seed=3), max_retry, seen.append)
-    return desk, client, seen
+) -> tuple[AskContext, ScriptedClient, list[RoleAttempt[object]]]:
+    client, seen = ScriptedClient(replies), list[RoleAttempt[object]]()
+    context = AskContext(client, PromptSet(), Sampling(seed=3), max_retry, seen.append)
+    return context, client, seen
 
 
 async def test_first_reply_is_enough() -> None:
-    desk, client, seen = _desk(["42"])
-    outcome = await ask(Number(), "t", desk, "querier/traj-0")
+    context, client, seen = _context(["42"])
+    outcome = await ask(Number(), "t", context, "querier/traj-0")
     assert (outcome.output, len(outcome.attempts)) == (42, 1)
     assert [attempt.label for attempt in seen] == ["querier/traj-0/attempt-1"]
     request = client.requests[0]
@@ -63,8 +63,8 @@ async def test_first_reply_is_enough() -> None:
 
 
 async def test_reason_is_appended() -> None:
-    desk, client, seen = _desk(["many", "7"])
-    outcome = await ask(Number(), "t", desk, "q")
+    context, client, seen = _context(["many", "7"])
+    outcome = await ask(Number(), "t", context, "q")
     assert (outcome.output, len(outcome.attempts)) == (7, 2)
     assert seen == list(outcome.attempts)
     assert [request.label for request in client.requests] == ["q/attempt-1", "q/attempt-2"]
@@ -80,8 +80,8 @@ async def test_reason_is_appended() -> None:
 
 
 async def test_all_attempts_fail() -> None:
-    desk, client, seen = _desk(["a", "b", "c"], max_retry=3)
-    outcome = await ask(Number(), "t", desk, "q")
+    context, client, seen = _context(["a", "b", "c"], max_retry=3)
+    outcome = await ask(Number(), "t", context, "q")
     assert outcome.output is None
     assert [attempt.parsed.code for attempt in seen] == ["no_number"] * 3
     assert [len(request.messages) for request in client.requests] == [2, 4, 6]
@@ -106,8 +106,8 @@ async def test_all_attempts_fail() -> None:
     ],
 )
 async def test_unfinished_replies_are_not_parsed(reply: Reply, code: str, problem: str) -> None:
-    desk, client, seen = _desk([reply, "5"])
-    outcome = await ask(Number(), "t", desk, "q")
+    context, client, seen = _context([reply, "5"])
+    outcome = await ask(Number(), "t", context, "q")
     assert outcome.output == 5
     assert seen[0].parsed == Parsed(None, problem, code, parsed=False)
     assert client.requests[1].messages[2].text == (reply.text.strip() or "(no text)")

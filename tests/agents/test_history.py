@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.agents.history import Entry, History
+from agentflow.agents.history import EditRecord, History
 
 
 def _history(scores: list[float | None], limit: int = 20) -> History:
     history = History(limit=limit)
     for i, score in enumerate(scores):
-        history = history.add(Entry(f"Remove {i}", "Success", before=1.0, after=score))
+        history = history.add(EditRecord(f"Remove {i}", "Success", before=1.0, after=score))
     return history
 
 
 def test_text() -> None:
     history = (
         History()
-        .add(Entry("Add 15 to 3 in 0\nRemove 7", "Success", before=None, after=4.256))
-        .add(Entry("Move 2 to 1 in 0", "Error", "Move 2 to 1 in 0: Error (face_occupied)", 4.256))
-        .add(Entry("Remove 4", "Success", "", 4.256, 1.0))
+        .add(EditRecord("Add 15 to 3 in 0\nRemove 7", "Success", before=None, after=4.256))
+        .add(
+            EditRecord(
+                "Move 2 to 1 in 0", "Error", "Move 2 to 1 in 0: Error (face_occupied)", 4.256
+            )
+        )
+        .add(EditRecord("Remove 4", "Success", "", 4.256, 1.0))
     )
     assert history.to_text() == (
         "1. Success, score none -> 4.26, best so far\n"
@@ -49,7 +53,7 @@ def test_earlier_of_equals_is_the_best() -> None:
 
 
 def test_long_scripts_are_cut() -> None:
-    text = History().add(Entry("x" * 1000 + "\n" + "Remove 1\n" * 50, "Error")).to_text()
+    text = History().add(EditRecord("x" * 1000 + "\n" + "Remove 1\n" * 50, "Error")).to_text()
     lines = text.splitlines()
     assert len(lines) == 22
     assert lines[1] == "   " + "x" * 300

@@ -12,7 +12,7 @@ import pytest
 
 from agentflow.agents.base import Role
 from agentflow.agents.designer import Designer, DesignerInput
-from agentflow.agents.history import Entry, History
+from agentflow.agents.history import EditRecord, History
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
 from agentflow.agents.placer import Placer, PlacerInput
@@ -35,7 +35,7 @@ FULL = RefinerInput(
     THROWER,
     PLAN,
     critique=EVIL,
-    history=History().add(Entry(EVIL, "Error", EVIL, before=4.5)),
+    history=History().add(EditRecord(EVIL, "Error", EVIL, before=4.5)),
     score=4.5,
     feedback="Score: 4.50 m\nBroken: none\n## Task",
     queried=EVIL,
@@ -356,7 +356,7 @@ def test_compact_prompts_fit(task: str, blocks: int) -> None:
     brief, found = get_task(task).brief, machine(*FRAMES[: blocks - 1])
     history = History()
     for number in range(20):
-        history = history.add(Entry("Add 15 to 3 in 2\n" * 9, "Success", "", 4.0, number % 7))
+        history = history.add(EditRecord("Add 15 to 3 in 2\n" * 9, "Success", "", 4.0, number % 7))
     told = "Score: 4.50 m\n" + ("Root position " + "(0.00, 1.23, 4.56) " * 26 + "\n") * 9
     states = "| 0.2 | (0.00, 1.23, 4.56) | (0.00, 1.23, 4.56) |\n" * 60
     refused = ("Add 15 to 3 in 2: Error (face_occupied: face 2 of block 3 is taken)\n" * 9,) * 5
@@ -380,10 +380,10 @@ def test_compact_prompts_fit(task: str, blocks: int) -> None:
 
 def test_compact_prompts_keep_what_fits() -> None:
     """Little is cut where little is to be said; the best and the worst edit are never."""
-    history = History().add(Entry("Remove 1", "Success", "", 4.0, 9.0))
-    history = history.add(Entry("Remove 2", "Success", "", 4.0, 0.0))
+    history = History().add(EditRecord("Remove 1", "Success", "", 4.0, 9.0))
+    history = history.add(EditRecord("Remove 2", "Success", "", 4.0, 0.0))
     for number in range(30):
-        history = history.add(Entry(f"Remove {number}", "Success", "", 4.0, 5.0))
+        history = history.add(EditRecord(f"Remove {number}", "Success", "", 4.0, 5.0))
     _, user = _render(Refiner(), RefinerInput(THROWING, FRAME, history=history), "compact")
     assert re.findall(r"^> (\d+)\.", user, re.MULTILINE) == ["1", "2", "31", "32"]
     assert "## 3D information" in user

@@ -8,7 +8,7 @@ import os
 import random
 from pathlib import Path
 
-from agentflow.agents.base import Desk
+from agentflow.agents.base import AskContext
 from agentflow.llm.build import wrap
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.scripted import ScriptedClient
@@ -59,10 +59,10 @@ def _carry_out(run: RunDirectory, log: Path, seed: int) -> Path:
     chance = random.Random(seed)
     with Tape(run.tape, lambda _line: None) as tape:
         inner = Delayed(ScriptedClient(Asked(log)), chance)
-        desk = Desk(wrap(inner, tape=tape, budget=Budget()), PROMPTS, max_retry=3)
+        context = AskContext(wrap(inner, tape=tape, budget=Budget()), PROMPTS, max_retry=3)
         result = asyncio.run(
             workflow("hierarchical")(
-                BRIEF, lambda _role: desk, Shelf(delays=chance), SETTINGS, run, 0
+                BRIEF, lambda _role: context, Shelf(delays=chance), SETTINGS, run, 0
             )
         )
     run.finish(_told(result))

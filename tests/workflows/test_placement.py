@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.agents.base import Desk
+from agentflow.agents.base import AskContext
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.llm.messages import Reply, Request
@@ -19,7 +19,13 @@ from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step
 from agentflow.prompts.render import PromptSet
 from agentflow.search.node import Evaluation
-from agentflow.workflows.base import Candidate, First, Stage, Trial, WorkflowResult
+from agentflow.workflows.base import (
+    Candidate,
+    FirstAttempt,
+    SimulationSummary,
+    Stage,
+    WorkflowResult,
+)
 from agentflow.workflows.registry import demand_fit, workflow
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import passes
@@ -41,7 +47,7 @@ class Teeth:
         self.tried.append(label)
         found = trains([step.id for step in machine][1:], meshing(place(machine).blocks, 0.1))
         score = float(found[0].speeds.get(2, 0.0) > 0)
-        return Evaluation(True, score, Trial(score, "ok", f"Score: {score:.2f}"))
+        return Evaluation(True, score, SimulationSummary(score, "ok", f"Score: {score:.2f}"))
 
     async def query(self, machine: Machine, queries: Sequence[object]) -> str:  # noqa: ARG002
         raise AssertionError("nobody asks")
@@ -64,13 +70,13 @@ class Notes:
 
 
 def run(client: Any, count: int, record: Notes | None = None) -> WorkflowResult:
-    def desk(role: str) -> Desk:
+    def context(role: str) -> AskContext:
         assert role == "designer"
-        return Desk(client, PromptSet())
+        return AskContext(client, PromptSet())
 
     settings = WorkflowSettings(placements=count)
     return asyncio.run(
-        workflow("placement")(BRIEF, desk, Teeth(), settings, record or Notes(), seed=1)
+        workflow("placement")(BRIEF, context, Teeth(), settings, record or Notes(), seed=1)
     )
 
 
@@ -116,7 +122,7 @@ def test_the_procedural_model_finds_the_short_way_every_time() -> None:
 
 
 def test_random_placements_are_valid_and_differ() -> None:
-    def nobody(role: str) -> Desk:
+    def nobody(role: str) -> AskContext:
         raise AssertionError(role)
 
     settings = WorkflowSettings(placements=12)
@@ -130,8 +136,8 @@ def test_random_placements_are_valid_and_differ() -> None:
 
 
 def test_attempts_that_the_computer_could_not_score_do_not_count() -> None:
-    crashed = Evaluation(True, None, Trial(None, "crashed", ""))
-    lost = Candidate(1, SOLVED, crashed, First(True, True, True))
+    crashed = Evaluation(True, None, SimulationSummary(None, "crashed", ""))
+    lost = Candidate(1, SOLVED, crashed, FirstAttempt(True, True, True))
     assert passes(Stage("initial", (lost,), 1, 0, 1)) == {
         "attempts": 0,
         "parsed": 0,

@@ -100,7 +100,7 @@ async def test_a_dead_endpoint_ends_the_run_with_its_error(name: str) -> None:
 async def test_single_revises_at_the_designers_desk() -> None:
     run = Run(Author(seed=5, refused=0.0), MEDIUM)
     await run("single")
-    assert set(run.desks) == {"designer"}
+    assert set(run.model_roles) == {"designer"}
     assert {request.role for request in run.client.requests} == {"designer", "refiner"}
     assert {len(node["path"]) for node in run.notes.of("select").values()} == {1, 2, 3}
 

@@ -1,11 +1,11 @@
 import statistics
 
 from agentflow.search.node import Evaluation, SearchCost
-from agentflow.workflows.base import Candidate, First, Stage
+from agentflow.workflows.base import Candidate, FirstAttempt, Stage
 from agentflow.workflows.statistics import best_of, passes, row
 
 
-def scored(trajectory: int, score: float | None, first: First = First()) -> Candidate:  # noqa: B008
+def scored(trajectory: int, score: float | None, first: FirstAttempt = FirstAttempt()) -> Candidate:  # noqa: B008
     return Candidate(trajectory, evaluation=Evaluation(True, score), first=first)
 
 
@@ -14,9 +14,9 @@ def test_row() -> None:
     stage = Stage(
         "env_feedback",
         (
-            scored(1, 4.0, First(True, True, True)),
-            scored(2, 1.0, First(True, True, False)),
-            scored(3, None, First(True, False, False)),
+            scored(1, 4.0, FirstAttempt(True, True, True)),
+            scored(2, 1.0, FirstAttempt(True, True, False)),
+            scored(3, None, FirstAttempt(True, False, False)),
             Candidate(4, reason="no machine"),
             Candidate(5, evaluation=Evaluation(False, 0.0)),
             Candidate(6, evaluation=Evaluation(True, -2.0), search_cost=SearchCost(5, 24, 18, 17)),
@@ -50,10 +50,10 @@ def test_passes() -> None:
     stage = Stage(
         "initial",
         (
-            scored(1, 1.0, First(True, True, True)),
-            scored(2, 0.999, First(True, False, False)),
-            scored(3, 1.5, First(True, True, True)),
-            scored(4, None, First(True, True, True)),
+            scored(1, 1.0, FirstAttempt(True, True, True)),
+            scored(2, 0.999, FirstAttempt(True, False, False)),
+            scored(3, 1.5, FirstAttempt(True, True, True)),
+            scored(4, None, FirstAttempt(True, True, True)),
             Candidate(5, evaluation=Evaluation(False, 1.0)),
         ),
         calls=5,

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from agentflow.agents.base import Desk
+from agentflow.agents.base import AskContext
 from agentflow.agents.replies import machine_items
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Reply, Request, Usage
@@ -21,7 +21,7 @@ from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
 from agentflow.search.node import Evaluation
-from agentflow.workflows.base import Trial, WorkflowResult
+from agentflow.workflows.base import SimulationSummary, WorkflowResult
 from agentflow.workflows.registry import workflow
 from agentflow.workflows.settings import WorkflowSettings
 
@@ -189,7 +189,9 @@ class Shelf:
         score = self.score(found)
         status = "timeout" if score is None else "ok"
         told = f"Rolled {score} m."
-        return Evaluation(True, score, Trial(score, status, told, ((1, 0, 0.5),), found.digest))
+        return Evaluation(
+            True, score, SimulationSummary(score, status, told, ((1, 0, 0.5),), found.digest)
+        )
 
     async def query(self, found: Machine, queries: Sequence[object]) -> str:
         assert found.digest in self.tried
@@ -238,18 +240,18 @@ class Run:
         self.notes = Notes()
         self.settings = WorkflowSettings.model_validate(settings or {})
         self.max_retry, self.seed = max_retry, seed
-        self.desks: list[str] = []
+        self.model_roles: list[str] = []
         outer = client or self.client if delays is None else Delayed(self.client, delays)
         self._client = BudgetClient(outer, Budget(BudgetSettings(calls=budget)))
 
     async def __call__(self, name: str = "hierarchical") -> WorkflowResult:
         return await workflow(name)(
-            BRIEF, self.desk, self.shelf, self.settings, self.notes, self.seed
+            BRIEF, self.context, self.shelf, self.settings, self.notes, self.seed
         )
 
-    def desk(self, role: str) -> Desk:
-        self.desks.append(role)
-        return Desk(self._client, PROMPTS, max_retry=self.max_retry)
+    def context(self, role: str) -> AskContext:
+        self.model_roles.append(role)
+        return AskContext(self._client, PROMPTS, max_retry=self.max_retry)
 
     @property
     def labels(self) -> list[str]:

@@ -8,7 +8,7 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from typing import Any
 
-from agentflow.agents.base import Desk
+from agentflow.agents.base import AskContext
 from agentflow.app.design.laboratory import PhysicsLaboratory
 from agentflow.app.design.models import Models, answerers
 from agentflow.config.run import DesignConfig, hint
@@ -79,8 +79,10 @@ async def conduct(
         model=asked(config, models),
     )
 
-    def desk(role: str) -> Desk:
-        return Desk(models.clients[role], plan.prompts, models.samplings[role], config.max_retry)
+    def context(role: str) -> AskContext:
+        return AskContext(
+            models.clients[role], plan.prompts, models.samplings[role], config.max_retry
+        )
 
     try:
         async with AsyncExitStack() as stack:
@@ -89,7 +91,7 @@ async def conduct(
             laboratory = PhysicsLaboratory(plan.task, pool, config.seed)
             result = await workflow(config.workflow)(
                 plan.task.brief,
-                desk,
+                context,
                 laboratory,
                 config.settings,
                 record,

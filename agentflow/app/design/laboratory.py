@@ -18,7 +18,7 @@ from agentflow.env.rollout import Trace
 from agentflow.env.tasks.base import Task
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.workflows.base import Trial
+from agentflow.workflows.base import SimulationSummary
 
 PICTURE = (960, 720)
 """Width and height of the pictures that models are shown, in pixels."""
@@ -50,7 +50,7 @@ class PhysicsLaboratory:
         self.rollouts.put(machine.digest, rollout)
         self.simulated_seconds += rollout.sim_seconds or 0.0
         self.worker_seconds += rollout.wall_seconds or 0.0
-        trial = Trial(
+        summary = SimulationSummary(
             score=rollout.score,
             status=rollout.status,
             feedback=rollout.feedback.text,
@@ -58,7 +58,7 @@ class PhysicsLaboratory:
             digest=rollout.digest,
             moved=None if rollout.trace is None else farthest(rollout.trace),
         )
-        return Evaluation(rollout.status != "invalid", rollout.score, trial)
+        return Evaluation(rollout.status != "invalid", rollout.score, summary)
 
     async def query(self, machine: Machine, queries: Sequence[object]) -> str:
         """Answer queries on a machine that has been evaluated."""

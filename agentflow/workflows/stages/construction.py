@@ -10,11 +10,11 @@ from agentflow.agents.designer import Designer, DesignerInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.machine.tree import Machine
 from agentflow.search.concurrency import run_concurrently
-from agentflow.workflows.base import Candidate, First
+from agentflow.workflows.base import Candidate, FirstAttempt
 from agentflow.workflows.context import Bench
 from agentflow.workflows.stages.shared import failure_of, first_of
 
-FLAWLESS = First(parsed=True, spatial=True, valid=True)
+FLAWLESS = FirstAttempt(parsed=True, spatial=True, valid=True)
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Slot:
     """One place in the beam: a machine under construction, or why there is none."""
 
     machine: Machine | None = None
-    first: First = FLAWLESS
+    first: FirstAttempt = FLAWLESS
     """Whether the first attempts at all structures so far succeeded."""
     reason: str = ""
     groups: dict[str, tuple[int, ...]] = field(default_factory=dict)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from agentflow.agents.history import Entry, History
+from agentflow.agents.history import EditRecord, History
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
@@ -18,7 +18,7 @@ from agentflow.machine.tree import Machine
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, Evaluation, Node, SearchResult
 from agentflow.search.registry import strategy
-from agentflow.workflows.base import Candidate, First, StageName, Trial
+from agentflow.workflows.base import Candidate, FirstAttempt, SimulationSummary, StageName
 from agentflow.workflows.context import Bench
 from agentflow.workflows.stages.search_record import SearchRecord
 from agentflow.workflows.stages.shared import edit_of, failure_of, first_of
@@ -31,7 +31,7 @@ class Version:
     """A machine in a search, and how it came about; equal to any version of the same machine."""
 
     machine: Machine
-    edit: Entry | None = field(default=None, compare=False)
+    edit: EditRecord | None = field(default=None, compare=False)
     """The refinement that made it, its score after still open."""
     history: History = field(default=History(), compare=False)
     """What led to the machine that was refined."""
@@ -40,7 +40,7 @@ class Version:
 
 
 async def feedback_loop(
-    bench: Bench, candidate: Candidate, blueprint: Blueprint | None, *, desk: str = ""
+    bench: Bench, candidate: Candidate, blueprint: Blueprint | None, *, model_role: str = ""
 ) -> Candidate:
     """Let a trajectory search from its machine; yields its tree's best machine.
 
@@ -48,13 +48,13 @@ async def feedback_loop(
         bench: The run.
         candidate: A valid, simulated machine.
         blueprint: The plan it was built to.
-        desk: Whose model and sampling refines, if not the refiner's own.
+        model_role: Role whose model and sampling refine, if not the refiner's own.
     """
     numbers = bench.settings.search
     assert candidate.machine is not None
     assert candidate.evaluation is not None
     name = f"traj-{candidate.trajectory}"
-    trajectory = Trajectory(bench, name, blueprint, desk)
+    trajectory = Trajectory(bench, name, blueprint, model_role)
     notes = SearchRecord(bench.record, f"{STAGE}/{name}")
     found = await strategy(numbers.strategy)(
         Version(candidate.machine, candidate.edit),
@@ -71,11 +71,18 @@ async def feedback_loop(
 class Trajectory:
     """What the search of one trajectory needs: how to expand a node and how to try a version."""
 
-    def __init__(self, bench: Bench, name: str, blueprint: Blueprint | None, desk: str) -> None:
-        """For the trajectory of that name ("traj-3"), refined at the desk."""
-        self.first = First()
+    def __init__(
+        self, bench: Bench, name: str, blueprint: Blueprint | None, model_role: str
+    ) -> None:
+        """For the trajectory of that name ("traj-3"), refined by that role's model."""
+        self.first = FirstAttempt()
         """What the first attempt of the search came to."""
-        self._bench, self._name, self._blueprint, self._desk = bench, name, blueprint, desk
+        self._bench, self._name, self._blueprint, self._model_role = (
+            bench,
+            name,
+            blueprint,
+            model_role,
+        )
         self._queried: dict[int, str] = {}
         """Node id -> answers to its querier: one interaction per node."""
         self._tried: dict[str, list[Attempt[Version]]] = {}
@@ -120,7 +127,7 @@ class Trajectory:
     ) -> Attempt[Version] | None:
         full = f"refiner/feedback/{self._name}/{label}"
         outcome = await self._bench.ask(
-            Refiner(), given, full, stage=STAGE, desk=self._desk, once=True
+            Refiner(), given, full, stage=STAGE, model_role=self._model_role, once=True
         )
         if outcome is None:
             return None
@@ -158,7 +165,7 @@ class Trajectory:
         for attempt in self._tried.get(version.label, ()):
             child = attempt.candidate
             if child is None:
-                history = history.add(Entry("", "Error", attempt.note, before=score))
+                history = history.add(EditRecord("", "Error", attempt.note, before=score))
             elif child.edit is not None:
                 after = self._scores[child.machine]
                 history = history.add(replace(child.edit, after=after))
@@ -190,11 +197,11 @@ def _verdict(attempt: Attempt[Version]) -> str:
 
 
 def _feedback(node: Node[Version]) -> str:
-    trial: Trial = node.evaluation.details
-    return trial.feedback
+    summary: SimulationSummary = node.evaluation.details
+    return summary.feedback
 
 
-def _harvest(start: Candidate, found: SearchResult[Version], first: First) -> Candidate:
+def _harvest(start: Candidate, found: SearchResult[Version], first: FirstAttempt) -> Candidate:
     best = found.nodes[found.best]
     return Candidate(
         start.trajectory,

@@ -9,15 +9,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from agentflow.agents.base import Outcome
+from agentflow.agents.base import RoleOutcome
 from agentflow.agents.designer import Designer, DesignerInput
-from agentflow.agents.history import Entry
+from agentflow.agents.history import EditRecord
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
 from agentflow.machine.validity import check
 from agentflow.search.concurrency import run_concurrently
-from agentflow.workflows.base import Candidate, First, StageName
+from agentflow.workflows.base import Candidate, FirstAttempt, StageName
 from agentflow.workflows.context import Bench
 
 INITIAL: StageName = "initial"
@@ -25,15 +25,15 @@ BLIND: StageName = "blind_refinement"
 UNANSWERED = "the budget ran out before an answer"
 
 
-def first_of(outcome: Outcome[Any] | None) -> First:
+def first_of(outcome: RoleOutcome[Any] | None) -> FirstAttempt:
     """What the first attempt of a question came to."""
     if outcome is None or not outcome.attempts:
-        return First()
+        return FirstAttempt()
     parsed = outcome.attempts[0].parsed
-    return First(parsed.parsed, parsed.spatial is True, parsed.output is not None)
+    return FirstAttempt(parsed.parsed, parsed.spatial is True, parsed.output is not None)
 
 
-def failure_of(outcome: Outcome[Any] | None) -> str:
+def failure_of(outcome: RoleOutcome[Any] | None) -> str:
     """Why a question gave no output: the problem of its last attempt."""
     if outcome is None:
         return UNANSWERED
@@ -107,9 +107,9 @@ async def refined_blindly(
     return (await tried(bench, BLIND, [made]))[0]
 
 
-def edit_of(refinement: Refinement, before: float | None) -> Entry:
+def edit_of(refinement: Refinement, before: float | None) -> EditRecord:
     """A refinement as an entry of the edit history, its own score still unknown."""
-    return Entry(refinement.script or refinement.description, "Success", before=before)
+    return EditRecord(refinement.script or refinement.description, "Success", before=before)
 
 
 async def _critique(bench: Bench, candidate: Candidate, blueprint: Blueprint | None) -> str:

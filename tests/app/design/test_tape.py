@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.agents.base import Desk
+from agentflow.agents.base import AskContext
 from agentflow.llm.build import wrap
 from agentflow.llm.client import Client
 from agentflow.llm.scripted import ScriptedClient
@@ -45,8 +45,8 @@ def carry_out(folder: Path, chance: random.Random) -> tuple[WorkflowResult, RunD
 
 
 async def conduct(client: Client, run: RunDirectory, shelf: Shelf) -> WorkflowResult:
-    desk = Desk(client, PROMPTS, max_retry=3)
-    return await workflow("hierarchical")(BRIEF, lambda _role: desk, shelf, SETTINGS, run, 0)
+    context = AskContext(client, PROMPTS, max_retry=3)
+    return await workflow("hierarchical")(BRIEF, lambda _role: context, shelf, SETTINGS, run, 0)
 
 
 def written(run: RunDirectory) -> Written:

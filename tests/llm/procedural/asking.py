@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agentflow.agents.base import Attempt, Desk, ask
+from agentflow.agents.base import AskContext, RoleAttempt, ask
 from agentflow.agents.designer import Design, Designer, DesignerInput
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.agents.refiner import Refiner, RefinerInput
@@ -20,12 +20,12 @@ def brief_of(task: str) -> Brief:
     return get_task(task).brief
 
 
-def desk(seed: int, tries: int = 1) -> Desk:
-    return Desk(ProceduralClient(seed), PROMPTS, max_retry=tries)
+def context(seed: int, tries: int = 1) -> AskContext:
+    return AskContext(ProceduralClient(seed), PROMPTS, max_retry=tries)
 
 
 async def blueprint_of(brief: Brief, seed: int) -> Blueprint:
-    outcome = await ask(MetaDesigner(), MetaDesignerInput(brief), desk(seed), "meta")
+    outcome = await ask(MetaDesigner(), MetaDesignerInput(brief), context(seed), "meta")
     assert outcome.output is not None, outcome.attempts[0].parsed.problem
     return outcome.output
 
@@ -36,7 +36,7 @@ async def designs(brief: Brief, blueprint: Blueprint, seed: int, label: str) -> 
     last = blueprint.structures[-1].name
     for part in blueprint.structures:
         given = DesignerInput(brief, blueprint, part.name, machine, part.name == last)
-        outcome = await ask(Designer(), given, desk(seed, 5), f"{label}/{part.name}")
+        outcome = await ask(Designer(), given, context(seed, 5), f"{label}/{part.name}")
         if outcome.output is None:
             return None
         machine = outcome.output.machine
@@ -44,11 +44,11 @@ async def designs(brief: Brief, blueprint: Blueprint, seed: int, label: str) -> 
 
 
 async def whole_design(brief: Brief, seed: int, label: str = "whole") -> Design | None:
-    return (await ask(Designer(), DesignerInput(brief), desk(seed, 5), label)).output
+    return (await ask(Designer(), DesignerInput(brief), context(seed, 5), label)).output
 
 
-async def refinement(given: RefinerInput, seed: int, label: str = "refiner") -> Attempt[object]:
-    outcome = await ask(Refiner(), given, desk(seed), label)
+async def refinement(given: RefinerInput, seed: int, label: str = "refiner") -> RoleAttempt[object]:
+    outcome = await ask(Refiner(), given, context(seed), label)
     return outcome.attempts[0]
 
 

@@ -9,7 +9,7 @@ from agentflow.agents.inspector import Inspection, Inspector, InspectorInput
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
-from tests.llm.procedural.asking import blueprint_of, brief_of, designs, desk
+from tests.llm.procedural.asking import blueprint_of, brief_of, context, designs
 
 
 def machine_of(*steps: tuple[int, int, int]) -> Machine:
@@ -24,7 +24,7 @@ def machine_of(*steps: tuple[int, int, int]) -> Machine:
 
 async def inspected(task: str, machine: Machine) -> Inspection:
     given = InspectorInput(brief_of(task), machine)
-    outcome = await ask(Inspector(), given, desk(0), "inspector")
+    outcome = await ask(Inspector(), given, context(0), "inspector")
     assert outcome.output is not None, outcome.attempts[0].parsed.problem
     return outcome.output
 
@@ -63,7 +63,7 @@ async def test_it_asks_for_what_broke_around_the_moment() -> None:
     machine = machine_of((1, 0, 4), (15, 1, 0))
     report = "Score: 0.00 m\nBroken: block 2 (Small Wooden Block) off block 1 at 0.30 s, load 1.20"
     given = QuerierInput(brief_of("movement"), machine, 0.0, report)
-    outcome = await ask(Querier(), given, desk(0), "querier")
+    outcome = await ask(Querier(), given, context(0), "querier")
     assert outcome.output is not None
     asked = {"duration": [0.0, 0.7], "properties": ["position", "velocity"]}
     assert outcome.output.queries == ({"id": 2, **asked}, {"id": 1, **asked})
@@ -71,6 +71,6 @@ async def test_it_asks_for_what_broke_around_the_moment() -> None:
 
 async def test_it_asks_for_the_root_when_nothing_broke() -> None:
     given = QuerierInput(brief_of("movement"), machine_of((2, 0, 3)), 1.0, "Score: 1.00 m")
-    outcome = await ask(Querier(), given, desk(0), "querier")
+    outcome = await ask(Querier(), given, context(0), "querier")
     assert outcome.output is not None
     assert [query["id"] for query in outcome.output.queries] == [1, 0]

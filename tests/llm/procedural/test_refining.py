@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.agents.history import Entry, History
+from agentflow.agents.history import EditRecord, History
 from agentflow.agents.refiner import RefinerInput
 from agentflow.machine.tree import Machine
 from tests.llm.procedural.asking import blueprint_of, brief_of, designs, refinement
@@ -63,7 +63,7 @@ async def test_the_history_is_not_repeated() -> None:
     machine = machine_of((2, 0, 2), (2, 0, 3))
     first = (await refinement(RefinerInput(brief_of("movement"), machine), 0)).reply.text
     script = first.partition("<Modification Steps>\n")[2].partition("\n</")[0]
-    history = History().add(Entry(script, "Success", before=5.0, after=4.0))
+    history = History().add(EditRecord(script, "Success", before=5.0, after=4.0))
     for number in range(8):
         given = RefinerInput(brief_of("movement"), machine, history=history)
         text = (await refinement(given, 0, f"r/{number}")).reply.text

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.agents.base import Desk
+from agentflow.agents.base import AskContext
 from agentflow.env.tasks.registry import task_names
 from agentflow.errors import UsageError
 from agentflow.llm.procedural import ProceduralClient
@@ -48,9 +48,9 @@ def combinations() -> list[dict[str, Any]]:
 async def run(task: str, name: str, switches: dict[str, Any]) -> None:
     """A tiny run: every reply is read by its role, and a valid machine comes of it."""
     brief, notes = brief_of(task), Notes()
-    desk = Desk(ProceduralClient(1), PROMPTS, max_retry=5)
+    context = AskContext(ProceduralClient(1), PROMPTS, max_retry=5)
     settings = WorkflowSettings.model_validate({**TINY, **switches})
-    result = await workflow(name)(brief, lambda _: desk, Shelf(), settings, notes)
+    result = await workflow(name)(brief, lambda _: context, Shelf(), settings, notes)
     attempts = notes.of("attempt")
     lost = {label: data["problem"] for label, data in attempts.items() if not data["parsed"]}
     assert attempts
