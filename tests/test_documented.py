@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.cli import group, main
+from agentflow.cli import command_group, main
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import check
 from agentflow.machine.formats.detect import read_any
@@ -91,7 +91,7 @@ def test_there_is_something_to_test() -> None:
 
 def parse(words: list[str]) -> None:
     """Have the command line read arguments, and do nothing."""
-    command = group()
+    command = command_group()
     context = command.make_context("agentflow", words)
     while hasattr(command, "resolve_command"):
         rest = [*context._protected_args, *context.args]

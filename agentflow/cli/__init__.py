@@ -1,6 +1,6 @@
-"""The command line: typer commands, a few lines each; the work is app's.
+"""The command line: short typer commands that call `agentflow.app`.
 
-`main` turns every error of ours into one or two lines on stderr and an exit status (spec 6.5).
+`main` turns every AgentflowError into one or two lines on stderr and an exit status.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from agentflow.cli.display.text import harmless, refusal
+from agentflow.cli.display.text import describe_os_error, escape_controls
 from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
 MODULES = ("design", "machines", "prompts", "records", "reports", "sweeps", "tasks")
-"""Importing one adds its commands to the others."""
+"""Modules of `agentflow.cli.commands`; importing one registers its commands."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return the exit status.
 
-    0 done, 1 comparison failed, 2 usage or configuration, 3 partly failed, 4 the model endpoint
-    cannot be used, 130 interrupted. No traceback unless `--debug` is given.
+    0 success, 1 comparison failed, 2 usage or configuration error, 3 partly failed, 4 model
+    endpoint unusable, 130 interrupted. Tracebacks only with `--debug`.
     """
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)
@@ -35,10 +35,10 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 @cache
-def group() -> Any:
-    """Every command as the one object that runs them, of click or of typer's copy of it.
+def command_group() -> Any:
+    """The click group of all commands.
 
-    Made once in a process: making it takes longer than most commands.
+    Cached because building it takes longer than most commands.
     """
     import typer
 
@@ -50,30 +50,33 @@ def group() -> Any:
 
 
 def _run(given: list[str]) -> int | None:
-    """The exit status; None when the command was interrupted and has said nothing of it."""
+    """Run a command. Returns its exit status, or None if it was interrupted without a message."""
     import typer
 
     # Typer carries its own copy of click in some versions and depends on click in others; the
     # base of its public BadParameter is click's UsageError in both.
     usage_error: type[BaseException] = typer.BadParameter.__mro__[1]
-    if sys.stdout is None:  # closed; what is opened next must not take its number
+    if sys.stdout is None:  # closed; keep later files from taking descriptor 1
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     debug = "--debug" in given
     try:
         rest = [item for item in given if item != "--debug"]
-        status = group()(args=rest, prog_name="agentflow", standalone_mode=False)
+        status = command_group()(args=rest, prog_name="agentflow", standalone_mode=False)
         sys.stdout.flush()
-        if status == INTERRUPTED:  # some versions of typer make it of Ctrl-C, others Abort
+        if status == INTERRUPTED:  # some versions of typer return this on Ctrl-C
             return None
         return status if isinstance(status, int) else 0
     except typer.Abort:
         return None
-    except (BrokenPipeError, SystemExit):  # who read our output wants no more of it; so says typer
+    except (
+        BrokenPipeError,
+        SystemExit,
+    ):  # nobody reads our output any more
         return _give_up_output(0)
     except OSError as error:
         if debug:
             traceback.print_exc()
-        _say(refusal(error), USAGE)
+        _say(describe_os_error(error), USAGE)
         return _give_up_output(USAGE)
     except usage_error as error:
         return _refuse(error)
@@ -87,20 +90,20 @@ def _refuse(error: BaseException) -> int:
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "agentflow"
     message = getattr(error, "format_message", error.__str__)()
-    if message.startswith("Usage:"):  # a group without a command is answered with its help
+    if message.startswith("Usage:"):  # a group without a command prints its help
         print(message, file=sys.stderr)
         return USAGE
-    message = message.replace("Value error, ", "")  # of pydantic, by which some typers read values
+    message = message.replace("Value error, ", "")  # added by pydantic in some versions of typer
     return _say(f"{message.rstrip('.?')}. Try '{command} --help'.", USAGE)
 
 
 def _say(message: str, status: int) -> int:
-    with suppress(OSError, ValueError):  # nobody reads; the exit status says it all the same
-        print("agentflow:", harmless(message, "\n"), file=sys.stderr, flush=True)
+    with suppress(OSError, ValueError):  # stderr is closed; the exit status still tells
+        print("agentflow:", escape_controls(message, "\n"), file=sys.stderr, flush=True)
     return status
 
 
 def _give_up_output(status: int) -> int:
-    """Lead standard output nowhere, so that Python does not complain of it once more at the end."""
+    """Redirect stdout to /dev/null, so that Python does not report the error again at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status

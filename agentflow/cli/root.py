@@ -1,4 +1,4 @@
-"""Owns the root of all commands, the options that several have, and how they print JSON.
+"""The root command, options shared by several commands, and JSON output.
 
 Heavy imports happen inside the commands that need them.
 """
@@ -25,20 +25,24 @@ commands = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-Knobs = Annotated[list[str] | None, typer.Option("--set", help="knob=value of the task.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON and nothing else on stdout.")]
+Knobs = Annotated[
+    list[str] | None, typer.Option("--set", help="Set a knob of the task, knob=value; repeatable.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print only JSON to stdout.")]
 Run = Annotated[Path, typer.Argument(help="Run directory.")]
 ModelName = Annotated[
-    str | None, typer.Option("--model", help="Model name; without one, rules and chance answer.")
+    str | None,
+    typer.Option("--model", help="Model name; default: procedural (rules and chance, no LLM)."),
 ]
 BaseUrl = Annotated[
-    str | None, typer.Option(help="OpenAI-compatible endpoint; the key is OPENAI_API_KEY.")
+    str | None,
+    typer.Option(help="URL of an OpenAI-compatible endpoint; key: OPENAI_API_KEY."),
 ]
-Config = Annotated[Path | None, typer.Option(help="YAML file with any of the keys.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress and no remarks.")]
+Config = Annotated[Path | None, typer.Option(help="YAML configuration file.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress and no remarks.")]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", help="key=value of the configuration, or knob=value of the task."),
+    typer.Option("--set", help="Set a configuration key or a task knob, key=value; repeatable."),
 ]
 
 
@@ -53,18 +57,18 @@ def common(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of errors.")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Print tracebacks of errors.")] = False,
 ) -> None:
-    """Options of all commands; `--debug` is read in cli.main, wherever it stands."""
+    """Options of all commands. `--debug` may come anywhere; cli.main reads it."""
 
 
 def print_json(value: Any) -> None:
-    """One line of JSON, at once: who reads lines may wait for each. ASCII, for any terminal."""
+    """Print one line of ASCII JSON and flush it, for programs that read line by line."""
     print(json.dumps(_finite(value), allow_nan=False), flush=True)
 
 
 def _finite(value: Any) -> Any:
-    """The value with null for every number that JSON does not know."""
+    """Replace NaN and infinities by null, as JSON has no such numbers."""
     if isinstance(value, float) and not isfinite(value):
         return None
     if isinstance(value, Mapping):

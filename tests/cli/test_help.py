@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from agentflow import __version__
-from agentflow.cli import group, main
+from agentflow.cli import command_group, main
 from agentflow.workflows.registry import WORKFLOWS
 from tests.test_documented import parse
 
@@ -22,7 +22,7 @@ Captured = pytest.CaptureFixture[str]
 
 
 def every_command() -> Iterator[tuple[str, Any]]:
-    waiting = [("", group())]
+    waiting = [("", command_group())]
     for name, command in waiting:
         inner = getattr(command, "commands", {})
         waiting += [(f"{name} {key}".strip(), item) for key, item in inner.items()]

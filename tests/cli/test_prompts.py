@@ -38,7 +38,7 @@ def test_diff(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prompts", "diff", "default", "no_motion"]) == 0
     assert "+++ no_motion/_parts/motion.j2" in capsys.readouterr().out
     assert main(["prompts", "diff", "default", "default"]) == 0
-    assert capsys.readouterr().out == "equal\n"
+    assert capsys.readouterr().out == "identical\n"
 
 
 def test_unknown_set(capsys: pytest.CaptureFixture[str]) -> None:

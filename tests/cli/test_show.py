@@ -24,11 +24,11 @@ def _result(**changes: Any) -> dict[str, Any]:
         ({}, ""),
         (
             {"stopped": "budget"},
-            "stopped early: the budget is spent; the result is the best so far",
+            "stopped early: budget limit reached; the result is the best so far",
         ),
         (
             {"stopped": "budget", "valid": False, "reason": "no valid machine: ..."},
-            "stopped early: the budget is spent; no machine was found",
+            "stopped early: budget limit reached; no valid machine was found",
         ),
         (
             {"valid": False, "reason": "no valid machine: no valid blueprint:\n- it lacks a key"},
@@ -36,11 +36,11 @@ def _result(**changes: Any) -> dict[str, Any]:
         ),
         (
             {"stages": [_stage("initial", 2), _stage("blind_refinement", 0)]},
-            "ended early: no machine of stage blind_refinement was valid",
+            "ended early: no machine in stage blind_refinement was valid",
         ),
         (
             {"stages": [_stage("initial", 2), _stage("env_feedback", 2, 40)]},
-            "none of the 40 refinements of stage env_feedback was valid",
+            "none of the 40 refinements in stage env_feedback was valid",
         ),
     ],
 )
@@ -54,5 +54,5 @@ def test_the_next_command_holds_where_a_folder_has_spaces(
     told = {"score": None, "model": "m", "calls": 1, "tokens": 0, "rollouts": 0, "seconds": 1.0}
     changes = {"valid": False, "reason": "none", "stages": [], "run": "my runs/one"}
     show_result(_result(**told, **changes), {})
-    line = "every step of it in 3D: agentflow report 'my runs/one'"
+    line = "see every step in 3D: agentflow report 'my runs/one'"
     assert line in capsys.readouterr().out.splitlines()

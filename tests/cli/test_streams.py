@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from agentflow.cli.display.text import refusal
+from agentflow.cli.display.text import describe_os_error
 
 AGENTFLOW = f'"{sys.executable}" -c "import sys; from agentflow.cli import main; sys.exit(main())"'
 INTERRUPTED = """
@@ -53,12 +53,12 @@ def test_output_that_cannot_be_written_is_told() -> None:
             "cannot use a: Permission denied",
         ),
         (OSError(errno.EXDEV, "Invalid link", "a", None, "b"), "cannot use b: Invalid link"),
-        (OSError(errno.EMFILE, "Too many open files"), "the system refuses: Too many open files"),
-        (TimeoutError("slow"), "the system refuses: slow"),
+        (OSError(errno.EMFILE, "Too many open files"), "system error: Too many open files"),
+        (TimeoutError("slow"), "system error: slow"),
     ],
 )
 def test_what_the_system_refuses_is_said_of_what_it_refused(error: OSError, words: str) -> None:
-    assert refusal(error).startswith(words)
+    assert describe_os_error(error).startswith(words)
 
 
 def test_a_group_alone_says_what_it_holds() -> None:

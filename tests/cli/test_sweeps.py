@@ -35,10 +35,10 @@ def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
     assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--resume"]) == 3
     out, told = capsys.readouterr()
     lines = out.splitlines()
-    assert lines[0] == f"1 of 2 runs are done: {path}"
+    assert lines[0] == f"1 of 2 runs done: {path}"
     assert lines[1].startswith("failed: dead.seed-0: no answer from http://127.0.0.1:9/v1")
     assert lines[2:] == [
-        f"try these again with: agentflow sweep '{path}' --resume",
+        f"retry the failed runs with: agentflow sweep '{path}' --resume",
         f"compare them with: agentflow table '{path}'",
     ]
     assert told.splitlines()[0] == "dead.seed-0: begun"
@@ -88,13 +88,13 @@ def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
     assert capsys.readouterr().out == (
         "baseline.seed-0: 49 calls, 16 rollouts\n"
         "no_inspector.seed-0: 41 calls, 16 rollouts\n"
-        "2 runs to do: about 90 calls without retries, no tokens and no money: the procedural "
+        "2 runs left: about 90 calls without retries, no tokens and no cost: the procedural "
         "model answers; at most 32 rollouts, 0.1 min with 2 workers\n"
     )
     price = "model.prices={m: {input: 1, output: 2}}"
     assert main([*words, "--model", "m", "--set", price, "--workers", "4"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == (
-        "2 runs to do: about 90 calls without retries, about 333280 tokens, reasoning not "
+        "2 runs left: about 90 calls without retries, about 333280 tokens, reasoning not "
         "counted; cost 0.35; at most 32 rollouts, 0.0 min with 4 workers; waiting for answers "
         "comes on top"
     )
@@ -124,14 +124,14 @@ def test_a_dry_run_does_not_count_runs_of_other_seeds(
     (done / "result.json").touch()
     words = ["sweep", str(ROOT / "configs/inspector.yaml"), "--seeds", "1", "--dry-run"]
     assert main([*words, "--out", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("2 runs to do: about 90 calls ")
+    assert capsys.readouterr().out.splitlines()[-1].startswith("2 runs left: about 90 calls ")
 
 
 def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sweep", str(folder / "mixed"), "--dry-run"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "lives.seed-0: done" in lines
-    assert lines[-1].startswith("1 run to do: about 12 calls without retries, about ")  # of DEAD
+    assert lines[-1].startswith("1 run left: about 12 calls without retries, about ")  # of DEAD
 
 
 @pytest.mark.parametrize(

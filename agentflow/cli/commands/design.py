@@ -1,4 +1,4 @@
-"""The commands that ask models: design, replay, doctor. Importing it adds them to the others."""
+"""Commands that call models: design, replay, doctor. Importing this module registers them."""
 
 from __future__ import annotations
 
@@ -26,38 +26,38 @@ from agentflow.errors import EndpointError, UsageError
     epilog="Example: agentflow design --task movement --workflow hierarchical --seed 3"
 )
 def design(
-    task: Annotated[str | None, typer.Option(help="Task, for instance throwing.")] = None,
+    task: Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")] = None,
     workflow: Annotated[
         str | None,
         typer.Option(
-            help="single, iterative, hierarchical, random-dsl; placement or random-placement for "
-            "placement tasks."
+            help="single, iterative, hierarchical or random-dsl; placement or random-placement "
+            "for gearing."
         ),
     ] = None,
     model: ModelName = None,
     base_url: BaseUrl = None,
     config: Config = None,
     settings: Settings = None,
-    seed: Annotated[int | None, typer.Option(help="Of everything left to chance.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Random seed.")] = None,
     rationale_from: Annotated[
-        str | None, typer.Option(help="Run whose designers' plans are to be followed.")
+        str | None, typer.Option(help="Reuse the designers' plans from this run.")
     ] = None,
     rollouts: Annotated[
-        int | None, typer.Option(help="Simulations of the whole run, for random-dsl.")
+        int | None, typer.Option(help="Total number of simulations; random-dsl only.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder that holds run directories.")] = Path("runs"),
-    workers: Annotated[int | None, typer.Option(help="Processes for rollouts.")] = None,
+    out: Annotated[Path, typer.Option(help="Directory for run directories.")] = Path("runs"),
+    workers: Annotated[int | None, typer.Option(help="Worker processes for simulation.")] = None,
     keep_rollouts: Annotated[
         Literal["winners", "all"] | None,
-        typer.Option(help="Whose states to keep: of each stage's best machine, or of all."),
+        typer.Option(help="Which rollouts to save: those of each stage's best machine, or all."),
     ] = None,
-    resume: Annotated[Path | None, typer.Option(help="Run directory to continue.")] = None,
+    resume: Annotated[Path | None, typer.Option(help="Run directory to resume.")] = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Design a machine: from a task to the best machine found, and pictures of it.
+    """Design a machine for a task and draw the best one found.
 
-    A finished run that is resumed gives its result and changes no file.
+    Resuming a finished run prints its result and changes no file.
     """
     from agentflow.app.design.design import design as start
     from agentflow.app.design.design import resume as go_on
@@ -80,7 +80,7 @@ def design(
     }
     given = [name for name, value in options.items() if value is not None]
     if resume is not None and (given or config or settings):
-        raise UsageError("--resume continues a run as it was begun; leave out the other options")
+        raise UsageError("--resume uses the settings of the run; remove the other options")
     finished = resume is not None and state_of(resume) == "done"
     with watch(quiet) as (listener, say):
         if resume is not None:
@@ -89,8 +89,8 @@ def design(
             built = configured(config, settings or (), options)
             if rollouts is not None and built.workflow != "random-dsl":
                 raise UsageError(
-                    "--rollouts is for --workflow random-dsl; others take --set search.rounds=N "
-                    "and --set trajectories=N"
+                    "--rollouts works only with --workflow random-dsl; for other workflows use "
+                    "--set search.rounds=N and --set trajectories=N"
                 )
             result = start(built, out, say, listener)
         drawn = result["valid"] and not finished
@@ -105,7 +105,7 @@ def design(
 
 @commands.command(epilog="Example: agentflow replay runs/recorded-throwing")
 def replay(run: Run) -> None:
-    """Repeat a run from its record and compare everything: `identical` or the first difference."""
+    """Replay a run from its record; print `identical` or the first difference."""
     from agentflow.app.design.replay import replay as repeat
 
     difference = repeat(run, lambda line: print(f"agentflow: {line}", file=sys.stderr))
@@ -117,16 +117,16 @@ def replay(run: Run) -> None:
     epilog="Example: agentflow doctor --model qwen3 --base-url http://127.0.0.1:8000/v1"
 )
 def doctor(
-    model: Annotated[str | None, typer.Option(help="Model name; or AGENTFLOW_MODEL.")] = None,
-    base_url: Annotated[str | None, typer.Option(help="Endpoint; or OPENAI_BASE_URL.")] = None,
+    model: Annotated[str | None, typer.Option(help="Model name; default: AGENTFLOW_MODEL.")] = None,
+    base_url: Annotated[
+        str | None, typer.Option(help="Endpoint URL; default: OPENAI_BASE_URL.")
+    ] = None,
     config: Config = None,
     settings: Settings = None,
-    role: Annotated[
-        str, typer.Option(help="Whose model, where roles have their own.")
-    ] = "designer",
+    role: Annotated[str, typer.Option(help="Role whose model to check.")] = "designer",
     as_json: Json = False,
 ) -> None:
-    """Send one tiny request to a model's endpoint and report what it can do."""
+    """Send one small request to a model endpoint and report what works."""
     from agentflow.app.design.models import configured
     from agentflow.app.doctor import examine
     from agentflow.cli.display.show import show_diagnosis

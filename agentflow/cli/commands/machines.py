@@ -1,7 +1,4 @@
-"""The commands on single machines and their blocks, from check to simulate.
-
-Importing it adds them to the others.
-"""
+"""Commands for single machines and the block library. Importing this module registers them."""
 
 from __future__ import annotations
 
@@ -14,10 +11,12 @@ import typer
 from agentflow.cli.root import Json, Knobs, commands, print_json
 from agentflow.errors import UsageError
 
-Task = Annotated[str | None, typer.Option(help="Task, for instance throwing or movement.")]
-Seed = Annotated[int, typer.Option(help="Of everything left to chance.")]
+Task = Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")]
+Seed = Annotated[int, typer.Option(help="Random seed.")]
 Source = Annotated[str, typer.Argument(help="Machine file, or - for standard input.")]
-Power = Annotated[Literal["on", "off"], typer.Option(help="off: nothing is ever switched on.")]
+Power = Annotated[
+    Literal["on", "off"], typer.Option(help="off: motors, springs and winches never start.")
+]
 
 
 @commands.command(epilog="Example: agentflow check machine.json --task throwing --json")
@@ -27,13 +26,15 @@ def check(
     knobs: Knobs = None,
     form: Annotated[
         Literal["auto", "tree", "coordinates", "bsg"],
-        typer.Option("--format", help="How the machine is written; auto finds out."),
+        typer.Option("--format", help="Input format; auto detects the format."),
     ] = "auto",
-    geometry: Annotated[bool, typer.Option("--geometry", help="Where every block is.")] = False,
-    lines: Annotated[bool, typer.Option("--jsonl", help="One machine per line.")] = False,
+    geometry: Annotated[
+        bool, typer.Option("--geometry", help="Print the position of every block.")
+    ] = False,
+    lines: Annotated[bool, typer.Option("--jsonl", help="Read one machine per line.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Judge a machine: file, space, and what a task demands."""
+    """Check whether a machine is valid: its file, its geometry and the rules of a task."""
     from agentflow.app.machines import files as machines
     from agentflow.cli.display.show import show_report
 
@@ -54,7 +55,7 @@ def check(
 def _brief(task: str | None, knobs: list[str] | None) -> Any:
     if task is None:
         if knobs:
-            raise UsageError("--set changes a task; name it with --task")
+            raise UsageError("--set changes a knob of a task; name the task with --task")
         return None
     from agentflow.app.tasks import find_task
 
@@ -66,15 +67,15 @@ def _brief(task: str | None, knobs: list[str] | None) -> Any:
 )
 def edit(
     machine: Source,
-    script: Annotated[
-        str, typer.Option(help="File of commands; standard input when not given.")
-    ] = "-",
+    script: Annotated[str, typer.Option(help="Script file; default: standard input.")] = "-",
     task: Task = None,
     knobs: Knobs = None,
-    lines: Annotated[bool, typer.Option("--jsonl", help="Machine and script per line.")] = False,
+    lines: Annotated[
+        bool, typer.Option("--jsonl", help="Read a machine and a script per line.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Change a machine by a script of Add, Remove and Move commands, all or nothing."""
+    """Edit a machine with a script of Add, Remove and Move commands, all or nothing."""
     from agentflow.app.machines import edits
     from agentflow.app.machines import files as machines
     from agentflow.cli.display.show import show_edit
@@ -94,13 +95,13 @@ def edit(
 @commands.command(epilog="Example: agentflow convert machine.json machine.bsg")
 def convert(
     source: Source,
-    out: Annotated[Path, typer.Argument(help="File to write: .json, .coords.json, .bsg or .glb.")],
+    out: Annotated[Path, typer.Argument(help="Output file: .json, .coords.json, .bsg or .glb.")],
     strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse a machine when a block must be left out.")
+        bool, typer.Option("--strict", help="Fail if any block is unsupported.")
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Write a machine in another form. Blocks that cannot be taken over are named and left out."""
+    """Convert a machine to another format; unsupported blocks are reported and skipped."""
     from agentflow.app.machines.convert import convert as rewrite
     from agentflow.cli.display.show import show_conversion
 
@@ -114,20 +115,23 @@ def convert(
 @commands.command(epilog="Example: agentflow simulate machine.json --task movement --json")
 def simulate(
     machine: Source,
-    task: Annotated[str, typer.Option(help="Task, for instance throwing or movement.")],
+    task: Annotated[str, typer.Option(help="Task, such as throwing or movement/3.")],
     knobs: Knobs = None,
     seed: Seed = 0,
-    rate: Annotated[float | None, typer.Option(help="Steps per second.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Physics steps per second.")] = None,
     power: Power = "on",
     query: Annotated[
-        list[str] | None, typer.Option(help="JSON: id, duration and properties of a block.")
+        list[str] | None,
+        typer.Option(help="JSON query: id, duration and properties of a block; repeatable."),
     ] = None,
-    save: Annotated[Path | None, typer.Option(help="Keep the states in this .npz file.")] = None,
-    lines: Annotated[bool, typer.Option("--jsonl", help="One machine per line.")] = False,
-    workers: Annotated[int, typer.Option(min=1, help="Processes, with --jsonl.")] = 2,
+    save: Annotated[
+        Path | None, typer.Option(help="Save the recorded states to this .npz file.")
+    ] = None,
+    lines: Annotated[bool, typer.Option("--jsonl", help="Read one machine per line.")] = False,
+    workers: Annotated[int, typer.Option(min=1, help="Worker processes; --jsonl only.")] = 2,
     as_json: Json = False,
 ) -> None:
-    """Build a machine, let physics run, and score it."""
+    """Simulate a machine at a task and print its score."""
     from agentflow.app.machines import files as machines
     from agentflow.app.machines import simulate as rollouts
     from agentflow.app.tasks import find_task
@@ -136,7 +140,7 @@ def simulate(
     level, on = find_task(task, knobs or ()), power == "on"
     if lines:
         if query or save:
-            raise UsageError("--query and --save take one machine; leave out --jsonl")
+            raise UsageError("--query and --save need a single machine; remove --jsonl")
         source = machines.read_lines(machine)
         results = rollouts.simulate_lines(
             source, level, seed=seed, rate=rate, power=on, workers=workers
@@ -176,24 +180,24 @@ def render(
     seed: Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(help=".png, .gif, .mp4 or .glb; without ending, both .png and .gif."),
+        typer.Option(help="Output file: .png, .gif, .mp4 or .glb; no extension: .png and .gif."),
     ] = None,
     view: Annotated[
         str, typer.Option(help="front, back, left, right, top, three-quarter or sheet (all six).")
     ] = "three-quarter",
 ) -> None:
-    """Draw a machine (.png), film its rollout (.gif, .mp4), or keep it in three dimensions (.glb).
+    """Draw a machine (.png), film its rollout (.gif, .mp4) or export both in 3D (.glb).
 
-    The projectile's or the root's path is marked, broken blocks are red.
+    A dotted line marks the path of the projectile or the root; broken blocks are red.
     """
     from agentflow.app.pages.pictures import render_file, render_run
     from agentflow.app.tasks import find_task
     from agentflow.runs import state_of
 
     if Path(source).is_dir():
-        state_of(Path(source))  # refuses a folder that is no run
+        state_of(Path(source))  # raises for a directory that holds no run
         if task is not None or knobs or seed:
-            raise UsageError("a run has its own task and seed; leave out --task, --set and --seed")
+            raise UsageError("a run has its own task and seed; remove --task, --set and --seed")
         files = render_run(Path(source), out, view)
     else:
         level = find_task(task or "movement", knobs or ())
@@ -204,10 +208,10 @@ def render(
 
 @commands.command(epilog="Example: agentflow blocks 63")
 def blocks(
-    name: Annotated[str | None, typer.Argument(help="Type id or name of one block.")] = None,
+    name: Annotated[str | None, typer.Argument(help="Type id or name of a block.")] = None,
     as_json: Json = False,
 ) -> None:
-    """List the block library, or show one block with its faces."""
+    """List all blocks, or show one block and its faces."""
     from agentflow.app.machines.files import block_list, find_block
     from agentflow.cli.display.show import show_block, show_blocks
 

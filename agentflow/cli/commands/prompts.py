@@ -1,4 +1,4 @@
-"""The commands on prompt sets: list, show, diff. Importing it adds them to the others."""
+"""Commands for prompt sets: list, show, diff. Importing this module registers them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 from agentflow.cli.root import Json, commands, print_json
 
 prompts = typer.Typer(
-    help="Look at what models are told.",
+    help="Inspect the prompts that models get.",
     epilog="Example: agentflow prompts show --role designer --task throwing",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -21,7 +21,7 @@ Set = Annotated[str, typer.Argument(help="Prompt set.")]
 
 @prompts.command("list", epilog="Example: agentflow prompts list")
 def list_(as_json: Json = False) -> None:
-    """List the prompt sets with their content hashes."""
+    """List the prompt sets and their content hashes."""
     from agentflow.app.prompts import set_list
 
     found = set_list()
@@ -37,17 +37,18 @@ def show(
     role: Annotated[
         str, typer.Option(help="meta_designer, designer, inspector, querier, refiner or placer.")
     ] = "designer",
-    task: Annotated[str, typer.Option(help="Task, for instance throwing.")] = "throwing",
+    task: Annotated[str, typer.Option(help="Task, such as throwing or movement/3.")] = "throwing",
     name: Annotated[str, typer.Option("--set", help="Prompt set.")] = "default",
-    knobs: Annotated[list[str] | None, typer.Option("--knob", help="knob=value of the task.")] = (
-        None
-    ),
+    knobs: Annotated[
+        list[str] | None,
+        typer.Option("--knob", help="Set a knob of the task, knob=value; repeatable."),
+    ] = (None),
     machine: Annotated[
-        str | None, typer.Option(help="Machine file to tell of; by default a small one.")
+        str | None, typer.Option(help="Machine to include in the prompt; default: a small example.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Print a prompt as a model gets it, and about how many tokens it has."""
+    """Print a prompt as a model gets it, with an estimate of its tokens."""
     from agentflow.app.machines.files import machine_text
     from agentflow.app.prompts import rendered
     from agentflow.app.tasks import find_task
@@ -69,4 +70,4 @@ def diff(first: Set, second: Set) -> None:
     """Compare the templates of two prompt sets."""
     from agentflow.app.prompts import difference
 
-    print(difference(first, second) or "equal")
+    print(difference(first, second) or "identical")

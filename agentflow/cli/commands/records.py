@@ -1,7 +1,4 @@
-"""The commands on what has been kept: runs, show, rescore, failures, and the configuration.
-
-Importing it adds them to the others.
-"""
+"""Commands for recorded runs and for configurations. Importing this module registers them."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ import typer
 from agentflow.cli.root import Config, Json, Run, Settings, commands, print_json
 
 config_commands = typer.Typer(
-    help="Look at configurations.",
+    help="Inspect configurations.",
     epilog="Example: agentflow config show --set search.rounds=2",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -25,9 +22,9 @@ commands.add_typer(config_commands, name="config")
     "show", epilog="Example: agentflow config show --set search.rounds=2 --set wall.height=0"
 )
 def show_config(config: Config = None, settings: Settings = None, as_json: Json = False) -> None:
-    """Print the configuration of a run, and of every value where it came from.
+    """Print the configuration of a run and the source of each value.
 
-    Default, file, --set or environment; what is printed is a configuration file itself.
+    Sources: default, file, --set, environment. The output is itself a configuration file.
     """
     from agentflow.app.configuration import as_yaml, resolved
 
@@ -40,14 +37,12 @@ def show_config(config: Config = None, settings: Settings = None, as_json: Json 
 
 @commands.command(epilog="Example: agentflow runs runs")
 def runs(
-    folder: Annotated[Path, typer.Argument(help="Folder that holds run directories.")] = Path(
-        "runs"
-    ),
+    folder: Annotated[Path, typer.Argument(help="Directory of run directories.")] = Path("runs"),
     as_json: Json = False,
 ) -> None:
-    """List runs: task, workflow, model, score, cost, and whether they are done.
+    """List runs with task, workflow, model, score, cost and state.
 
-    States: done, running, stopped (continue with `design --resume`), damaged.
+    States: done, running, stopped (resume it with `design --resume`), damaged.
     """
     from agentflow.app.inspect.overview import run_list
     from agentflow.cli.display.show_records import show_runs
@@ -61,7 +56,7 @@ def runs(
 
 @commands.command(epilog="Example: agentflow show runs/recorded-throwing")
 def show(run: Run, as_json: Json = False) -> None:
-    """Show one run: its stages, its best machine, what it cost, and what went wrong."""
+    """Show one run: stages, best machine, cost and failures."""
     from agentflow.app.inspect.overview import run_details
     from agentflow.cli.display.show_records import show_run
 
@@ -76,13 +71,13 @@ def show(run: Run, as_json: Json = False) -> None:
 def rescore(
     run: Run,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; by default as the run had.")
+        int | None, typer.Option(min=1, help="Worker processes; default: as in the run.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Simulate the machines of a run in today's environment, and table what differs.
+    """Simulate the machines of a run again and list the differences.
 
-    Nothing in the run is changed.
+    The run itself is not changed.
     """
     from agentflow.app.inspect.rescore import rescore as simulate_again
     from agentflow.cli.display.show_records import show_rescored
@@ -96,44 +91,39 @@ def rescore(
 
 @commands.command(epilog="Example: agentflow failures runs/recorded-throwing")
 def failures(
-    source: Annotated[Path, typer.Argument(help="Run directory, or folder of runs or sweeps.")],
+    source: Annotated[Path, typer.Argument(help="Run directory, or directory of runs or sweeps.")],
     as_json: Json = False,
 ) -> None:
-    """Count what went wrong, by one rule for each kind of failure.
+    """Count failures of replies and machines, each kind by a fixed rule.
 
-    A refused reply is of one kind alone, and an accepted one of `rationale not followed` at
-    most; a simulated machine, counted once, may be of several.
+    A refused reply counts as exactly one kind. An accepted reply can only count as `rationale
+    not followed`. A machine is counted once per kind, however often it was simulated.
 
     \b
-    Format, of replies
-      unparsable         the reply is empty, cut off, or lacks the demanded format
-    Planning: what was to be built is wrong
-      missing component  a machine or blueprint lacks, or has too many of, a block that the
-                         task demands
+    Format of the reply
+      unparsable         the reply is empty, cut off or not in the required format
+    Planning: the wrong thing was planned
+      missing component  a machine or blueprint has too few or too many of a required block
       plan not followed  a design changes or drops given blocks, adds none, or uses a type
-                         that its part of the blueprint does not list; a blueprint
+                         that its part of the blueprint does not list; or a blueprint
                          contradicts itself
       rationale not followed
-                         an accepted design of a whole machine has fewer blocks of a type than
-                         its own rationale counts by name ("four Small Wheels"); nothing else
-                         that a rationale says is judged
-      block not allowed  a block type is unknown or not in the task's list
-      no motion          (machines) no block gets farther than 0.1 m from where it was when
-                         power came on; not counted in gearing, where cogs turn in
-                         place
-    Construction: it was put together wrongly
-      wrong facing       (machines) a powered wheel whose axle is not along x where the task
-                         is to drive, or a container that holds something and does not open
-                         upwards
-      wrong attachment   a block hangs on a face or parent that does not exist, is taken, or
-                         comes later, has a rotation that no attachment gives, or is
+                         an accepted machine has fewer blocks of a type than its rationale
+                         counts by name ("four Small Wheels"); nothing else in the rationale
+                         is checked
+      block not allowed  a block type is unknown or not allowed in the task
+      no motion          (machines) no block moves more than 0.1 m after power comes on; not
+                         counted for gearing, where cogs turn in place
+    Construction: the machine was put together wrongly
+      wrong facing       (machines) the axle of a powered wheel is not along x in a driving
+                         task, or a loaded container does not open upwards
+      wrong attachment   a block is attached to a parent or face that does not exist, is
+                         occupied or comes later, has an impossible rotation, or is
                          two-ended with one parent
-      overlap            two blocks of the machine overlap
-      refused edit       a refinement is refused for another reason: a command that cannot be
-                         read or carried out
-      breakage           (machines) a connection gave way in the simulation
-      other              refused for anything else, such as the size of the machine or the
-                         order of its ids
+      overlap            two blocks overlap
+      refused edit       an edit cannot be read or carried out for another reason
+      breakage           (machines) a connection broke in the simulation
+      other              anything else, such as the machine's size or the order of its ids
     """
     from agentflow.app.inspect.failures import count_failures
     from agentflow.cli.display.show_records import show_failures

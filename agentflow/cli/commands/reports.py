@@ -1,4 +1,4 @@
-"""The commands that write pages: report and gallery. Importing it adds them to the others."""
+"""Commands that write HTML pages: report and gallery. Importing this module registers them."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import typer
 
 from agentflow.cli.root import commands
 
-Out = Annotated[Path | None, typer.Option(help="File to write; by default report.html in the run.")]
-Workers = Annotated[int, typer.Option(min=1, help="Processes for rollouts.")]
-Films = Annotated[int, typer.Option(min=0, help="Machines with a film, the best ones first.")]
+Out = Annotated[Path | None, typer.Option(help="Output file; default: report.html in the run.")]
+Workers = Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")]
+Films = Annotated[int, typer.Option(min=0, help="Number of machines to film, best first.")]
 
 
 @commands.command(epilog="Example: agentflow report runs/recorded-throwing --out report.html")
 def report(
-    run: Annotated[Path, typer.Argument(help="Run directory, or the folder of a sweep.")],
+    run: Annotated[Path, typer.Argument(help="Run directory or sweep directory.")],
     out: Out = None,
     films: Films = 200,
     workers: Workers = 2,
 ) -> None:
-    """Write one HTML page: of a run with films in 3D, of a sweep with its tables."""
+    """Write an HTML report: 3D films for a run, tables for a sweep."""
     from agentflow.app.pages.runs import report as of_run
     from agentflow.app.pages.sweeps import sweep_report as of_sweep
     from agentflow.app.sweeps.folder import is_sweep
@@ -42,11 +42,11 @@ def _progress(done: int, of: int) -> None:
 
 @commands.command(epilog="Example: agentflow gallery runs --out gallery.html")
 def gallery(
-    runs: Annotated[list[Path], typer.Argument(help="Run directories, or folders of them.")],
-    out: Annotated[Path, typer.Option(help="File to write.")] = Path("gallery.html"),
+    runs: Annotated[list[Path], typer.Argument(help="Run directories, or directories of runs.")],
+    out: Annotated[Path, typer.Option(help="Output file.")] = Path("gallery.html"),
     workers: Workers = 2,
 ) -> None:
-    """Write one HTML page of the machines that runs have found, with films and scores."""
+    """Write an HTML gallery of the best machines, with films and scores."""
     from agentflow.app.pages.gallery import gallery as write
 
     print(write(runs, out, workers=workers, say=_progress))

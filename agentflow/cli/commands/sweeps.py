@@ -1,4 +1,4 @@
-"""Owns the commands for sweeps and their tables, and how estimates and outcomes are printed."""
+"""Commands for sweeps and their tables. Importing this module registers them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from agentflow.cli.display.text import harmless
+from agentflow.cli.display.text import escape_controls
 from agentflow.cli.root import BaseUrl, Json, ModelName, Quiet, Settings, commands, print_json
 
 if TYPE_CHECKING:
@@ -18,35 +18,37 @@ if TYPE_CHECKING:
     from agentflow.app.sweeps.run import Outcome
 
 LISTED = 1000
-"""Most runs that a dry run lists one by one; of more, those that differ in the seed in one line."""
+"""A dry run lists at most this many runs one by one; above it, one line per group of seeds."""
 PARTLY, NO_ENDPOINT = 3, 4
-"""Exit statuses: some runs failed; all did, because of the endpoint (spec 6.5)."""
+"""Exit statuses: some runs failed; all failed because of the endpoint."""
 
 
 @commands.command(epilog="Example: agentflow sweep configs/inspector.yaml --dry-run")
 def sweep(
-    config: Annotated[Path, typer.Argument(help="Sweep file, or the folder of a begun sweep.")],
+    config: Annotated[Path, typer.Argument(help="Sweep file or existing sweep directory.")],
     model: ModelName = None,
     base_url: BaseUrl = None,
     settings: Settings = None,
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Seeds 0 to N-1 instead of the file's.")
+        int | None, typer.Option(min=1, help="Use seeds 0 to N-1 instead of those in the file.")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Runs at once; they share the workers.")] = 2,
+    jobs: Annotated[
+        int, typer.Option(min=1, help="Runs at the same time; they share the workers.")
+    ] = 2,
     workers: Annotated[
-        int | None, typer.Option(help="Processes for rollouts, of all runs together.")
+        int | None, typer.Option(help="Worker processes, shared by all runs.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder that holds sweeps.")] = Path("sweeps"),
+    out: Annotated[Path, typer.Option(help="Directory for sweep directories.")] = Path("sweeps"),
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with what is not done, failed runs included.")
+        bool, typer.Option("--resume", help="Resume unfinished and failed runs.")
     ] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="List the runs and what they will cost.")
+        bool, typer.Option("--dry-run", help="List the runs and estimate their cost.")
     ] = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Carry out many runs that differ in a few settings; `agentflow table` compares them."""
+    """Run configurations that differ in a few settings; `agentflow table` compares them."""
     from agentflow.app.sweeps.plan import folder_of, plan_sweep
     from agentflow.app.sweeps.run import run_sweep
     from agentflow.cli.display.sweep_live import watch_sweep
@@ -60,36 +62,37 @@ def sweep(
     with watch_sweep(len(plan.members), quiet) as watcher:
         outcome = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
     if as_json:
-        print_json(_as_data(outcome))
+        print_json(_outcome_json(outcome))
     else:
-        print(harmless(_in_words(outcome), "\n"))
+        print(escape_controls(_outcome_text(outcome), "\n"))
     if outcome.failed:
         raise typer.Exit(NO_ENDPOINT if outcome.endpoint and not outcome.done else PARTLY)
 
 
 @commands.command(epilog="Example: agentflow table sweeps/inspector --format md --published")
 def table(
-    sweep: Annotated[Path, typer.Argument(help="Folder of a sweep, done or not.")],
+    sweep: Annotated[Path, typer.Argument(help="Sweep directory, finished or not.")],
     show: Annotated[
         Literal["published", "scores", "usage", "players", "expansions"],
         typer.Option(
-            help="published: the layout of the published table; scores: means with intervals, "
-            "Best@N; usage: calls, tokens, time; players: best score over the experienced "
-            "players' mean; expansions: score against expansions."
+            help="published: layout of the published table; scores: means with intervals and "
+            "Best@N; usage: calls, tokens, time; players: best score divided by the mean of "
+            "experienced players; expansions: score by number of expansions."
         ),
     ] = "published",
     form: Annotated[
-        Literal["text", "md", "csv", "latex", "json"], typer.Option("--format", help="How.")
+        Literal["text", "md", "csv", "latex", "json"],
+        typer.Option("--format", help="Output format."),
     ] = "text",
     published: Annotated[
-        bool, typer.Option("--published", help="Add the published numbers in rows of their own.")
+        bool, typer.Option("--published", help="Add the published numbers as separate rows.")
     ] = False,
 ) -> None:
     """Compare the runs of a sweep in a table."""
     from agentflow.app.sweeps.views import written
 
     text = written(sweep, show, form, published=published)
-    print(harmless(text, "\n") if form == "text" else text, end="")
+    print(escape_controls(text, "\n") if form == "text" else text, end="")
 
 
 def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
@@ -110,13 +113,13 @@ def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
         done = {name for name in found if name.removeprefix(stem) in wanted}
         left, undone = left + cost.times(seeds - len(done)), undone + seeds - len(done)
         names = [f"{stem}{seed}" for seed in plan.sweep.seeds] if one_by_one else []
-        runs += [{"run": name, "done": name in done, **_as_numbers(cost)} for name in names]
+        runs += [{"run": name, "done": name in done, **_estimate_json(cost)} for name in names]
         if not one_by_one:
             print(
                 f"{first.name} ... {stem}{plan.sweep.seeds[-1]}: {seeds} runs, {len(done)} done, "
                 f"{cost.calls} calls, {cost.rollouts} rollouts each"
             )
-    whole = _as_numbers(left)
+    whole = _estimate_json(left)
     if as_json:
         print_json({"sweep": str(folder), "runs": runs, "left": whole})
         return
@@ -124,10 +127,10 @@ def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
         state = "done" if run["done"] else f"{run['calls']} calls, {run['rollouts']} rollouts"
         print(f"{run['run']}: {state}")
     who = [one for first in plan.firsts for one in answerers(first.config.model).values()]
-    print(_left_in_words(whole, undone, all(one.procedural for one in who), base.workers))
+    print(_remaining_text(whole, undone, all(one.procedural for one in who), base.workers))
 
 
-def _as_numbers(cost: Estimate) -> dict[str, Any]:
+def _estimate_json(cost: Estimate) -> dict[str, Any]:
     return {
         "calls": cost.calls,
         "prompt_tokens": cost.prompt,
@@ -138,27 +141,27 @@ def _as_numbers(cost: Estimate) -> dict[str, Any]:
     }
 
 
-def _left_in_words(cost: Mapping[str, Any], runs: int, procedural: bool, workers: int) -> str:
+def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, workers: int) -> str:
     minutes = cost["worker_seconds"] / workers / 60
     tokens = cost["prompt_tokens"] + cost["completion_tokens"]
     if procedural:
-        priced = "no tokens and no money: the procedural model answers"
+        priced = "no tokens and no cost: the procedural model answers"
     else:
         money = (
-            "cost unknown (no model.prices)"
+            "cost unknown (model.prices is not set)"
             if cost["money"] is None
             else f"cost {cost['money']:.2f}"
         )
-        priced = f"about {tokens} tokens, reasoning not counted; {money}"
-    answers = "" if procedural else "; waiting for answers comes on top"
+        priced = f"about {tokens} tokens without reasoning; {money}"
+    answers = "" if procedural else ", plus the time of the model calls"
     return (
-        f"{runs} run{'s' if runs != 1 else ''} to do: about {cost['calls']} calls without retries, "
+        f"{runs} run{'s' if runs != 1 else ''} left: about {cost['calls']} calls without retries, "
         f"{priced}; at most {cost['rollouts']} rollouts, "
         f"{minutes:.1f} min with {workers} workers{answers}"
     )
 
 
-def _as_data(outcome: Outcome) -> dict[str, Any]:
+def _outcome_json(outcome: Outcome) -> dict[str, Any]:
     return {
         "sweep": str(outcome.path),
         "done": list(outcome.done),
@@ -166,12 +169,12 @@ def _as_data(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _in_words(outcome: Outcome) -> str:
+def _outcome_text(outcome: Outcome) -> str:
     runs, folder = len(outcome.done) + len(outcome.failed), quote(str(outcome.path))
-    lines = [f"{len(outcome.done)} of {runs} runs are done: {outcome.path}"]
+    lines = [f"{len(outcome.done)} of {runs} runs done: {outcome.path}"]
     lines += [f"failed: {name}: {reason}" for name, reason in outcome.failed.items()]
     if outcome.failed:
-        lines.append(f"try these again with: agentflow sweep {folder} --resume")
+        lines.append(f"retry the failed runs with: agentflow sweep {folder} --resume")
     if outcome.done:
         lines.append(f"compare them with: agentflow table {folder}")
     return "\n".join(lines)

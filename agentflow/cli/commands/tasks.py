@@ -1,4 +1,4 @@
-"""The command on tasks: list, one level, pictures, a page. Importing it adds it to the others."""
+"""The command that lists and draws tasks. Importing this module registers it."""
 
 from __future__ import annotations
 
@@ -14,25 +14,27 @@ from agentflow.errors import UsageError
 @commands.command(epilog="Example: agentflow tasks throwing/4 --picture throwing-4.png")
 def tasks(
     name: Annotated[
-        str | None, typer.Argument(help="One level in full: its name, or an own YAML file.")
+        str | None, typer.Argument(help="Level to show: its name, or your own YAML file.")
     ] = None,
     knobs: Knobs = None,
     picture: Annotated[
-        Path | None, typer.Option(help="Draw the level from above and from the right: a .png file.")
+        Path | None,
+        typer.Option(help="Draw the level from above and from the right to this .png file."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Draw into this folder: the level, or all of them.")
+        Path | None, typer.Option(help="Directory for drawings of the level, or of all levels.")
     ] = None,
     html: Annotated[
-        Path | None, typer.Option(help="Write one page with drawings: of the level, or of all.")
+        Path | None,
+        typer.Option(help="Write an HTML page with drawings of the level, or of all levels."),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List the tasks, or show one level with scene, schedule, score, blocks and knobs."""
+    """List all tasks, or show one level: scene, schedule, score, blocks and knobs."""
     if name is None and (knobs or picture):
-        raise UsageError("--set and --picture take one level; name it")
+        raise UsageError("--set and --picture need one level; name it")
     if html and knobs:
-        raise UsageError("--html shows levels as they are; leave out --set")
+        raise UsageError("--html shows levels with their default knobs; remove --set")
     if picture or out or html:
         _draw(name, knobs or [], picture, out, html)
     else:

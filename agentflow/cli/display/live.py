@@ -18,7 +18,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from agentflow.cli.display.text import harmless, number
+from agentflow.cli.display.text import escape_controls, number
 from agentflow.runs import Event, Listener
 
 Say = Callable[[str], None]
@@ -46,7 +46,7 @@ def watch(quiet: bool) -> Iterator[tuple[Listener | None, Say]]:
     elif console.is_terminal:
         progress = Progress()
         with Live(get_renderable=progress.draw, console=console, refresh_per_second=8) as live:
-            yield progress.note, lambda line: console.print(Text(harmless(line)))
+            yield progress.note, lambda line: console.print(Text(escape_controls(line)))
             live.transient = True  # the result says it all; a run that fails leaves its view
     else:
         yield _print_event, _complain
@@ -59,7 +59,7 @@ def _complain(line: str) -> None:
 def _tell(line: str) -> None:
     """Print to stderr; a run goes on when nobody is there to read."""
     with suppress(OSError, ValueError):
-        print(harmless(line), file=sys.stderr, flush=True)
+        print(escape_controls(line), file=sys.stderr, flush=True)
 
 
 @dataclass
@@ -142,7 +142,7 @@ class Progress:
 
 def _one_line(text: str, style: str = "") -> Text:
     """Text that a narrow terminal cuts off."""
-    return Text(harmless(text), style=style, overflow="ellipsis", no_wrap=True)
+    return Text(escape_controls(text), style=style, overflow="ellipsis", no_wrap=True)
 
 
 def sparkline(values: list[float], width: int = 40) -> str:

@@ -1,4 +1,4 @@
-"""Owns standard output for a person: text by others is shown, and never obeyed by the terminal."""
+"""Terminal output in which control characters from models and files are escaped."""
 
 from __future__ import annotations
 
@@ -7,38 +7,40 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from agentflow.cli.display.text import harmless
+from agentflow.cli.display.text import escape_controls
 
 
 class Output(Console):
-    """Standard output; a reader who has had enough is left to cli.main."""
+    """A console that escapes control characters and leaves broken pipes to cli.main."""
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """As ever, but strings without what a terminal would obey."""
-        shown = (harmless(item, "\n") if isinstance(item, str) else item for item in objects)
+        """Print, with control characters in strings escaped."""
+        shown = (escape_controls(item, "\n") if isinstance(item, str) else item for item in objects)
         super().print(*shown, **options)
 
     def on_broken_pipe(self) -> None:
-        """Instead of ending the process with status 1."""
+        """Raise, where rich would end the process with status 1."""
         raise BrokenPipeError
 
 
 class Cells(Table):
-    """A table of plain strings; see `Output.print`."""
+    """A table whose strings have their control characters escaped."""
 
     def add_row(self, *cells: Any, **options: Any) -> None:
-        """As ever, with harmless strings."""
-        super().add_row(*(harmless(c) if isinstance(c, str) else c for c in cells), **options)
+        """Add a row, with control characters in strings escaped."""
+        super().add_row(
+            *(escape_controls(c) if isinstance(c, str) else c for c in cells), **options
+        )
 
 
 def output() -> Output:
-    """Standard output, without markup and without wrapping."""
+    """A console on standard output without markup or wrapping."""
     return Output(highlight=False, soft_wrap=True, markup=False)
 
 
 def columns(*names: str) -> Cells:
-    """An empty table."""
+    """An empty table with these columns."""
     table = Cells(box=None, pad_edge=False, header_style="bold")
     for name in names:
-        table.add_column(name, overflow="fold")  # a number that is cut reads as another one
+        table.add_column(name, overflow="fold")  # a truncated number would read as another number
     return table

@@ -1,4 +1,4 @@
-"""Owns how results look on standard output for a person; programs use --json."""
+"""Results as text for people; programs use --json."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ Data = Mapping[str, Any]
 
 
 def show_result(result: Data, pictures: Mapping[str, str]) -> None:
-    """A design run: score, stages, model, where everything lies."""
+    """Print the result of a design run: score, stages, model, cost, paths."""
     console = output()
     if result["valid"]:
         console.print(
             f"best score {number(result['score'])} ({result['task']}), "
             f"{len(result['machine'])} blocks, found in stage {result['best_stage']}"
         )
-    table = columns("stage", "valid at first", "valid", "mean", "best")
+    table = columns("stage", "valid first", "valid", "mean", "best")
     for row in result["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
         table.add_row(row["name"], *counts, number(row["mean"]), number(row["max"]))
@@ -37,16 +37,16 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     console.print(f"run: {result['run']}")
     for name, path in pictures.items():
         console.print(f"{name}: {path}")
-    console.print(f"every step of it in 3D: agentflow report {shlex.quote(result['run'])}")
+    console.print(f"see every step in 3D: agentflow report {shlex.quote(result['run'])}")
     if ending := ending_of(result):
         console.print(ending)
 
 
 def _passes(attempts: Data) -> str:
-    """How many of independent attempts do what is asked."""
+    """Pass count of independent attempts with its 95 % interval."""
     count, total = attempts["passes"], attempts["attempts"]
     if not total:
-        return "passes: none of no attempts"
+        return "passes: no attempts were made"
     low, high = attempts["interval"]
     return (
         f"passes: {count} of {total} attempts ({attempts['share']:.0%}; 95 % interval {low:.0%} to "
@@ -55,25 +55,25 @@ def _passes(attempts: Data) -> str:
 
 
 def ending_of(result: Data) -> str:
-    """What kept a run from going all the way, in one line; "" when nothing did."""
+    """Why a run ended early, in one line; "" if it did not."""
     if result["stopped"] == "budget":
-        after = "the result is the best so far" if result["valid"] else "no machine was found"
-        return f"stopped early: the budget is spent; {after}"
+        after = "the result is the best so far" if result["valid"] else "no valid machine was found"
+        return f"stopped early: budget limit reached; {after}"
     if not result["valid"]:
         return " ".join(result["reason"].split())
     last = result["stages"][-1]
     if last["valid"] == 0:
-        return f"ended early: no machine of stage {last['name']} was valid"
+        return f"ended early: no machine in stage {last['name']} was valid"
     if last["attempts"] and not last["children"]:
-        return f"none of the {last['attempts']} refinements of stage {last['name']} was valid"
+        return f"none of the {last['attempts']} refinements in stage {last['name']} was valid"
     return ""
 
 
 def show_report(report: Data, warnings: Sequence[str]) -> None:
-    """A validity report, and what else there is to say of the machine."""
+    """Print a validity report and warnings about the machine."""
     console = output()
     for key in ("file_valid", "spatial_valid", "machine_valid"):
-        words = {True: "yes", False: "no", None: "not judged"}[report[key]]
+        words = {True: "yes", False: "no", None: "not checked"}[report[key]]
         console.print(f"{key.replace('_', ' ')}: {words}")
     if report["size"] is not None:
         console.print("size: " + " x ".join(f"{extent:g}" for extent in report["size"]) + " m")
@@ -91,7 +91,7 @@ def show_report(report: Data, warnings: Sequence[str]) -> None:
 
 
 def show_edit(outcome: Data) -> None:
-    """What became of a script, and the new machine when it succeeded."""
+    """Print the verdict of each step, and the new machine if all succeeded."""
     console = output()
     for step in outcome["steps"]:
         console.print(f"{step['verdict']}: {step['text']}")
@@ -103,17 +103,17 @@ def show_edit(outcome: Data) -> None:
 
 
 def show_conversion(result: Data) -> None:
-    """What was written, and what was not."""
+    """Print what was written and which blocks were skipped."""
     console = output()
     for problem in result["left_out"]:
-        console.print(f"left out: {problem['message']}")
+        console.print(f"skipped: {problem['message']}")
     for note in result["notes"]:
         console.print(f"note: {note}")
     console.print(f"{result['out']}: {result['blocks']} blocks")
 
 
 def show_rollout(result: Data) -> None:
-    """A rollout: status, score and its terms, feedback."""
+    """Print a rollout: status, score, feedback and query answers."""
     console = output()
     console.print(f"{result['status']}, score {number(result['score'])}")
     for problem in result["problems"] or ():
@@ -125,7 +125,7 @@ def show_rollout(result: Data) -> None:
 
 
 def show_blocks(blocks: Sequence[Data]) -> None:
-    """The block library."""
+    """Print the block library as a table."""
     table = columns("type", "name", "category", "size", "mass", "faces", "set")
     for block in blocks:
         table.add_row(
@@ -141,7 +141,7 @@ def show_blocks(blocks: Sequence[Data]) -> None:
 
 
 def show_block(block: Data) -> None:
-    """One block with its faces."""
+    """Print one block and its faces."""
     console = output()
     facts = (block["category"], _size(block), f"{block['mass']:g} kg")
     console.print(f"{block['type']} {block['name']}: {', '.join(facts)}")
@@ -159,13 +159,13 @@ def _size(block: Data) -> str:
 
 
 def show_diagnosis(found: Data) -> None:
-    """What `agentflow doctor` found; what went wrong is told on standard error."""
+    """Print what `agentflow doctor` found; the command prints the problem to stderr."""
     console = output()
     console.print(f"endpoint: {found['base_url']}")
     name = found["answered_as"]
     console.print(f"model: {found['model']}" + (f" (answers as {name})" if name else ""))
     for key in ("reachable", "authorised", "model_exists", "streaming", "usage", "reasoning"):
-        words = {True: "yes", False: "no", None: "not known"}[found[key]]
+        words = {True: "yes", False: "no", None: "unknown"}[found[key]]
         console.print(f"{_DIAGNOSED.get(key, key)}: {words}")
     for parameter, action in found["refused"].items():
         console.print(f"refuses {parameter}: {action}")

@@ -1,4 +1,4 @@
-"""Owns how recorded runs look on standard output for a person; programs use --json."""
+"""Recorded runs as text for people; programs use --json."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from agentflow.cli.display.show import Data
 from agentflow.cli.display.text import number
 
 LONG = 1000
-"""Characters; a line with a path may be longer than the terminal is wide, so that it is whole."""
+"""Width in characters for tables of paths, so that no path is wrapped or cut."""
 
 
 def show_runs(runs: Iterable[Data]) -> None:
-    """The list of runs."""
+    """Print a list of runs."""
     console = output()
     table = columns("run", "state", "task", "workflow", "model", "seed", "score", "cost")
     for item in runs:
@@ -31,16 +31,16 @@ def show_runs(runs: Iterable[Data]) -> None:
 
 
 def show_run(run: Data) -> None:
-    """One run."""
+    """Print one run."""
     console = output()
     console.print(f"{run['run']}: {run['state']}")
     console.print(f"{run['task']}, {run['workflow']}, {run['model']}, seed {run['seed']}")
     place = f", {run['blocks']} blocks, found in stage {run['best_stage']}" if run["blocks"] else ""
     console.print(f"best score {number(run['score'])}{place}")
     if run["stopped"] or run["reason"]:
-        why = " ".join((run["reason"] or f"stopped by the {run['stopped']}").split())
+        why = " ".join((run["reason"] or f"stopped: {run['stopped']} limit reached").split())
         console.print(why)
-    table = columns("stage", "valid at first", "valid", "mean", "best", "calls", "rollouts")
+    table = columns("stage", "valid first", "valid", "mean", "best", "calls", "rollouts")
     for row in run["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
         scores = (number(row["mean"]), number(row["max"]))
@@ -57,11 +57,11 @@ def show_run(run: Data) -> None:
 
 
 def show_rescored(found: Data) -> None:
-    """What has changed since a run was recorded."""
+    """Print the machines whose rollouts differ from the record."""
     console = output()
     other = [item for item in found["machines"] if not item["identical"]]
     if other:
-        table = columns("machine", "first tried as", "recorded", "now", "difference")
+        table = columns("machine", "first simulated as", "recorded", "now", "difference")
         for item in other:
             then, now = (_outcome(item[key]) for key in ("recorded", "now"))
             change = item["difference"]
@@ -70,18 +70,18 @@ def show_rescored(found: Data) -> None:
         console.print(table)
     constants = found["constants"]
     if constants["recorded"] != constants["now"]:
-        console.print(f"constants: {constants['recorded']} then, {constants['now']} now")
+        console.print(f"constants: recorded {constants['recorded']}, now {constants['now']}")
     total = len(found["machines"])
     console.print(f"{found['identical']} of {total} machines have the same rollout as recorded")
 
 
 def show_failures(found: Data) -> None:
-    """What went wrong, kind by kind."""
+    """Print the count of each kind of failure."""
     _print_failures(found, every=True)
 
 
 def _print_failures(found: Data, *, every: bool) -> None:
-    """The count of each kind, also of those that did not occur when `every`."""
+    """Print the count of each kind; with `every`, also of kinds that did not occur."""
     console = output()
     console.print(
         f"{found['refused']} of {found['replies']} replies refused; "
@@ -89,7 +89,7 @@ def _print_failures(found: Data, *, every: bool) -> None:
     )
     kinds = [kind for kind in found["kinds"] if every or kind["count"]]
     if kinds:
-        table = columns("level", "what went wrong", "count", "of")
+        table = columns("level", "failure", "count", "of")
         for kind in kinds:
             total = found["replies"] if kind["unit"] == "reply" else found["machines"]
             of = f"{total} {'replies' if kind['unit'] == 'reply' else 'machines'}"

@@ -1,4 +1,4 @@
-"""Owns how tasks look on standard output for a person."""
+"""Tasks as text for people; programs use --json."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from agentflow.cli.display.show import Data
 
 
 def show_tasks(tasks: Sequence[Data]) -> None:
-    """The list of tasks, a blank line between families."""
-    table = columns("task", "level", "window", "good", "blocks", "what to do")
+    """Print the list of tasks, with a blank line between families."""
+    table = columns("task", "level", "window", "good score", "blocks", "objective")
     for index, task in enumerate(tasks):
         if index and task["family"] != tasks[index - 1]["family"]:
             table.add_row()
@@ -28,7 +28,7 @@ def show_tasks(tasks: Sequence[Data]) -> None:
 
 
 def show_task(task: Data) -> None:
-    """One level in full."""
+    """Print one level in full."""
     console = output()
     console.print(Text(f"{task['name']} ({task['title']}): {task['objective']}", style="bold"))
     for part in ("scene", "schedule", "score"):
@@ -42,7 +42,7 @@ def show_task(task: Data) -> None:
     if task["note"]:
         console.print(f"note: {task['note']}")
     console.print()
-    table = columns("knob", "value", "range", "what it does")
+    table = columns("knob", "value", "range", "description")
     for knob in task["knobs"]:
         table.add_row(knob["name"], str(knob["value"]), knob["range"], knob["help"])
     console.print(table)

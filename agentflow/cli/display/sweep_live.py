@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from agentflow.app.sweeps.run import Watcher
-from agentflow.cli.display.text import harmless, number
+from agentflow.cli.display.text import escape_controls, number
 from agentflow.runs import Event
 
 SPARE = 6
@@ -118,7 +118,7 @@ class View:
 
     def remark(self, run: str, line: str) -> None:
         """Above the view."""
-        self.console.print(Text(harmless(f"{run}: {line}")))
+        self.console.print(Text(escape_controls(f"{run}: {line}")))
 
     def ended(self, run: str, result: Mapping[str, Any]) -> None:
         """Kept as the run's last line."""
@@ -145,7 +145,7 @@ class View:
         for name in ("calls", "tried", "best", "time"):
             table.add_column(name, justify="right", no_wrap=True)
         for name in self._chosen():
-            table.add_row(*(Text(harmless(cell)) for cell in self.lines[name].cells(name)))
+            table.add_row(*(Text(escape_controls(cell)) for cell in self.lines[name].cells(name)))
         return Group(Text(head, style="bold", overflow="ellipsis", no_wrap=True), table)
 
     def _chosen(self) -> list[str]:
@@ -166,4 +166,4 @@ def _in_short(result: Mapping[str, Any]) -> str:
 def _print(line: str) -> None:
     """Print to stderr; a sweep goes on when nobody is there to read."""
     with suppress(OSError, ValueError):
-        print(harmless(line), file=sys.stderr, flush=True)
+        print(escape_controls(line), file=sys.stderr, flush=True)
