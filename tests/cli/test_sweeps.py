@@ -94,9 +94,8 @@ def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
     price = "model.prices={m: {input: 1, output: 2}}"
     assert main([*words, "--model", "m", "--set", price, "--workers", "4"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == (
-        "2 runs left: about 90 calls without retries, about 333280 tokens, reasoning not "
-        "counted; cost 0.35; at most 32 rollouts, 0.0 min with 4 workers; waiting for answers "
-        "comes on top"
+        "2 runs left: about 90 calls without retries, about 333280 tokens without reasoning; "
+        "cost 0.35; at most 32 rollouts, 0.0 min with 4 workers, plus the time of the model calls"
     )
     assert main([*words, "--model", "m", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
