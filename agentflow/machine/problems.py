@@ -33,24 +33,24 @@ _short.maxstring = _short.maxother = 40
 _short.maxlevel = 2
 
 
-def shown(value: object) -> str:
+def short_repr(value: object) -> str:
     """Any value in a few characters, for messages."""
     if isinstance(value, int) and abs(value) >= 10**12:
         return "a very large number"
     return _short.repr(value)
 
 
-def listed(items: Iterable[object]) -> str:
+def comma_list(items: Iterable[object]) -> str:
     """Items with commas between them; "none" if there are none."""
     return ", ".join(str(item) for item in items) or "none"
 
 
-def named(block_id: int, block_type: int) -> str:
+def block_label(block_id: int, block_type: int) -> str:
     """A block as messages show it: "block 7 (Log)"."""
     return f"block {block_id} ({library()[block_type].name})"
 
 
-def type_fault(kind: int, allowed: Collection[int], *, two_ended: bool) -> tuple[str, str] | None:
+def type_problem(kind: int, allowed: Collection[int], *, two_ended: bool) -> tuple[str, str] | None:
     """Code and sentence if a block other than the root may not be of this type; None if it may.
 
     Args:
@@ -61,11 +61,11 @@ def type_fault(kind: int, allowed: Collection[int], *, two_ended: bool) -> tuple
     if kind == STARTING_BLOCK:
         return "starting_block", "type 0 is the Starting Block; a machine has one, its first block"
     if kind not in library():
-        near = listed(library().nearest(kind)[:3])
-        return "unknown_type", f"type {shown(kind)} is unknown; the nearest types are {near}"
+        near = comma_list(library().nearest(kind)[:3])
+        return "unknown_type", f"type {short_repr(kind)} is unknown; the nearest types are {near}"
     block = library()[kind]
     if kind not in allowed:
-        types = listed(kind for kind in sorted(allowed) if kind != STARTING_BLOCK)
+        types = comma_list(kind for kind in sorted(allowed) if kind != STARTING_BLOCK)
         return "type_not_allowed", f"type {block.label} is not allowed here; allowed types: {types}"
     if block.linear and not two_ended:
         return (
@@ -77,7 +77,7 @@ def type_fault(kind: int, allowed: Collection[int], *, two_ended: bool) -> tuple
     return None
 
 
-def face_fault(block_id: int, block_type: int, face_id: int) -> str | None:
+def face_problem(block_id: int, block_type: int, face_id: int) -> str | None:
     """A sentence if the block has no such face; None if it has, or if its type is unknown."""
     if block_type not in library():
         return None
@@ -85,9 +85,9 @@ def face_fault(block_id: int, block_type: int, face_id: int) -> str | None:
     count = len(kind.faces)
     if 0 <= face_id < count:
         closed = face_id in kind.closed
-        place = f"face {face_id} of {named(block_id, block_type)}"
+        place = f"face {face_id} of {block_label(block_id, block_type)}"
         return f"{place} lies over a hole, nothing can be attached to it" if closed else None
     if count == 0:
-        return f"{named(block_id, block_type)} has no faces, nothing can be attached to it"
+        return f"{block_label(block_id, block_type)} has no faces, nothing can be attached to it"
     faces = "its only face is 0" if count == 1 else f"its faces are 0 to {count - 1}"
-    return f"{named(block_id, block_type)} has no face {shown(face_id)}; {faces}"
+    return f"{block_label(block_id, block_type)} has no face {short_repr(face_id)}; {faces}"

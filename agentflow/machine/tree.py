@@ -95,7 +95,7 @@ class Machine:
         return sum(step.type == block_type for step in self.steps)
 
 
-def renumbered(steps: Iterable[Step]) -> tuple[Machine, dict[int, int]]:
+def renumber(steps: Iterable[Step]) -> tuple[Machine, dict[int, int]]:
     """Steps whose ids have gaps, in their order, as a machine; and old id -> new id."""
     kept = tuple(steps)
     ids = {step.id: index for index, step in enumerate(kept)}

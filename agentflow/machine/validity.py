@@ -13,12 +13,12 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.brief import SIZE_LIMIT, Brief
-from agentflow.machine.formats.connect import Located
+from agentflow.machine.formats.connect import LocatedMachine
 from agentflow.machine.formats.parse import Reading, file_problems, read_machine
 from agentflow.machine.geometry.locks import locked_joints
 from agentflow.machine.geometry.placement import Geometry, bounds, overlap_of, place
 from agentflow.machine.geometry.pose import to_metres
-from agentflow.machine.problems import Problem, listed, named
+from agentflow.machine.problems import Problem, block_label, comma_list
 from agentflow.machine.tree import Machine
 
 __all__ = [
@@ -80,7 +80,7 @@ class Report:
 
 
 def check(
-    source: Machine | Reading | Located | str | Sequence[object], brief: Brief | None = None
+    source: Machine | Reading | LocatedMachine | str | Sequence[object], brief: Brief | None = None
 ) -> Report:
     """Judge a machine, a reading, any text, or JSON data. Never raises (spec 1.5).
 
@@ -90,7 +90,7 @@ def check(
         brief: the task, for its block list, size limit and required blocks; without one the core
             types and the standard building volume.
     """
-    if isinstance(source, Located):
+    if isinstance(source, LocatedMachine):
         return _check_located(source, brief)
     blocks, given = (None, None) if brief is None else (brief.blocks, brief.given)
     if isinstance(source, Machine):
@@ -106,7 +106,7 @@ def check(
     return replace(report, repaired=reading.repaired, machine=machine, notes=reading.notes)
 
 
-def _check_located(located: Located, brief: Brief | None) -> Report:
+def _check_located(located: LocatedMachine, brief: Brief | None) -> Report:
     """Judge what was read from positions; blocks that hang on nothing are spatially invalid."""
     if located.problems:
         problems = (*located.problems, *located.loose)
@@ -169,8 +169,8 @@ def _shared_faces(geometry: Geometry) -> list[Problem]:
         if count > 1:
             sharing = tuple(child for at, child in geometry.children_by_face(parent) if at == face)
             message = (
-                f"blocks {listed(sharing)} hang on the same face {face} of "
-                f"{named(parent, geometry[parent].type)}; a face carries one; "
+                f"blocks {comma_list(sharing)} hang on the same face {face} of "
+                f"{block_label(parent, geometry[parent].type)}; a face carries one; "
                 f"{_free(geometry, parent)}"
             )
             problems.append(Problem("face_occupied", sharing, message))
@@ -183,15 +183,15 @@ def overlap_message(geometry: Geometry, a: int, b: int) -> str:
     depth = " x ".join(str(extent) for extent in overlap_of(first, second))
     later, other = (second, first) if b > a else (first, second)
     return (
-        f"{named(later.id, later.type)} and {named(other.id, other.type)} overlap by {depth} m; "
-        f"{_free(geometry, later.step.parent)}"
+        f"{block_label(later.id, later.type)} and {block_label(other.id, other.type)} "
+        f"overlap by {depth} m; {_free(geometry, later.step.parent)}"
     )
 
 
 def _free(geometry: Geometry, block_id: int) -> str:
     free = geometry.free_faces(block_id)
     more = f" and {len(free) - MAX_FACES} more" if len(free) > MAX_FACES else ""
-    return f"faces still free on block {block_id}: {listed(free[:MAX_FACES])}{more}"
+    return f"free faces of block {block_id}: {comma_list(free[:MAX_FACES])}{more}"
 
 
 def size_problems(
@@ -219,8 +219,8 @@ def size_problems(
         name = "xyz"[axis]
         message = (
             f"the machine is {extent} m along {name}, {round(extent - limit, 3)} m over the limit "
-            f"of {limit} m; {named(last.id, last.type)} reaches furthest to {name}- and "
-            f"{named(first.id, first.type)} to {name}+"
+            f"of {limit} m; {block_label(last.id, last.type)} reaches furthest to {name}- and "
+            f"{block_label(first.id, first.type)} to {name}+"
         )
         problems.append(Problem("size_limit", tuple(sorted({last.id, first.id})), message))
     return problems

@@ -171,8 +171,8 @@ def test_players_machines_are_read_without_what_is_foreign() -> None:
         ),
         (
             "rotation",
-            "block 4 (Small Wooden Block) has rotation 0, 0.38, 0, 0.92, which is none of the six "
-            "orientations to within 1 degree",
+            "block 4 (Small Wooden Block) has rotation 0, 0.38, 0, 0.92, which is not within 1 "
+            "degree of any of the six orientations",
         ),
         (
             "no_parent",

@@ -110,8 +110,8 @@ def test_other_rotations_are_refused() -> None:
         (
             "rotation",
             (1,),
-            "block 1 (Log) has rotation 0, 0, 0.707107, 0.707107, which is none of the six "
-            "orientations to within 1 degree",
+            "block 1 (Log) has rotation 0, 0, 0.707107, 0.707107, which is not within 1 "
+            "degree of any of the six orientations",
         )
     ]
     assert found({**LOG, "Rotation": [0, 0, 0, 0]})[0][0] == "rotation"
@@ -140,10 +140,10 @@ def test_ambiguous_parents_are_told() -> None:
     assert located.machine is not None
     assert located.machine[4].parents == (0, 0)
     assert located.notes == (
-        "block 4 (Brace): its parent is ambiguous, block 0 face 2 was taken and block 3 face 1 "
-        "is as near",
-        "block 4 (Brace): its parent is ambiguous, block 0 face 2 was taken and block 3 face 1 "
-        "is as near",
+        "block 4 (Brace) has an ambiguous parent: block 0 face 2 was chosen, "
+        "but block 3 face 1 is equally near",
+        "block 4 (Brace) has an ambiguous parent: block 0 face 2 was chosen, "
+        "but block 3 face 1 is equally near",
     )
 
 

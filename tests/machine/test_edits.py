@@ -90,7 +90,7 @@ def test_all_or_nothing() -> None:
     assert outcome.to_json()["outcome"] == "failure"
 
 
-FACES_0 = "faces still free on block 0"
+FACES_0 = "free faces of block 0"
 
 
 @pytest.mark.parametrize(
@@ -99,20 +99,20 @@ FACES_0 = "faces still free on block 0"
         (
             "Add 15 to 0 in 0",
             "face_occupied",
-            "face 0 of block 0 (Starting Block) already carries block 3 (Wooden Block); "
-            "faces still free on block 0: 4, 5",
+            "face 0 of block 0 (Starting Block) is already taken by block 3 (Wooden Block); "
+            "free faces of block 0: 4, 5",
         ),
         (
             "Remove 13\nAdd 15 to 0 in 4\nAdd 15 to 0 in 4",
             "face_occupied",
-            "face 4 of block 0 (Starting Block) already carries block 14 (Small Wooden Block); "
-            "faces still free on block 0: 5",
+            "face 4 of block 0 (Starting Block) is already taken by block 14 (Small Wooden Block); "
+            "free faces of block 0: 5",
         ),
         (
             "Move 13 to 8 in 4",
             "face_occupied",
-            "face 4 of block 8 (Wooden Block) already carries block 10 (Rotating Block); "
-            "faces still free on block 8: 1, 2, 3, 5, 6, 7, 8",
+            "face 4 of block 8 (Wooden Block) is already taken by block 10 (Rotating Block); "
+            "free faces of block 8: 1, 2, 3, 5, 6, 7, 8",
         ),
         (
             "Add 15 to 0 in 6",
@@ -225,13 +225,13 @@ FACES_0 = "faces still free on block 0"
             "Add 63 to 5 in 3",
             "overlap",
             "with Log as new block 14: block 14 (Log) and block 3 (Wooden Block) overlap by "
-            "1.0 x 1.0 x 1.0 m; faces still free on block 5: 0, 1, 2, 4, 5, 6, 7, 8",
+            "1.0 x 1.0 x 1.0 m; free faces of block 5: 0, 1, 2, 4, 5, 6, 7, 8",
         ),
         (
             "Move 13 to 2 in 3",
             "overlap",
             "block 13 (Boulder) and block 3 (Wooden Block) overlap by 0.45 x 1.0 x 1.9 m; "
-            "faces still free on block 2: 0, 1, 2, 5, 6, 7, 8",
+            "free faces of block 2: 0, 1, 2, 5, 6, 7, 8",
         ),
         (
             "Remove 9\nAdd 35 to 3 in 7",

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from agentflow.machine import check
 from agentflow.machine.formats.bsg_writing import to_bsg
-from agentflow.machine.formats.connect import Located
+from agentflow.machine.formats.connect import LocatedMachine
 from agentflow.machine.formats.coordinates import to_coordinates
 from agentflow.machine.formats.detect import FORMS, Form, read_any
 from agentflow.machine.formats.parse import Reading
@@ -26,11 +26,11 @@ SPRUNG = to_bsg(build((1, 0, 4), (9, 0, 0, 1, 0)))
         (CATAPULT.to_text(), Reading),
         (CATAPULT.to_json(), Reading),
         (f"<think>So.</think>\n```json\n{CATAPULT.to_text()}\n```", Reading),
-        (COORDINATES, Located),
-        (to_coordinates(CATAPULT), Located),
-        (f"Here it is:\n```json\n{COORDINATES}\n```", Located),
-        (BSG, Located),
-        (BSG.partition("\n")[2], Located),
+        (COORDINATES, LocatedMachine),
+        (to_coordinates(CATAPULT), LocatedMachine),
+        (f"Here it is:\n```json\n{COORDINATES}\n```", LocatedMachine),
+        (BSG, LocatedMachine),
+        (BSG.partition("\n")[2], LocatedMachine),
     ],
 )
 def test_the_form_is_found_out(source: object, kind: type) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentflow.machine.blocks.plates import Plate
-from agentflow.machine.geometry.gears import Meshing, Train, meshing, trains
+from agentflow.machine.geometry.gears import GearTrain, Meshing, gear_trains, meshing_pairs
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step
 
@@ -21,7 +21,7 @@ def cogs(*places: tuple[int, float, float]) -> Machine:
 
 
 def pairs(machine: Machine) -> tuple[Meshing, ...]:
-    return meshing(place(machine).blocks, 0.1)
+    return meshing_pairs(place(machine).blocks, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -41,25 +41,42 @@ def test_cogs_above_each_other_do_not_mesh() -> None:
 
 def test_a_train_turns_by_turns() -> None:
     machine = cogs((POWERED, 0, -4), (MEDIUM, 0, 4), (MEDIUM, 0, -2), (LARGE, 0, 1.5))
-    assert trains((1, 2, 3, 4), pairs(machine)) == (
-        Train({1: 1.0, 3: -1.0, 4: 0.4}, locked=False),
-        Train({2: 1.0}, locked=False),
+    assert gear_trains((1, 2, 3, 4), pairs(machine)) == (
+        GearTrain({1: 1.0, 3: -1.0, 4: 0.4}, locked=False),
+        GearTrain({2: 1.0}, locked=False),
     )
 
 
 def test_a_loop_that_wants_both_ways_is_locked() -> None:
     ring = (Meshing(1, 2, 1.0), Meshing(2, 3, 1.0), Meshing(1, 3, 1.0))
-    assert trains((1, 2, 3), ring) == (Train({1: 0.0, 2: 0.0, 3: 0.0}, locked=True),)
-    uneven = (Meshing(1, 2, 1.0), Meshing(2, 3, 1.0), Meshing(3, 4, 1.0), Meshing(1, 4, 1.1))
-    assert trains((1, 2, 3, 4), uneven) == (Train(dict.fromkeys((1, 2, 3, 4), 0.0), locked=True),)
-    square = (Meshing(1, 2, 1.0), Meshing(2, 3, 1.0), Meshing(3, 4, 1.0), Meshing(1, 4, 1.0))
-    assert trains((1, 2, 3, 4), square) == (
-        Train({1: 1.0, 2: -1.0, 3: 1.0, 4: -1.0}, locked=False),
+    assert gear_trains((1, 2, 3), ring) == (GearTrain({1: 0.0, 2: 0.0, 3: 0.0}, locked=True),)
+    uneven = (
+        Meshing(1, 2, 1.0),
+        Meshing(2, 3, 1.0),
+        Meshing(3, 4, 1.0),
+        Meshing(1, 4, 1.1),
+    )
+    assert gear_trains((1, 2, 3, 4), uneven) == (
+        GearTrain(dict.fromkeys((1, 2, 3, 4), 0.0), locked=True),
+    )
+    square = (
+        Meshing(1, 2, 1.0),
+        Meshing(2, 3, 1.0),
+        Meshing(3, 4, 1.0),
+        Meshing(1, 4, 1.0),
+    )
+    assert gear_trains((1, 2, 3, 4), square) == (
+        GearTrain({1: 1.0, 2: -1.0, 3: 1.0, 4: -1.0}, locked=False),
     )
 
 
 def test_a_loop_that_agrees_but_for_rounding_turns() -> None:
-    ring = (Meshing(1, 2, 1.1), Meshing(2, 3, 1.1), Meshing(3, 4, 1.1), Meshing(1, 4, 1.1**3))
-    (train,) = trains((1, 2, 3, 4), ring)
+    ring = (
+        Meshing(1, 2, 1.1),
+        Meshing(2, 3, 1.1),
+        Meshing(3, 4, 1.1),
+        Meshing(1, 4, 1.1**3),
+    )
+    (train,) = gear_trains((1, 2, 3, 4), ring)
     assert not train.locked
     assert train.speeds == pytest.approx({1: 1.0, 2: -1 / 1.1, 3: 1 / 1.21, 4: -1 / 1.331})

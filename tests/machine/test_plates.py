@@ -116,5 +116,5 @@ def test_up_to_twenty_four_free_faces_are_all_told(free: int, end: str) -> None:
     faces = [face for face in range(tiny.row**2) if face not in tiny.closed]
     cogs = (Step(i, 38, 0, face) for i, face in enumerate(faces[free:], start=1))
     problem = check(Machine((*brief.given, *cogs)), brief).problems[0]
-    told = problem.message.partition("faces still free on block 0: ")[2]
+    told = problem.message.partition("free faces of block 0: ")[2]
     assert told.replace(", ".join(map(str, faces[:24])), "all") == end

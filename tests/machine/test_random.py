@@ -90,14 +90,14 @@ def test_the_first_block_is_uniform_over_types_and_faces() -> None:
 
 def test_the_second_end_is_uniform_over_the_faces_of_other_blocks() -> None:
     rng, start = Random(3), build((15, 0, 4))
-    drawn = Counter(Addition(start, 7, 1, 2).made(rng) for _ in range(1200))
+    drawn = Counter(Addition(start, 7, 1, 2).apply(rng) for _ in range(1200))
     expected = {build((15, 0, 4), (7, 1, 2, 0, face)) for face in range(6)}
     even(drawn, expected, 1200)  # type: ignore[arg-type]
-    assert Addition(Machine((ROOT,)), 7, 0, 0).made(rng) is None
+    assert Addition(Machine((ROOT,)), 7, 0, 0).apply(rng) is None
 
 
-def made(kind: str, machine: Machine, *types: int) -> set[Machine]:
-    return {move.made(Random(0)) for move in MOVES[kind](machine, types)}  # type: ignore[misc]
+def apply_all(kind: str, machine: Machine, *types: int) -> set[Machine]:
+    return {move.apply(Random(0)) for move in MOVES[kind](machine, types)}  # type: ignore[misc]
 
 
 def test_the_kinds_of_edit() -> None:
@@ -105,18 +105,20 @@ def test_the_kinds_of_edit() -> None:
     assert set(MOVES) == {"add", "remove", "swap", "re-attach", "re-orient", "actuate"}
     assert len(additions(machine, (63,))) == 6 + 5 + 5 + 1 - 3
     assert len(additions(machine, (7,))) == 6 + 5 + 5 + 1
-    assert made("remove", machine) == {build((15, 0, 0), (15, 1, 0))}
-    assert made("actuate", machine, 2, 40) == {build((15, 0, 0), (15, 1, 0), (40, 2, 1))}
-    assert made("actuate", machine, 2) == set()
-    assert len(made("swap", machine, 2, 7, 15)) == 3
+    assert apply_all("remove", machine) == {build((15, 0, 0), (15, 1, 0))}
+    assert apply_all("actuate", machine, 2, 40) == {build((15, 0, 0), (15, 1, 0), (40, 2, 1))}
+    assert apply_all("actuate", machine, 2) == set()
+    assert len(apply_all("swap", machine, 2, 7, 15)) == 3
     braced = build((15, 0, 0), (7, 0, 1, 1, 1))
-    assert made("swap", braced, 7, 9) == {build((15, 0, 0), (9, 0, 1, 1, 1))}
-    assert made("remove", braced) == {build((15, 0, 0))}
+    assert apply_all("swap", braced, 7, 9) == {build((15, 0, 0), (9, 0, 1, 1, 1))}
+    assert apply_all("remove", braced) == {build((15, 0, 0))}
     # block 1 has no other earlier block; 2 may go to the root, 3 to the root and to 1
-    assert len(made("re-attach", machine)) == 5 + 5 + 4
-    assert made("re-orient", build((15, 0, 0))) == {build((15, 0, face)) for face in range(1, 6)}
+    assert len(apply_all("re-attach", machine)) == 5 + 5 + 4
+    assert apply_all("re-orient", build((15, 0, 0))) == {
+        build((15, 0, face)) for face in range(1, 6)
+    }
     # the two Left faces of a wooden block face the same way
-    assert build((1, 0, 0), (15, 1, 2)) not in made("re-orient", build((1, 0, 0), (15, 1, 1)))
+    assert build((1, 0, 0), (15, 1, 2)) not in apply_all("re-orient", build((1, 0, 0), (15, 1, 1)))
 
 
 def test_actuation_goes_both_ways() -> None:

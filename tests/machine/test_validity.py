@@ -62,7 +62,7 @@ def test_overlaps_say_by_how_much_and_what_is_free() -> None:
             "overlap",
             (2, 3),
             "block 3 (Boulder) and block 2 (Grip Pad) overlap by 0.8 x 0.5 x 0.35 m; "
-            "faces still free on block 1: 0, 1, 2, 3, 4, 5, 6, 9, 10, 11, 12",
+            "free faces of block 1: 0, 1, 2, 3, 4, 5, 6, 9, 10, 11, 12",
         )
     ]
 
@@ -72,7 +72,7 @@ def test_two_blocks_on_one_face_are_a_problem_of_its_own() -> None:
     assert codes == ["face_occupied", "overlap"]
     assert problems(build((15, 0, 0), (15, 0, 0)))[0][2] == (
         "blocks 1, 2 hang on the same face 0 of block 0 (Starting Block); a face carries one; "
-        "faces still free on block 0: 1, 2, 3, 4, 5"
+        "free faces of block 0: 1, 2, 3, 4, 5"
     )
 
 

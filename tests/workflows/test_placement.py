@@ -14,7 +14,7 @@ from agentflow.errors import UsageError
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.llm.scripted import ScriptedClient
-from agentflow.machine.geometry.gears import meshing, trains
+from agentflow.machine.geometry.gears import gear_trains, meshing_pairs
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step
 from agentflow.prompts.render import PromptSet
@@ -45,7 +45,9 @@ class Teeth:
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:
         self.tried.append(label)
-        found = trains([step.id for step in machine][1:], meshing(place(machine).blocks, 0.1))
+        found = gear_trains(
+            [step.id for step in machine][1:], meshing_pairs(place(machine).blocks, 0.1)
+        )
         score = float(found[0].speeds.get(2, 0.0) > 0)
         return Evaluation(True, score, SimulationSummary(score, "ok", f"Score: {score:.2f}"))
 

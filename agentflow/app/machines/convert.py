@@ -14,7 +14,7 @@ from agentflow.errors import UsageError
 from agentflow.machine import Machine, Problem, library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.formats.bsg_writing import to_bsg
-from agentflow.machine.formats.connect import Located
+from agentflow.machine.formats.connect import LocatedMachine
 from agentflow.machine.formats.coordinates import to_coordinates
 from agentflow.machine.formats.detect import read_any
 
@@ -37,7 +37,7 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     write = _writer(out)
     reading = read_any(machine_text(source), blocks=tuple(library()))
     problems = reading.problems
-    if isinstance(reading, Located):
+    if isinstance(reading, LocatedMachine):
         problems = tuple(sorted((*problems, *reading.loose), key=lambda problem: problem.blocks))
     machine = reading.machine
     if machine is None or (strict and problems):

@@ -14,7 +14,7 @@ from agentflow.env.physics.engine import Joint
 from agentflow.env.physics.vectors import add, length, scale, subtract
 from agentflow.machine.blocks.library import GRABBER, library
 from agentflow.machine.blocks.types import BlockType
-from agentflow.machine.geometry.gears import meshing
+from agentflow.machine.geometry.gears import meshing_pairs
 from agentflow.machine.geometry.placement import Placed
 
 WINCH = 45
@@ -60,7 +60,8 @@ def meshes(placed: Sequence[Placed], joints: Sequence[Joint], tolerance: float) 
     """What gears.py finds to mesh, as joints."""
     turning = {joint.block: i for i, joint in enumerate(joints) if joint.kind == "revolute"}
     return tuple(
-        Mesh(turning[pair.a], turning[pair.b], pair.ratio) for pair in meshing(placed, tolerance)
+        Mesh(turning[pair.a], turning[pair.b], pair.ratio)
+        for pair in meshing_pairs(placed, tolerance)
     )
 
 

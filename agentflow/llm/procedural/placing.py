@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from agentflow.llm.procedural.reading import Facts
 from agentflow.machine import Geometry, Machine, Step, library, place
 from agentflow.machine.blocks.plates import plate_of
-from agentflow.machine.geometry.gears import meshing, trains
+from agentflow.machine.geometry.gears import gear_trains, meshing_pairs
 
 TRIES, LONGEST = 8, 12  # begun ways; cogs that one has at most
 _ASKED = re.compile(r"block (\d{1,3}) \(target\) turns in the (same|opposite) sense")
@@ -78,4 +78,4 @@ def _added(machine: Machine, wanted: Mapping[int, int], kind: int, x: float, z: 
 def _speeds(geometry: Geometry) -> Mapping[int, float]:
     """Cog that the source, block 1, drives -> its turns per turn of the source; 0 if locked."""
     cogs = [block.id for block in geometry.blocks[1:]]
-    return trains(cogs, meshing(geometry.blocks, 0.1))[0].speeds
+    return gear_trains(cogs, meshing_pairs(geometry.blocks, 0.1))[0].speeds

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.description.rounding import Frame, pull_of
+from agentflow.machine.description.rounding import GroundFrame, span_of
 from agentflow.machine.description.tree_text import tree_text
 from agentflow.machine.geometry.balance import (
     centre_of_mass,
@@ -44,7 +44,7 @@ def describe(machine: Machine) -> dict[str, object]:
     and `to_block` the other way.
     """
     geometry = place(machine)
-    frame = Frame(geometry.lo[1])
+    frame = GroundFrame(geometry.lo[1])
     return {
         "blocks": [_block(geometry, frame, placed) for placed in geometry.blocks],
         "size": list(geometry.size),
@@ -58,7 +58,7 @@ def describe(machine: Machine) -> dict[str, object]:
     }
 
 
-def _block(geometry: Geometry, frame: Frame, placed: Placed) -> dict[str, object]:
+def _block(geometry: Geometry, frame: GroundFrame, placed: Placed) -> dict[str, object]:
     data: dict[str, object] = {"id": placed.id, "name": placed.name, "type": placed.type}
     if placed.far is not None:
         step = placed.step
@@ -70,7 +70,7 @@ def _block(geometry: Geometry, frame: Frame, placed: Placed) -> dict[str, object
         ]
         data["end_a"] = list(frame.point(placed.at))
         data["end_b"] = list(frame.point(placed.far))
-        data["length"] = pull_of(placed).length
+        data["length"] = span_of(placed).length
         return data
     return data | {
         "parent": _parent(geometry, placed),
@@ -121,7 +121,7 @@ def _pulling(placed: Placed) -> bool:
 
 
 def _pull(placed: Placed) -> dict[str, object]:
-    pull = pull_of(placed)
+    pull = span_of(placed)
     return {
         "id": placed.id,
         "from_block": placed.step.parent,
@@ -139,7 +139,7 @@ def describe_text(machine: Machine, *, short: bool = False) -> str:
         short: leave out building points and the positions of free faces.
     """
     geometry = place(machine)
-    frame = Frame(geometry.lo[1])
+    frame = GroundFrame(geometry.lo[1])
     lines = [_legend(short=short), *_whole(geometry, frame)]
     lines += [_line(geometry, frame, placed, short=short) for placed in geometry.blocks]
     return "\n".join(lines)
@@ -153,7 +153,7 @@ def _legend(*, short: bool) -> str:
     )
 
 
-def _whole(geometry: Geometry, frame: Frame) -> list[str]:
+def _whole(geometry: Geometry, frame: GroundFrame) -> list[str]:
     """The lines on the machine as a whole."""
     corners = " ".join(f"({x:g},{z:g})" for x, z in support_polygon(geometry))
     over = "over" if stands(geometry) else "NOT over"
@@ -166,7 +166,7 @@ def _whole(geometry: Geometry, frame: Frame) -> list[str]:
     if drives:
         lines.append(f"Powered wheels on the ground drive the machine: {', '.join(drives)}.")
     for placed in geometry.blocks:
-        pull = pull_of(placed) if _pulling(placed) else None
+        pull = span_of(placed) if _pulling(placed) else None
         if pull and pull.direction:
             near, far = placed.step.parents
             to = _numbers(pull.direction)
@@ -180,14 +180,14 @@ def _whole(geometry: Geometry, frame: Frame) -> list[str]:
     return lines
 
 
-def _line(geometry: Geometry, frame: Frame, placed: Placed, *, short: bool) -> str:
+def _line(geometry: Geometry, frame: GroundFrame, placed: Placed, *, short: bool) -> str:
     """One block in one line."""
     step = placed.step
     name = f"{placed.id} {placed.name}"
     if placed.far is not None and step.parent_b is not None:
         ends = f"{step.parent}.{step.face_id} to {step.parent_b}.{step.face_id_b}"
         points = f" {_numbers(frame.point(placed.at))} to {_numbers(frame.point(placed.far))}"
-        length = f"length {pull_of(placed).length:g}"
+        length = f"length {span_of(placed).length:g}"
         return f"{name}: from {ends}{'' if short else points}, {length}"
     parts = []
     if step.parent >= 0:
@@ -208,7 +208,7 @@ def _line(geometry: Geometry, frame: Frame, placed: Placed, *, short: bool) -> s
     return f"{name}: {', '.join(parts)}"
 
 
-def _positions(placed: Placed, frame: Frame, free: Sequence[ShapeFace]) -> str:
+def _positions(placed: Placed, frame: GroundFrame, free: Sequence[ShapeFace]) -> str:
     """Free faces by facing; a coordinate that differs between ids is listed, one per id."""
     groups = []
     for facing, group in groupby(free, key=lambda face: face.facing.name):

@@ -15,7 +15,7 @@ from agentflow.machine.geometry.pose import UNITS, Units3
 
 
 @dataclass(frozen=True)
-class Frame:
+class GroundFrame:
     """Machine frame with y = 0 at the machine's lowest corner; metres, one decimal (spec 1.7)."""
 
     ground: int
@@ -48,7 +48,7 @@ def one_decimal(value: int, scale: int) -> float:
 
 
 @dataclass(frozen=True)
-class Pull:
+class Span:
     """A two-ended block between its parents a and b: how long, and where its ends pull to."""
 
     length: float
@@ -58,16 +58,16 @@ class Pull:
     way. None when both ends are at one point."""
 
 
-def pull_of(placed: Placed) -> Pull:
+def span_of(placed: Placed) -> Span:
     """Length and pull of a two-ended block."""
     assert placed.far is not None
     along = [far - near for near, far in zip(placed.at, placed.far, strict=True)]
     square = sum(part * part for part in along)
     if square == 0:
-        return Pull(0.0, None)
+        return Span(0.0, None)
     length = math.sqrt(square)
     x, y, z = (_two_decimals(part / length) for part in along)
-    return Pull(math.floor(length / UNITS * 10 + 0.5) / 10, (x, y, z))
+    return Span(math.floor(length / UNITS * 10 + 0.5) / 10, (x, y, z))
 
 
 def _two_decimals(value: float) -> float:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
-from agentflow.machine.tree import Machine, Step, renumbered
+from agentflow.machine.tree import Machine, Step, renumber
 
 __all__ = ["ACTUATION", "MOVES", "Addition", "Change", "Move", "Removal", "additions"]
 
@@ -28,7 +28,7 @@ class Addition(NamedTuple):
     parent: int
     face_id: int
 
-    def made(self, rng: Random) -> Machine | None:
+    def apply(self, rng: Random) -> Machine | None:
         """The machine with the block; None where a second end finds no other block."""
         steps = self.machine.steps
         step = Step(len(steps), self.type, self.parent, self.face_id)
@@ -48,7 +48,7 @@ class Change(NamedTuple):
     step: Step
     """What the block of this id becomes."""
 
-    def made(self, rng: Random) -> Machine:  # noqa: ARG002
+    def apply(self, rng: Random) -> Machine:  # noqa: ARG002
         """The machine with the block changed."""
         steps = self.machine.steps
         return Machine((*steps[: self.step.id], self.step, *steps[self.step.id + 1 :]))
@@ -60,9 +60,9 @@ class Removal(NamedTuple):
     machine: Machine
     id: int
 
-    def made(self, rng: Random) -> Machine:  # noqa: ARG002
+    def apply(self, rng: Random) -> Machine:  # noqa: ARG002
         """The machine without the block, its ids counted anew."""
-        return renumbered(step for step in self.machine if step.id != self.id)[0]
+        return renumber(step for step in self.machine if step.id != self.id)[0]
 
 
 Move = Addition | Change | Removal

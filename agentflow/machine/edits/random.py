@@ -102,7 +102,7 @@ def _grown(rng: Random, types: Sequence[int], brief: Brief | None, count: int) -
 
 def _valid(move: Move, rng: Random, brief: Brief | None) -> Machine | None:
     """The machine that a move makes, if it is valid."""
-    made = move.made(rng)
+    made = move.apply(rng)
     return made if made is not None and check(made, brief).machine_valid else None
 
 

@@ -22,8 +22,8 @@ from agentflow.machine.edits.commands import (
 )
 from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.placement import Geometry, place_steps
-from agentflow.machine.problems import face_fault, listed, named, type_fault
-from agentflow.machine.tree import Machine, Step, renumbered
+from agentflow.machine.problems import block_label, comma_list, face_problem, type_problem
+from agentflow.machine.tree import Machine, Step, renumber
 from agentflow.machine.validity import spatial_problems
 
 __all__ = ["EditOutcome", "StepVerdict", "apply_script"]
@@ -139,12 +139,12 @@ class _Draft:
 
     def finish(self) -> tuple[Machine, dict[int, int | None]]:
         """The machine with its ids counted anew, and where the original ids went."""
-        edited, new_ids = renumbered(self.steps.values())
+        edited, new_ids = renumber(self.steps.values())
         return edited, {old: new_ids.get(old) for old in range(self.original)}
 
     def _add(self, command: Add) -> None:
         two_ended = len(command.ends) == 2
-        fault = type_fault(command.type, self.allowed, two_ended=two_ended)
+        fault = type_problem(command.type, self.allowed, two_ended=two_ended)
         if fault is not None:
             raise _Refused(*fault)
         for parent, face in command.ends:
@@ -161,7 +161,7 @@ class _Draft:
         removed = self._demand_block(command.id, "removed")
         carried = [step.id for step in self.steps.values() if removed.id in step.parents]
         if carried:
-            what = f"{named(removed.id, removed.type)} carries {listed(carried)}"
+            what = f"{block_label(removed.id, removed.type)} carries {comma_list(carried)}"
             raise _Refused("has_children", f"{what}; what a block carries must be removed first")
         del self.steps[removed.id]
         self._demand_space("")
@@ -169,7 +169,7 @@ class _Draft:
     def _move(self, command: Move) -> None:
         moved = self._demand_block(command.id, "moved")
         if moved.two_ended:
-            what = f"{named(moved.id, moved.type)} is two-ended and cannot be moved"
+            what = f"{block_label(moved.id, moved.type)} is two-ended and cannot be moved"
             raise _Refused("two_ended", f"{what}; remove it and add another one")
         self._demand_parent(command.parent)
         if command.parent >= moved.id:
@@ -205,26 +205,28 @@ class _Draft:
         return self.steps[parent]
 
     def _demand_face(self, parent: int, face: int) -> None:
-        fault = face_fault(parent, self._demand_parent(parent).type, face)
+        fault = face_problem(parent, self._demand_parent(parent).type, face)
         if fault is not None:
             raise _Refused("face_not_found", fault)
 
     def _demand_free(self, parent: int, face: int) -> None:
         for step in self.steps.values():
             if (step.parent, step.face_id) == (parent, face) and not step.two_ended:
-                free = Geometry(tuple(place_steps(self.steps.values()).values())).free_faces(parent)
+                carrier = block_label(parent, self.steps[parent].type)
                 reason = (
-                    f"face {face} of {named(parent, self.steps[parent].type)} already carries "
-                    f"{named(step.id, step.type)}; faces still free on block {parent}: "
-                    f"{listed(free)}"
+                    f"face {face} of {carrier} is already taken by "
+                    f"{block_label(step.id, step.type)}; free faces of block {parent}: "
+                    f"{comma_list(self._geometry().free_faces(parent))}"
                 )
                 raise _Refused("face_occupied", reason)
 
     def _demand_space(self, prefix: str) -> None:
         """Refuse when the machine as it is now does not fit, and say why."""
-        geometry = Geometry(tuple(place_steps(self.steps.values()).values()))
-        for problem in spatial_problems(geometry, self.size_limit)[:1]:
+        for problem in spatial_problems(self._geometry(), self.size_limit)[:1]:
             raise _Refused(problem.code, prefix + problem.message)
+
+    def _geometry(self) -> Geometry:
+        return Geometry(tuple(place_steps(self.steps.values()).values()))
 
     def _absent(self, block_id: int, use: str) -> str:
         if self.original <= block_id < self.next_id:

@@ -12,11 +12,17 @@ from xml.etree.ElementTree import Element
 
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
 from agentflow.machine.blocks.types import Vec3
-from agentflow.machine.formats.connect import Located, Spot, add_floats, connect, facing_of
+from agentflow.machine.formats.connect import (
+    LocatedBlock,
+    LocatedMachine,
+    add_floats,
+    connect,
+    facing_of,
+)
 from agentflow.machine.formats.parse import MAX_BLOCKS, MAX_COORDINATE
 from agentflow.machine.formats.xml_text import UnsafeXmlError, parse_xml
 from agentflow.machine.geometry.pose import Quat
-from agentflow.machine.problems import Problem, shown, type_fault
+from agentflow.machine.problems import Problem, short_repr, type_problem
 
 WHEELS = (2, 46)
 START, END, END_TURN = "start-position", "end-position", "end-rotation"
@@ -26,7 +32,7 @@ _EXPECTED = f"expected a number of at most {MAX_COORDINATE:,.0f}"
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
-def read_bsg(text: str, blocks: Collection[int] | None = None) -> Located:
+def read_bsg(text: str, blocks: Collection[int] | None = None) -> LocatedMachine:
     """Read a .bsg file and find out what hangs on what. Never raises.
 
     Blocks are named by their place in the file, counted from 0; the Starting Block comes first
@@ -40,21 +46,21 @@ def read_bsg(text: str, blocks: Collection[int] | None = None) -> Located:
     try:
         root = parse_xml(text)
     except UnsafeXmlError as error:
-        return Located(problems=(Problem("not_xml", (), str(error)),))
+        return LocatedMachine(problems=(Problem("not_xml", (), str(error)),))
     found = root.findall("./Blocks/Block") if root.tag == "Machine" else []
     if not found:
         message = "this is no machine file of Besiege: there is no Machine with Blocks in it"
-        return Located(problems=(Problem("not_a_machine", (), message),))
+        return LocatedMachine(problems=(Problem("not_a_machine", (), message),))
     if len(found) > MAX_BLOCKS:
         message = f"the machine has {len(found)} blocks; at most {MAX_BLOCKS} are read"
-        return Located(problems=(Problem("too_many_blocks", (), message),))
+        return LocatedMachine(problems=(Problem("too_many_blocks", (), message),))
     reader = _Reader(library().core if blocks is None else blocks)
     for index, block in enumerate(found):
         reader.read(block, index)
     return reader.located()
 
 
-class _Faulty(Exception):
+class _BadBlock(Exception):
     """A block that cannot be taken over."""
 
     def __init__(self, code: str, reason: str) -> None:
@@ -67,8 +73,8 @@ class _Reader:
     """What has been read of a file."""
 
     allowed: Collection[int]
-    root: Spot | None = None
-    spots: list[Spot] = field(default_factory=list)
+    root: LocatedBlock | None = None
+    spots: list[LocatedBlock] = field(default_factory=list)
     """All blocks but the root."""
     notes: list[str] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
@@ -80,7 +86,7 @@ class _Reader:
         """Take one block in, or note why not."""
         try:
             spot = self._spot(block, index)
-        except _Faulty as fault:
+        except _BadBlock as fault:
             message = f"block {index} of the file ({_ids(block)}): {fault.reason}"
             root = (block.get("id") or "").strip() == str(STARTING_BLOCK)
             kept = self.loose if fault.code == "scale" and not root else self.problems
@@ -98,17 +104,17 @@ class _Reader:
                 "facing here, its 'flipped' setting is not kept"
             )
 
-    def located(self) -> Located:
+    def located(self) -> LocatedMachine:
         """The blocks that could be connected, and what became of the others."""
         if self.root is None:
             missing = Problem("root", (), "the file has no Starting Block, id 0")
             problems = (*self.problems, *(() if self.unread_root else (missing,)))
-            return Located(problems=problems, loose=tuple(self.loose))
+            return LocatedMachine(problems=problems, loose=tuple(self.loose))
         located = connect([self.root, *self.spots], notes=self.notes)
         loose = sorted((*self.loose, *located.loose), key=lambda problem: problem.blocks)
         return replace(located, problems=tuple(self.problems), loose=tuple(loose))
 
-    def _spot(self, block: Element, index: int) -> Spot:
+    def _spot(self, block: Element, index: int) -> LocatedBlock:
         kind = self._type(block)
         rotation = _quaternion(block)
         position = _point(block.find("./Transform/Position"), "xyz", "Position")
@@ -117,33 +123,33 @@ class _Reader:
             factors = _point(scale, "xyz", "Scale")
             if any(abs(factor - 1) > SCALE_TOLERANCE for factor in factors):
                 told = " x ".join(f"{factor:g}" for factor in factors)
-                raise _Faulty("scale", f"it is scaled to {told}; blocks have their own size here")
+                raise _BadBlock("scale", f"it is scaled to {told}; blocks have their own size here")
         if not library()[kind].linear:
-            return Spot(index, kind, position, rotation)
+            return LocatedBlock(index, kind, position, rotation)
         end = block.find(f"./Data/Vector3[@key='{END}']")
         start = block.find(f"./Data/Vector3[@key='{START}']")
         a = _ORIGIN if start is None else _point(start, "XYZ", START)
         b = _point(end, "XYZ", END)
         ends = (add_floats(position, _turned(rotation, reach)) for reach in (a, b))
-        return Spot(index, kind, next(ends), rotation, next(ends))
+        return LocatedBlock(index, kind, next(ends), rotation, next(ends))
 
     def _type(self, block: Element) -> int:
         text = (block.get("id") or "").strip()
         if not (text.isascii() and text.isdigit() and len(text) < 10):
-            raise _Faulty("not_a_number", f"its id is {shown(text)}, expected a block type")
+            raise _BadBlock("not_a_number", f"its id is {short_repr(text)}, expected a block type")
         kind = int(text)
         if kind == STARTING_BLOCK and self.root is None:
             return kind
         two_ended = kind in library() and library()[kind].linear
-        fault = type_fault(kind, self.allowed, two_ended=two_ended)
+        fault = type_problem(kind, self.allowed, two_ended=two_ended)
         if fault is not None:
-            raise _Faulty(*fault)
+            raise _BadBlock(*fault)
         return kind
 
 
 def _ids(block: Element) -> str:
     guid = block.get("guid")
-    return f"id {shown(block.get('id'))}" + (f", guid {shown(guid)}" if guid else "")
+    return f"id {short_repr(block.get('id'))}" + (f", guid {short_repr(guid)}" if guid else "")
 
 
 def _quaternion(block: Element) -> Quat:
@@ -160,7 +166,7 @@ def _point(element: Element | None, names: str, what: str) -> Vec3:
 def _numbers(element: Element | None, names: str, what: str) -> list[float]:
     """Numbers in attributes, or in children of these names."""
     if element is None:
-        raise _Faulty("missing_field", f"it has no {what}")
+        raise _BadBlock("missing_field", f"it has no {what}")
     numbers = []
     for name in names:
         text = element.get(name) or element.findtext(name) or ""
@@ -169,7 +175,9 @@ def _numbers(element: Element | None, names: str, what: str) -> list[float]:
         except ValueError:
             number = math.nan
         if not abs(number) <= MAX_COORDINATE:
-            raise _Faulty("not_a_number", f"{name} of its {what} is {shown(text)}, {_EXPECTED}")
+            raise _BadBlock(
+                "not_a_number", f"{name} of its {what} is {short_repr(text)}, {_EXPECTED}"
+            )
         numbers.append(number)
     return numbers
 

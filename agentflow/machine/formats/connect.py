@@ -14,10 +14,10 @@ from typing import NamedTuple
 from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.geometry.placement import place_step
 from agentflow.machine.geometry.pose import FACINGS, UNITS, Placed, Quat, Units3, add, to_metres
-from agentflow.machine.problems import Problem, named
-from agentflow.machine.tree import ROOT, Machine, Step, renumbered
+from agentflow.machine.problems import Problem, block_label
+from agentflow.machine.tree import ROOT, Machine, Step, renumber
 
-__all__ = ["TOLERANCE", "Located", "Spot", "connect", "facing_of"]
+__all__ = ["TOLERANCE", "LocatedBlock", "LocatedMachine", "connect", "facing_of"]
 
 TOLERANCE = 0.1
 """Furthest that a block may be from the face it hangs on, in metres (spec 1.3)."""
@@ -35,7 +35,7 @@ _REACH = TOLERANCE * UNITS + 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class LocatedBlock:
     """A block as its document places it. Metres, the document's frame."""
 
     index: int
@@ -50,7 +50,7 @@ class Spot:
 
 
 @dataclass(frozen=True)
-class Located:
+class LocatedMachine:
     """What a document with positions holds."""
 
     blocks: tuple[Placed, ...] = ()
@@ -67,7 +67,7 @@ class Located:
     @cached_property
     def machine(self) -> Machine | None:
         """The connected blocks, counted 0, 1, 2, ...; None when there are none."""
-        return renumbered(placed.step for placed in self.blocks)[0] if self.blocks else None
+        return renumber(placed.step for placed in self.blocks)[0] if self.blocks else None
 
 
 class _Face(NamedTuple):
@@ -90,7 +90,9 @@ def facing_of(rotation: Quat) -> str | None:
     return None
 
 
-def connect(spots: Sequence[Spot], *, repaired: bool = False, notes: Sequence[str] = ()) -> Located:
+def connect(
+    spots: Sequence[LocatedBlock], *, repaired: bool = False, notes: Sequence[str] = ()
+) -> LocatedMachine:
     """Find for every block the face of an earlier block that it hangs on (spec 1.3).
 
     The nearest face within 0.1 m counts, of those equally near the earliest. What finds none, or
@@ -110,7 +112,7 @@ def connect(spots: Sequence[Spot], *, repaired: bool = False, notes: Sequence[st
     joiner.settle(Step(spots[0].index, *_ROOT_REST))
     for spot in spots[1:]:
         joiner.join(spot)
-    return Located(
+    return LocatedMachine(
         tuple(joiner.placed.values()),
         repaired,
         (*notes, *joiner.notes),
@@ -132,7 +134,7 @@ class _Joiner:
     notes: list[str] = field(default_factory=list)
     loose: list[Problem] = field(default_factory=list)
 
-    def join(self, spot: Spot) -> None:
+    def join(self, spot: LocatedBlock) -> None:
         """Hang one block on the face that is where it is, or note why there is none."""
         if spot.end is not None:
             a, b = self._at(spot, spot.position, None), self._at(spot, spot.end, None)
@@ -143,8 +145,8 @@ class _Joiner:
         if facing is None:
             turned = ", ".join(f"{part:g}" for part in spot.rotation)
             message = (
-                f"{named(spot.index, spot.type)} has rotation {turned}, which is none of the six "
-                f"orientations to within {MAX_TURN:g} degree"
+                f"{block_label(spot.index, spot.type)} has rotation {turned}, which is not within "
+                f"{MAX_TURN:g} degree of any of the six orientations"
             )
             self.loose.append(Problem("rotation", (spot.index,), message))
             return
@@ -161,7 +163,7 @@ class _Joiner:
             cell = ((x + _HALF) // _CELL, (y + _HALF) // _CELL, (z + _HALF) // _CELL)
             self.faces.setdefault(cell, []).append(entry)
 
-    def _at(self, spot: Spot, point: Vec3, facing: str | None) -> _Face | None:
+    def _at(self, spot: LocatedBlock, point: Vec3, facing: str | None) -> _Face | None:
         """The face at a point; None, with the problem noted, where there is none."""
         here = self._units(point)
         near = [
@@ -177,8 +179,8 @@ class _Joiner:
         if len(best) > 1:
             one, *others = (f"block {face.block} face {face.face}" for face in best)
             self.notes.append(
-                f"{named(spot.index, spot.type)}: its parent is ambiguous, {one} was taken and "
-                f"{', '.join(others)} is as near"
+                f"{block_label(spot.index, spot.type)} has an ambiguous parent: {one} was chosen, "
+                f"but {', '.join(others)} is equally near"
             )
         return best[0]
 
@@ -193,11 +195,11 @@ class _Joiner:
         )
         return [face for i in x for j in y for k in z for face in self.faces.get((i, j, k), ())]
 
-    def _nothing_at(self, spot: Spot, point: Vec3, facing: str | None) -> Problem:
+    def _nothing_at(self, spot: LocatedBlock, point: Vec3, facing: str | None) -> Problem:
         that = f" that faces {facing}" if facing else ""
         message = (
-            f"{named(spot.index, spot.type)} has no parent at {_told(point)}: no earlier block has "
-            f"a face within {TOLERANCE} m{that}"
+            f"{block_label(spot.index, spot.type)} has no parent at {_told(point)}: no earlier "
+            f"block has a face within {TOLERANCE} m{that}"
         )
         if len(self.loose) < MAX_HINTS:
             message += self._hint(self._units(point), facing)
@@ -211,7 +213,7 @@ class _Joiner:
             return ""
         nearest = min(fitting, key=lambda face: (math.dist(here, face.at), face))
         where = _told(add_floats(self.origin, to_metres(nearest.at)))
-        carrier = named(nearest.block, self.placed[nearest.block].type)
+        carrier = block_label(nearest.block, self.placed[nearest.block].type)
         return f"; the nearest such face is {nearest.face} of {carrier} at {where}"
 
     def _units(self, point: Vec3) -> Vec3:

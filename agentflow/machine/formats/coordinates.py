@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
-from agentflow.machine.formats.connect import Located, Spot, connect
+from agentflow.machine.formats.connect import LocatedBlock, LocatedMachine, connect
 from agentflow.machine.formats.parse import MAX_COORDINATE, MISSING, find_items, whole_number
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.pose import FACINGS, to_metres
-from agentflow.machine.problems import Problem, listed, shown, type_fault
+from agentflow.machine.problems import Problem, comma_list, short_repr, type_problem
 from agentflow.machine.tree import Machine
 
 __all__ = ["FORM", "read_coordinates", "to_coordinates"]
@@ -46,7 +46,7 @@ def to_coordinates(machine: Machine) -> list[dict[str, object]]:
     return items
 
 
-def read_coordinates(source: object, blocks: Collection[int] | None = None) -> Located:
+def read_coordinates(source: object, blocks: Collection[int] | None = None) -> LocatedMachine:
     """Read a machine in coordinates and find out what hangs on what. Never raises.
 
     Args:
@@ -55,14 +55,14 @@ def read_coordinates(source: object, blocks: Collection[int] | None = None) -> L
     """
     items, repaired, fault = find_items(source, FORM)
     if fault is not None:
-        return Located(repaired=repaired, problems=(fault,))
+        return LocatedMachine(repaired=repaired, problems=(fault,))
     notes: list[str] = []
     problems: list[Problem] = []
     allowed = library().core if blocks is None else blocks
     found = [_spot(item, index, allowed, notes, problems) for index, item in enumerate(items)]
     spots = [spot for spot in found if spot is not None]
     if problems:
-        return Located((), repaired, tuple(notes), tuple(problems))
+        return LocatedMachine((), repaired, tuple(notes), tuple(problems))
     return connect(spots, repaired=repaired, notes=notes)
 
 
@@ -72,11 +72,11 @@ def _spot(
     allowed: Collection[int],
     notes: list[str],
     problems: list[Problem],
-) -> Spot | None:
+) -> LocatedBlock | None:
     """One item of the list; None, with the problem noted, when it cannot be a block."""
     if not isinstance(item, dict):
-        message = f"item {index} of the list is {shown(item)}; expected an object with "
-        problems.append(Problem("not_an_object", (index,), message + listed(_KEYS)))
+        message = f"item {index} of the list is {short_repr(item)}; expected an object with "
+        problems.append(Problem("not_an_object", (index,), message + comma_list(_KEYS)))
         return None
     kind = item.get("type", MISSING)
     if type(kind) is not int:
@@ -87,22 +87,22 @@ def _spot(
     values = [_numbers(item, key, sizes[key], index, notes, problems) for key in keys[1:]]
     if kind is None or None in values:
         return None
-    fault = _type_fault(kind, index, allowed, two_ended=two_ended)
+    fault = _type_problem(kind, index, allowed, two_ended=two_ended)
     if fault is not None:
         problems.append(Problem(fault[0], (index,), f"block {index}: {fault[1]}"))
         return None
-    extra = [shown(key) for key in item if key not in keys]
+    extra = [short_repr(key) for key in item if key not in keys]
     if extra:
-        notes.append(f"block {index}: ignored {listed(extra[:8])}")
+        notes.append(f"block {index}: ignored {comma_list(extra[:8])}")
     position, rotation, *end = values
-    return Spot(index, kind, position, rotation, *end)  # type: ignore[arg-type]
+    return LocatedBlock(index, kind, position, rotation, *end)  # type: ignore[arg-type]
 
 
-def _type_fault(
+def _type_problem(
     kind: int, index: int, allowed: Collection[int], *, two_ended: bool
 ) -> tuple[str, str] | None:
     if index > 0:
-        return type_fault(kind, allowed, two_ended=two_ended)
+        return type_problem(kind, allowed, two_ended=two_ended)
     if kind != STARTING_BLOCK:
         return "root", "the first block must be the Starting Block, type 0"
     return None
@@ -126,7 +126,7 @@ def _numbers(
         if str in map(type, value):  # type: ignore[call-overload]
             notes.append(f"block {index}: {key} has strings, read as numbers")
         return numbers  # type: ignore[return-value]
-    message = f"block {index}: {key} is {shown(value)}, expected a list of {count} numbers"
+    message = f"block {index}: {key} is {short_repr(value)}, expected a list of {count} numbers"
     problems.append(Problem("not_a_number", (index,), message))
     return None
 

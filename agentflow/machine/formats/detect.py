@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Literal, get_args
 
 from agentflow.machine.brief import Brief
-from agentflow.machine.formats.connect import Located
+from agentflow.machine.formats.connect import LocatedMachine
 from agentflow.machine.formats.coordinates import read_coordinates
 from agentflow.machine.formats.parse import FORM, Reading, find_items, read_machine
 from agentflow.machine.tree import Machine
@@ -31,7 +31,7 @@ def read_any(
     form: Form = "auto",
     blocks: Collection[int] | None = None,
     given: Machine | None = None,
-) -> Reading | Located:
+) -> Reading | LocatedMachine:
     """Read a machine in any of its forms. Never raises; `validity.check` judges the result.
 
     Args:
@@ -59,7 +59,7 @@ def read_any(
     return replace(read_machine(items, blocks, given), repaired=repaired)
 
 
-def read_for(brief: Brief | None, source: object, form: Form = "auto") -> Reading | Located:
+def read_for(brief: Brief | None, source: object, form: Form = "auto") -> Reading | LocatedMachine:
     """Read a machine as a task allows it, or of core types only; see `read_any`."""
     if brief is None:
         return read_any(source, form)

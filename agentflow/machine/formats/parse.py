@@ -12,7 +12,13 @@ from dataclasses import dataclass, replace
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.formats.json_text import Extracted, extract_json, found_json
-from agentflow.machine.problems import Problem, face_fault, listed, shown, type_fault
+from agentflow.machine.problems import (
+    Problem,
+    comma_list,
+    face_problem,
+    short_repr,
+    type_problem,
+)
 from agentflow.machine.tree import ROOT, Machine, Step
 
 __all__ = ["MAX_BLOCKS", "Extracted", "Reading", "extract_json", "file_problems", "read_machine"]
@@ -78,7 +84,7 @@ def find_items(source: object, form: str) -> tuple[list[object], bool, Problem |
             message = f"no JSON list found; write the whole machine as {form} inside one ```json"
             return [], repaired, Problem("not_json", (), f"{message} fence")
     if not isinstance(source, list):
-        message = f"the machine is {shown(source)}; write it as {form}"
+        message = f"the machine is {short_repr(source)}; write it as {form}"
         return [], repaired, Problem("not_a_list", (), message)
     if not source:
         message = f"the machine is an empty list; write it as {form}"
@@ -103,8 +109,8 @@ def _machine_in(text: str) -> tuple[object, bool]:
 def _read_step(item: object, index: int, notes: list[str], problems: list[Problem]) -> Step | None:
     """One item of the list as a step; None, with the problem noted, when it is none."""
     if not isinstance(item, dict):
-        message = f"item {index} of the list is {shown(item)}; expected an object with "
-        problems.append(Problem("not_an_object", (index,), message + listed(_STANDARD)))
+        message = f"item {index} of the list is {short_repr(item)}; expected an object with "
+        problems.append(Problem("not_an_object", (index,), message + comma_list(_STANDARD)))
         return None
     two_ended = "parent_b" in item or "parent_a" in item
     keys = _TWO_ENDED if two_ended else _STANDARD
@@ -118,8 +124,8 @@ def _read_step(item: object, index: int, notes: list[str], problems: list[Proble
     if len(values) < len(keys):
         return None
     if len(item) > len(keys):
-        extra = [shown(key) for key in item if key not in keys]
-        notes.append(f"block {index}: ignored {listed(extra[:8])}")
+        extra = [short_repr(key) for key in item if key not in keys]
+        notes.append(f"block {index}: ignored {comma_list(extra[:8])}")
     kind, block_id, parent, face_id, *second = values
     return Step(block_id, kind, parent, face_id, *second)
 
@@ -139,7 +145,7 @@ def whole_number(
         if digits.isascii() and digits.isdigit():
             notes.append(f"block {index}: {key} is the string {value!r}, read as a number")
             return int(value)
-    message = f"block {index}: {key} is {shown(value)}, expected a whole number"
+    message = f"block {index}: {key} is {short_repr(value)}, expected a whole number"
     problems.append(Problem("not_a_number", (index,), message))
     return None
 
@@ -166,7 +172,7 @@ def file_problems(
             continue
         if step.id != index:
             problems.append(_wrong_id(step, index))
-        fault = type_fault(step.type, allowed, two_ended=step.parent_b is not None)
+        fault = type_problem(step.type, allowed, two_ended=step.parent_b is not None)
         if fault is not None:
             problems.append(Problem(fault[0], (index,), f"block {index}: {fault[1]}"))
         problems += _end_problems(index, step.parent, step.face_id, steps)
@@ -199,7 +205,7 @@ def _start_problems(steps: Sequence[Step | None], begin: tuple[Step, ...]) -> li
 
 def _wrong_id(step: Step, index: int) -> Problem:
     message = (
-        f"item {index} of the list has id {shown(step.id)}; ids count 0, 1, 2, ... in list "
+        f"item {index} of the list has id {short_repr(step.id)}; ids count 0, 1, 2, ... in list "
         f"order, so it must be {index}"
     )
     return Problem("id_sequence", (index,), message)
@@ -210,11 +216,13 @@ def _end_problems(
 ) -> list[Problem]:
     """What is wrong with one attachment of a block that is not the root."""
     if not 0 <= parent < len(steps):
-        message = f"parent {shown(parent)} does not exist; the blocks are 0 to {len(steps) - 1}"
+        message = (
+            f"parent {short_repr(parent)} does not exist; the blocks are 0 to {len(steps) - 1}"
+        )
         return [Problem("parent_not_found", (index,), f"block {index}: {message}")]
     if parent >= index:
         message = f"block {index}: parent {parent} is not earlier in the list than block {index}"
         return [Problem("parent_not_earlier", (index,), message)]
     carrier = steps[parent]
-    fault = face_fault(parent, carrier.type, face_id) if carrier is not None else None
+    fault = face_problem(parent, carrier.type, face_id) if carrier is not None else None
     return [Problem("face_not_found", (index,), f"block {index}: {fault}")] if fault else []

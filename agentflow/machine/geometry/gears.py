@@ -29,7 +29,7 @@ class Meshing(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Train:
+class GearTrain:
     """Cogs that turn together, and what each does."""
 
     speeds: Mapping[int, float]
@@ -38,7 +38,7 @@ class Train:
     """Whether a closed loop wants a cog to turn both ways, so that none can turn."""
 
 
-def meshing(blocks: Sequence[Placed], tolerance: float) -> tuple[Meshing, ...]:
+def meshing_pairs(blocks: Sequence[Placed], tolerance: float) -> tuple[Meshing, ...]:
     """Pairs of cogs in one plane whose pitch circles touch within `tolerance`, m.
 
     Speeds are equal and opposite where the circles touch, so turns go as the radii; cogs that
@@ -66,7 +66,7 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def trains(cogs: Sequence[int], pairs: Sequence[Meshing]) -> tuple[Train, ...]:
+def gear_trains(cogs: Sequence[int], pairs: Sequence[Meshing]) -> tuple[GearTrain, ...]:
     """The trains that these cogs (block ids, ascending) make, by their lowest id."""
     left, found = list(cogs), []
     while left:
@@ -81,7 +81,7 @@ def trains(cogs: Sequence[int], pairs: Sequence[Meshing]) -> tuple[Train, ...]:
                     locked = True
         left = [cog for cog in left if cog not in speeds]
         turning = dict(sorted(speeds.items()))
-        found.append(Train(dict.fromkeys(turning, 0.0) if locked else turning, locked))
+        found.append(GearTrain(dict.fromkeys(turning, 0.0) if locked else turning, locked))
     return tuple(found)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from agentflow.machine.blocks.library import BOULDER, BRACE, DECOUPLER, GRABBER, SUSPENSION, library
 from agentflow.machine.geometry.placement import Geometry, Placed
-from agentflow.machine.problems import Problem, named
+from agentflow.machine.problems import Problem, block_label
 
 Piece = tuple[int, int]
 """Block and which end of it: 0 is what its parent holds, 1 the second end of a two-ended block."""
@@ -70,7 +70,7 @@ def _bridges(geometry: Geometry) -> Iterator[tuple[Bond, int]]:
 
 def _warning(geometry: Geometry, block: int, holder: int, partner: int) -> Problem:
     def name(which: int) -> str:
-        return named(which, geometry[which].type)
+        return block_label(which, geometry[which].type)
 
     if geometry[holder].two_ended:
         reason = f"{name(holder)} bridges it"

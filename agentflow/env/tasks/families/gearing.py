@@ -24,7 +24,7 @@ from agentflow.errors import ConfigError
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import GRID, HOLE, HOLES, PATTERNS, SIZES, THICKNESS, Plate
 from agentflow.machine.brief import Brief
-from agentflow.machine.geometry.gears import Train, meshing, trains
+from agentflow.machine.geometry.gears import GearTrain, gear_trains, meshing_pairs
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step
 
@@ -168,8 +168,8 @@ class Gearing(Family):
     ) -> Feedback:
         """Speed of every cog, which pairs mesh, which are locked (spec 3.2)."""
         cogs = [step.id for step in machine if library()[step.type].pitch_radius is not None]
-        pairs = meshing(place(machine).blocks, constants()["cog_tolerance"])
-        found = trains(cogs, pairs)
+        pairs = meshing_pairs(place(machine).blocks, constants()["cog_tolerance"])
+        found = gear_trains(cogs, pairs)
         speeds = _speeds(trace, cogs)
         lines = (
             f"Result: {verdict.terms['result']}",
@@ -195,12 +195,12 @@ def _speeds(trace: Trace, cogs: Sequence[int]) -> dict[int, float]:
     return {cog: sign * float(means[cog]) for cog in cogs}
 
 
-def _locked(found: Sequence[Train]) -> str:
+def _locked(found: Sequence[GearTrain]) -> str:
     groups = ("-".join(map(str, train.speeds)) for train in found if train.locked)
     return ", ".join(groups) or "none"
 
 
-def _train_of(cog: int, found: Sequence[Train]) -> str:
+def _train_of(cog: int, found: Sequence[GearTrain]) -> str:
     """Ids of the cogs that are coupled to one, itself left out."""
     train = next(train for train in found if cog in train.speeds)
     return ", ".join(str(other) for other in train.speeds if other != cog) or "none"
