@@ -9,7 +9,7 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Assembly
+from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Broken, Rollout

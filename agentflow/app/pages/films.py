@@ -13,7 +13,7 @@ import numpy as np
 
 from agentflow.env.drawing.figures import Figures
 from agentflow.env.drawing.film import hero_of, interval_of
-from agentflow.env.physics.engine import Color
+from agentflow.env.physics.model import Color
 from agentflow.env.rollout import Broken, Event, Rollout, Trace
 from agentflow.env.scene import IDENTITY, Scene, Thing
 from agentflow.env.simulation.trials import SHOWN_TRIAL

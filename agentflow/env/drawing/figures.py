@@ -13,7 +13,7 @@ import numpy as np
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Assembly, Color, Shape
+from agentflow.env.physics.model import Assembly, Color, Shape
 from agentflow.env.physics.rotations import chain, inverse, rotate
 from agentflow.env.physics.vectors import add, product, turned, upright_to
 from agentflow.env.rollout import Array

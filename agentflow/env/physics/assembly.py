@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.block_parts import caster_parts, drive_of, end_parts, kind_of, whole_part
-from agentflow.env.physics.engine import Assembly, Drive, Joint, Part, Pull, Strength
 from agentflow.env.physics.fittings import WINCH, fit
+from agentflow.env.physics.model import Assembly, Drive, Joint, Part, Pull, Strength
 from agentflow.env.physics.vectors import add
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.library import BOULDER, library

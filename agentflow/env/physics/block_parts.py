@@ -10,7 +10,7 @@ from itertools import pairwise
 from math import pi
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Color, Drive, JointKind, Part, Shape
+from agentflow.env.physics.model import Color, Drive, JointKind, Part, Shape
 from agentflow.env.physics.vectors import add, length, scale, subtract, upright_to
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.library import BRACE, CONTAINER, DECOUPLER, GRABBER, SUSPENSION

@@ -10,7 +10,7 @@ from math import cos, radians, sin
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.actors import Actors, Grip, Lift, Mesh, Rope, Thrust
-from agentflow.env.physics.engine import Joint
+from agentflow.env.physics.model import Joint
 from agentflow.env.physics.vectors import add, length, scale, subtract
 from agentflow.machine.blocks.library import GRABBER, library
 from agentflow.machine.blocks.types import BlockType

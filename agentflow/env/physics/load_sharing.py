@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.physics.engine import Joint, Strength
 from agentflow.env.physics.frames import swap
+from agentflow.env.physics.model import Joint, Strength
 from agentflow.env.physics.spanning_tree import Link, Skeleton
 from agentflow.env.physics.vectors import subtract
 from agentflow.env.rollout import Array

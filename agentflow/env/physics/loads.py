@@ -10,8 +10,8 @@ from math import exp, isfinite
 
 import numpy as np
 
-from agentflow.env.physics.engine import Joint
 from agentflow.env.physics.load_sharing import rings
+from agentflow.env.physics.model import Joint
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Array
 

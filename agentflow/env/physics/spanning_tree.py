@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from agentflow.env.physics.engine import Joint
+from agentflow.env.physics.model import Joint
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agentflow.env.physics.engine import Assembly, Joint, State
+from agentflow.env.physics.model import Assembly, Joint, State
 from agentflow.env.rollout import Array, Broken, Trace
 
 

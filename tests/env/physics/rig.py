@@ -10,7 +10,7 @@ import numpy as np
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Assembly
+from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.rotations import chain, inverse, rotate
 from agentflow.env.physics.vectors import add

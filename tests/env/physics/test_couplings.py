@@ -11,8 +11,8 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.actors import Actors, Mesh
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Assembly, Joint, JointKind, Part, Shape
 from agentflow.env.physics.fittings import meshes
+from agentflow.env.physics.model import Assembly, Joint, JointKind, Part, Shape
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.rollout import Array
 from agentflow.env.scene import IDENTITY, Scene, Vec3

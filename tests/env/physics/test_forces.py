@@ -7,9 +7,9 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Part
 from agentflow.env.physics.kinematics import matrices
 from agentflow.env.physics.laws.air import Drag, Members, Wind, Wrench
+from agentflow.env.physics.model import Part
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.pybullet.layout import hubs
 from agentflow.env.physics.spanning_tree import skeleton

@@ -7,8 +7,8 @@ from math import exp
 import numpy as np
 import pytest
 
-from agentflow.env.physics.engine import Joint, Strength
 from agentflow.env.physics.loads import Loads
+from agentflow.env.physics.model import Joint, Strength
 
 STEP = 1.0 / 120
 BLEND = 1.0 - exp(-STEP / 0.02)

@@ -7,7 +7,7 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Assembly, Part, Shape
+from agentflow.env.physics.model import Assembly, Part, Shape
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.scene import IDENTITY, Scene, Thing
 from agentflow.machine.blocks.library import library

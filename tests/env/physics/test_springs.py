@@ -9,9 +9,9 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Assembly, Pull
 from agentflow.env.physics.laws.air import Members
 from agentflow.env.physics.laws.springs import Springs
+from agentflow.env.physics.model import Assembly, Pull
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene, Vec3

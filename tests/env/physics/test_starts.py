@@ -9,7 +9,7 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Assembly, Drive, Joint, Part
+from agentflow.env.physics.model import Assembly, Drive, Joint, Part
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.rollout import Array
 from agentflow.env.scene import IDENTITY, Scene

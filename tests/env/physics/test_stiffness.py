@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.physics.engine import Joint, Strength
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.load_sharing import product, rings, solve
+from agentflow.env.physics.model import Joint, Strength
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Array
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.physics.engine import Joint
+from agentflow.env.physics.model import Joint
 from agentflow.env.physics.spanning_tree import Body, Link, skeleton
 
 

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.physics.engine import Part
 from agentflow.env.physics.kinematics import (
     POSITION,
     ROTATION,
@@ -25,6 +24,7 @@ from agentflow.env.physics.kinematics import (
     turn,
     turn_back,
 )
+from agentflow.env.physics.model import Part
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Vec3
 

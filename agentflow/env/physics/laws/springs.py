@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from agentflow.env.physics.engine import Pull
 from agentflow.env.physics.kinematics import Row
 from agentflow.env.physics.laws.air import Members, Push
+from agentflow.env.physics.model import Pull
 from agentflow.env.physics.vectors import add, cross, dot, length, scale, subtract, turned
 from agentflow.env.scene import Vec3
 

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from math import cos, pi, sin, sqrt
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Joint, Part, Shape, TooLargeError
+from agentflow.env.physics.engine import TooLargeError
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
+from agentflow.env.physics.model import Joint, Part, Shape
 from agentflow.env.physics.pybullet.layout import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Body, Link

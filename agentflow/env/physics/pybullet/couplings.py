@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from agentflow.env.physics.engine import Assembly, Joint
 from agentflow.env.physics.frames import swap, swap_turn
+from agentflow.env.physics.model import Assembly, Joint
 from agentflow.env.physics.pybullet.layout import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Skeleton

@@ -14,10 +14,10 @@ from operator import itemgetter
 import numpy as np
 
 from agentflow.env.constants import Constants, constants
-from agentflow.env.physics.engine import Assembly, State
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.kinematics import Row
 from agentflow.env.physics.laws.ropes import Ropes
+from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.pybullet.bodies import Workshop
 from agentflow.env.physics.pybullet.contacts import Contacts, group, stand
 from agentflow.env.physics.pybullet.couplings import Couplings

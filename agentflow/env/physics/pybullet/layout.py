@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agentflow.env.physics.engine import Assembly, Joint, Part
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.laws.air import Members
+from agentflow.env.physics.model import Assembly, Joint, Part
 from agentflow.env.physics.spanning_tree import Body, Skeleton
 from agentflow.env.physics.vectors import cross, length, subtract
 from agentflow.env.rollout import Array

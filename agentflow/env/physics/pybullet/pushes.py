@@ -9,13 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from agentflow.env.physics.engine import Assembly
 from agentflow.env.physics.frames import swap, swap_all
 from agentflow.env.physics.kinematics import POSITION, Row
 from agentflow.env.physics.laws.air import Drag, Members, Push, Wind, Wrench
 from agentflow.env.physics.laws.ropes import Ropes
 from agentflow.env.physics.laws.rotors import Blades, Thrusters
 from agentflow.env.physics.laws.springs import Springs
+from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.layout import Built, Layout, hubs
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.rows import Rows

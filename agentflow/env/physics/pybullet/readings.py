@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from agentflow.env.physics.engine import Assembly, State
 from agentflow.env.physics.frames import (
     swap,
     swap_all,
@@ -31,6 +30,7 @@ from agentflow.env.physics.kinematics import (
     turn,
     turn_back,
 )
+from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.pybullet.layout import Layout
 from agentflow.env.physics.vectors import add, product, subtract, turned
 from agentflow.env.rollout import Array

@@ -10,7 +10,6 @@ from math import atan2
 
 import numpy as np
 
-from agentflow.env.physics.engine import Assembly, Joint, Part
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.kinematics import (
     POSITION,
@@ -23,6 +22,7 @@ from agentflow.env.physics.kinematics import (
     matrices,
     turn_back,
 )
+from agentflow.env.physics.model import Assembly, Joint, Part
 from agentflow.env.physics.pybullet.layout import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.vectors import add, dot, subtract, turned

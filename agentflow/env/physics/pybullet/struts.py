@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from agentflow.env.physics.engine import Assembly
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.kinematics import Row
 from agentflow.env.physics.laws.air import Members, Push
 from agentflow.env.physics.laws.springs import end_of
+from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.vectors import add, dot, scale, subtract, turned
 from agentflow.env.scene import Vec3
 

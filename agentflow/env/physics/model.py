@@ -1,0 +1,166 @@
+"""Parts, joints, machines and states: the terms in which a world is described to an engine.
+
+Game frame throughout (left-handed, y up), metres, kilograms, seconds, radians. At rest every part
+is aligned with the machine frame, so a part needs no orientation of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from agentflow.env.physics.actors import Actors
+from agentflow.env.rollout import Array
+from agentflow.env.scene import IDENTITY, Quat, Vec3
+
+Color = tuple[float, float, float, float]
+JointKind = Literal["fixed", "revolute", "prismatic", "spherical"]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A piece of a part's surface. `size` and `rotation` as in `scene.Thing`."""
+
+    kind: Literal["box", "sphere", "cylinder"]
+    size: Vec3
+    """Full extents before `rotation`; a sphere's diameter is `size[0]`; a cylinder's axis is y."""
+    offset: Vec3 = (0.0, 0.0, 0.0)
+    """From the part's centre of mass to the shape's centre."""
+    rotation: Quat = IDENTITY
+    solid: bool = True
+    """Whether it collides; otherwise it is only seen."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A rigid piece: a block, half of a two-ended block, or one half of a caster."""
+
+    block: int
+    centre: Vec3
+    """Centre of mass at rest."""
+    mass: float
+    inertia: Vec3
+    """Principal moments about the centre of mass, along the axes of the machine frame at rest."""
+    shapes: tuple[Shape, ...] = ()
+    friction: float = 0.0
+    restitution: float = 0.0
+    rolling_friction: float = 0.0
+    linear_drag: float = 0.0
+    """1/s: the part loses mass * drag * velocity."""
+    angular_drag: float = 0.0
+    """1/s, about its own centre."""
+    extents: Vec3 = (0.0, 0.0, 0.0)
+    """Box that the wind sees, at rest; two-ended blocks offer none, nor do propellers, whose blade
+    law is all that the air does to them."""
+    color: Color = (0.7, 0.7, 0.7, 1.0)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What a moving joint does by itself: a motor, a spring-damper, stops."""
+
+    speed: float = 0.0
+    """Velocity target once it is switched on, rad/s about the joint's axis; 0 holds."""
+    torque: float = 0.0
+    """Most torque the motor gives, N m; without torque the joint turns freely."""
+    starts: Literal["motors", "steering_hinges", "decouplers"] = "motors"
+    """The schedule entry that switches it on; `decouplers` part a rigid joint."""
+    friction: float = 0.0
+    """Dry friction of a joint without motor, N m."""
+    stiffness: float = 0.0
+    """N/m, of a prismatic joint."""
+    damping: float = 0.0
+    """N s/m, of a prismatic joint."""
+    stops: tuple[float, float] | None = None
+    """Lowest and highest joint position."""
+
+
+@dataclass(frozen=True)
+class Strength:
+    """What a connection bears."""
+
+    force: float
+    """N."""
+    torque: float
+    """N m."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What connects two parts. `block` is whose connection it is; `b` hangs on `a`."""
+
+    block: int
+    partner: int
+    """The other block."""
+    a: int
+    """Part index."""
+    b: int
+    kind: JointKind = "fixed"
+    pivot: Vec3 = (0.0, 0.0, 0.0)
+    axis: Vec3 = (0.0, 0.0, 1.0)
+    """Unit vector at rest; positive positions turn `b` against `a` about it (or move along it)."""
+    strength: Strength | None = None
+    """None never breaks and does not count as a connection in a trace."""
+    extra: bool = False
+    """Brace end or auto-connection: not part of the construction tree itself."""
+    drive: Drive = field(default_factory=Drive)
+
+
+@dataclass(frozen=True)
+class Pull:
+    """A spring: pulls two parts together along the line between their centres."""
+
+    block: int
+    a: int
+    b: int
+    natural: float
+    """Length at which the pull is gone, m."""
+    ramp: float
+    """Beyond the natural length the pull grows to `force` over this length, m."""
+    force: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A whole machine as parts and joints, placed in the world as the rollout starts."""
+
+    parts: tuple[Part, ...]
+    joints: tuple[Joint, ...]
+    pulls: tuple[Pull, ...]
+    blocks: tuple[tuple[int, ...], ...]
+    """Part indices of each block; the first carries its pose."""
+    origins: tuple[Vec3, ...]
+    """Building point of each block at rest (two-ended: middle between its ends)."""
+    centres: tuple[Vec3, ...]
+    """Box centre of each block at rest."""
+    rotations: tuple[Quat, ...]
+    """Orientation of each block at rest."""
+    spans: tuple[tuple[int, int, int], ...] = ()
+    """(block, part, part) of each two-ended block: its id and its ends."""
+    actors: Actors = field(default_factory=Actors)
+    """What acts beside joints and springs."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Where everything is. N blocks, M moving things, L two-ended blocks; game frame."""
+
+    position: Array
+    """(N, 3) block origins, m."""
+    centre: Array
+    """(N, 3) block centres, m."""
+    rotation: Array
+    """(N, 4)."""
+    velocity: Array
+    """(N, 3) of the centres, m/s."""
+    angular_velocity: Array
+    """(N, 3) rad/s."""
+    length: Array
+    """(L,) m."""
+    thing_position: Array
+    """(M, 3) m."""
+    thing_rotation: Array
+    """(M, 4)."""
+    thing_velocity: Array
+    """(M, 3) m/s."""
