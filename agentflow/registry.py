@@ -2,18 +2,18 @@
 
 Whatever can be added to agentflow has one registry, from which names, help and tests are made:
 
-    ENGINES: Registry[type[Engine]] = Registry(
-        "physics engine",
-        "agentflow.engines",
-        {"pybullet": "agentflow.env.physics.pybullet.engine:PyBulletEngine"},
-        subclass_of(Engine),
+    FAMILIES: Registry[type[Family]] = Registry(
+        "family",
+        "agentflow.families",
+        {"throwing": "agentflow.env.tasks.families.throwing:Throwing"},
+        subclass_of(Family),
     )
-    ENGINES["pybullet"], list(ENGINES), "mujoco" in ENGINES
+    FAMILIES["throwing"], list(FAMILIES), "sweeping" in FAMILIES
 
 Another distribution adds to it in its pyproject.toml:
 
-    [project.entry-points."agentflow.engines"]
-    mine = "mypackage.engine:MyEngine"
+    [project.entry-points."agentflow.families"]
+    sweeping = "broom.sweeping:Sweeping"
 """
 
 from __future__ import annotations

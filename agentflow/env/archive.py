@@ -54,6 +54,7 @@ def rollout_json(rollout: Rollout) -> dict[str, Any]:
         "sim_seconds": rollout.sim_seconds,
         "wall_seconds": rollout.wall_seconds,
         "constants": rollout.constants,
+        "engine": rollout.engine,
     }
 
 

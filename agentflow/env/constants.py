@@ -1,6 +1,6 @@
-"""Owns the physical constants: loads the one data file, which gives unit and source of each.
+"""The physical constants of `constants.json`, which gives the unit and source of each.
 
-What belongs to a block of the library (mass, size, drag) is the machine language's.
+Mass, size and drag of blocks are in the block library.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from importlib.resources import files
 
 from agentflow.errors import UnknownNameError
@@ -21,8 +21,17 @@ class Constants:
 
     values: Mapping[str, float]
     by_type: Mapping[str, Mapping[int, float]]
-    digest: str
-    """Hash of the data file's content, 16 hex digits; stored in every rollout."""
+    units: Mapping[str, str]
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of all values and units, 16 hex digits; stored in every rollout."""
+        content = {
+            name: [value, self.units[name], sorted(self.by_type.get(name, {}).items())]
+            for name, value in self.values.items()
+        }
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def __getitem__(self, name: str) -> float:
         """The general value of a constant.
@@ -35,14 +44,14 @@ class Constants:
         return self.values[name]
 
     def of(self, name: str, block_type: int) -> float:
-        """The value for one block type: its own where it has one, else the general value."""
+        """The value for one block type: its own if it has one, else the general value."""
         return self.by_type.get(name, {}).get(block_type, self[name])
 
     def changed(self, values: Mapping[str, float]) -> Constants:
-        """Other physics, for fitting and for experiments.
+        """The constants with other values, for fitting and experiments.
 
         Args:
-            values: By name; a block type's own value is named with its type: "motor_speed.22".
+            values: By name; append a block type to change its own value: "motor_speed.22".
 
         Raises:
             UnknownNameError: There is no constant of that name.
@@ -56,7 +65,7 @@ class Constants:
                 by_type.setdefault(name, {})[int(kind)] = value
             else:
                 general[name] = value
-        return Constants(general, by_type, _hash([self.digest, sorted(values.items())]))
+        return Constants(general, by_type, self.units)
 
 
 @cache
@@ -71,10 +80,5 @@ def constants() -> Constants:
             for name, entry in data.items()
             if "by_type" in entry
         },
-        digest=_hash(data),
+        units={name: entry["unit"] for name, entry in data.items()},
     )
-
-
-def _hash(data: object) -> str:
-    content = json.dumps(data, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(content.encode()).hexdigest()[:16]

@@ -122,3 +122,5 @@ class Rollout:
     """Hash of the physical constants."""
     scene: Scene | None = None
     """What stood around the machine of the trace; not kept in files."""
+    engine: str | None = None
+    """Name and library version of the physics engine; None if nothing was simulated."""

@@ -84,6 +84,7 @@ def test_simulate_gives_exactly_the_documented_keys(
         "sim_seconds",
         "wall_seconds",
         "constants",
+        "engine",
     ]
     assert result["status"] == "ok"
     assert 40 <= result["score"] <= 50

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from agentflow.env.constants import constants
@@ -28,6 +30,13 @@ def test_changed_constants_leave_the_shipped_ones_alone() -> None:
         .changed({"spring_force.45": 7.0, "motor_speed.22": 5.0, "gravity": 9.81})
         .digest
     )
+
+
+def test_the_digest_is_of_values_and_units_not_of_prose() -> None:
+    found = constants()
+    assert found.changed({"gravity": 32.81}).digest == found.digest
+    assert found.changed({"gravity": 32.82}).digest != found.digest
+    assert replace(found, units={**found.units, "gravity": "ft/s2"}).digest != found.digest
 
 
 def test_an_unknown_constant_is_named() -> None:

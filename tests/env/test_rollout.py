@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from dataclasses import replace
+from importlib.metadata import version
 from math import nan
 from pathlib import Path
 
@@ -32,6 +33,7 @@ KEYS = [
     "sim_seconds",
     "wall_seconds",
     "constants",
+    "engine",
 ]
 PUBLISHED = np.array(
     [[1.0, 7.01, -1.5], [0.84, 7.34, -2.44], [0.64, 5.69, -6.2], [0.61, 3.28, -9.97]]
@@ -232,6 +234,7 @@ def test_the_result_has_the_keys_of_the_command_line(thrown: Rollout) -> None:
     data = rollout_json(thrown)
     assert list(data) == KEYS
     assert data["constants"] == constants().digest
+    assert data["engine"] == f"pybullet {version('pybullet')}"
     assert set(data["broken"][0]) == {"block", "type", "partner", "time", "load"}
     assert json.loads(json.dumps(data)) == data
     assert (
@@ -260,6 +263,15 @@ def test_a_rollout_survives_its_file(thrown: Rollout, tmp_path: Path) -> None:
     bare = replace(thrown, trace=None)
     save_npz(bare, path)
     assert load_npz(path).trace is None
+
+
+def test_a_file_from_before_engines_were_recorded_is_read(thrown: Rollout, tmp_path: Path) -> None:
+    path = tmp_path / "throw.npz"
+    save_npz(replace(thrown, trace=None), path)
+    result = json.loads(np.load(path)["result"].item())
+    del result["engine"]
+    np.savez(path, result=np.array(json.dumps(result).encode()))
+    assert load_npz(path) == replace(load_npz(path), engine=None)
 
 
 def test_a_foreign_file_is_refused(tmp_path: Path) -> None:

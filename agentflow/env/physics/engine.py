@@ -36,6 +36,10 @@ class Engine(Protocol):
     """One world at a time. Everything is deterministic, bit by bit, for equal calls."""
 
     @property
+    def identity(self) -> EngineIdentity:
+        """What rollouts of this engine record."""
+
+    @property
     def moving_things(self) -> tuple[str, ...]:
         """Names of the scene's things that can move, in scene order."""
 

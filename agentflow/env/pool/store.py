@@ -16,6 +16,7 @@ from pathlib import Path
 from agentflow import __version__
 from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.constants import constants
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
@@ -32,6 +33,7 @@ def _setting(task: Task, seed: int) -> str:
     setting = {
         "agentflow": __version__,
         "constants": constants().digest,
+        "engine": str(default_engine().identity),
         "family": task.family,
         "parameters": task.parameters.model_dump(mode="json"),
         "window": task.window,

@@ -220,6 +220,7 @@ class Play:
             wall_seconds=perf_counter() - self._began,
             constants=self._value.digest,
             scene=self._scene,
+            engine=str(self._engine.identity),
         )
 
     def _judge(

@@ -32,8 +32,13 @@ def timing(rate: float | None, interval: float | None, physics: Constants) -> tu
     return rate, interval
 
 
-def invalid(problems: Sequence[Problem]) -> Rollout:
-    """The result of a machine that is not simulated because of these problems."""
+def invalid(problems: Sequence[Problem], engine: str | None = None) -> Rollout:
+    """The result of a machine that is not simulated because of these problems.
+
+    Args:
+        problems: Why the machine is invalid.
+        engine: The engine that cannot hold it, if that is the reason.
+    """
     listed = tuple(problem.to_json() for problem in problems)
     text = "The machine is invalid and was not simulated: " + "; ".join(
         str(problem["message"]) for problem in listed
@@ -51,4 +56,5 @@ def invalid(problems: Sequence[Problem]) -> Rollout:
         sim_seconds=None,
         wall_seconds=None,
         constants=constants().digest,
+        engine=engine,
     )

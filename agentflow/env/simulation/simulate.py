@@ -9,7 +9,7 @@ import threading
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.engine import Engine, TooLargeError
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.play import Play
 from agentflow.env.simulation.refusals import invalid, timing
@@ -64,7 +64,7 @@ def simulate(
         try:
             play = Play(machine, trial, chosen, rate, power, interval, wall_limit, value)
         except TooLargeError as error:
-            return invalid([Problem("too_many_parts", (), str(error))])
+            return invalid([Problem("too_many_parts", (), str(error))], str(chosen.identity))
         played.append(play.to_the_end())
         if played[-1].status == "timeout":
             break
@@ -74,6 +74,6 @@ def simulate(
 def _own_engine() -> Engine:
     """The engine that this thread keeps between rollouts."""
     if not hasattr(_local, "engine"):
-        _local.engine = PyBulletEngine()
+        _local.engine = default_engine().start()
     engine: Engine = _local.engine
     return engine

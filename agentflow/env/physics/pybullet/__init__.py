@@ -1,1 +1,7 @@
 """The PyBullet engine."""
+
+from agentflow.env.physics.engines import EngineSpec
+
+PYBULLET = EngineSpec(
+    "pybullet", ("pybullet",), "agentflow.env.physics.pybullet.engine:PyBulletEngine"
+)

@@ -14,10 +14,12 @@ from operator import itemgetter
 import numpy as np
 
 from agentflow.env.constants import Constants, constants
+from agentflow.env.physics.engine import EngineIdentity
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.kinematics import Row
 from agentflow.env.physics.laws.ropes import Ropes
 from agentflow.env.physics.model import Assembly, State
+from agentflow.env.physics.pybullet import PYBULLET
 from agentflow.env.physics.pybullet.bodies import Workshop
 from agentflow.env.physics.pybullet.contacts import Contacts, group, stand
 from agentflow.env.physics.pybullet.couplings import Couplings
@@ -47,6 +49,11 @@ class PyBulletEngine:
         # loading what is there already only tells its number.
         renderer = pybullet.loadPlugin("tinyRendererPlugin", physicsClientId=self.client)
         pybullet.unloadPlugin(renderer, physicsClientId=self.client)
+
+    @property
+    def identity(self) -> EngineIdentity:
+        """What rollouts of this engine record."""
+        return PYBULLET.identity
 
     def close(self) -> None:
         """Give the client back."""

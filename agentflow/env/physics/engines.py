@@ -1,0 +1,84 @@
+"""The physics engines: which exist, which of them is used, and the identity of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+from agentflow.env.physics.engine import Engine, EngineIdentity
+from agentflow.errors import ConfigError
+from agentflow.registry import Registry
+
+if TYPE_CHECKING:
+    from agentflow.env.constants import Constants
+
+
+@dataclass(frozen=True)
+class EngineSpec:
+    """How to start an engine. Its library is loaded only then."""
+
+    name: str
+    libraries: tuple[str, ...]
+    """Distributions that provide its library; the first one that is installed counts."""
+    factory: str
+    """"module:attribute" of what makes the engine from the constants (None: the usual ones)."""
+
+    @cached_property
+    def identity(self) -> EngineIdentity:
+        """Name and version of the library, found without loading it.
+
+        Raises:
+            ConfigError: The library is not installed.
+        """
+        for library in self.libraries:
+            try:
+                return EngineIdentity(self.name, version(library))
+            except PackageNotFoundError:
+                continue
+        needed = " or ".join(self.libraries)
+        raise ConfigError(f"the physics engine {self.name!r} needs {needed}; install it")
+
+    @property
+    def installed(self) -> bool:
+        """Whether the engine's library is installed."""
+        try:
+            return bool(self.identity)
+        except ConfigError:
+            return False
+
+    def start(self, physics: Constants | None = None) -> Engine:
+        """Load the library and make an engine."""
+        module, _, attribute = self.factory.partition(":")
+        engine: Engine = getattr(import_module(module), attribute)(physics)
+        return engine
+
+
+def _is_spec(_: str, thing: Any) -> str:
+    return "" if isinstance(thing, EngineSpec) else f"is not an instance of {__name__}.EngineSpec"
+
+
+ENGINES: Registry[EngineSpec] = Registry(
+    "physics engine",
+    "agentflow.engines",
+    {"pybullet": "agentflow.env.physics.pybullet:PYBULLET"},
+    _is_spec,
+)
+"""All engines, the preferred one first."""
+
+
+def default_engine() -> EngineSpec:
+    """The first registered engine whose library is installed.
+
+    Its `identity` decides rollouts as much as the constants do; `str()` of it is what rollouts
+    record, e.g. "pybullet 3.2.7".
+
+    Raises:
+        ConfigError: None is installed.
+    """
+    for spec in ENGINES.values():
+        if spec.installed:
+            return spec
+    raise ConfigError(f"no physics engine is installed; install one of: {', '.join(ENGINES)}")
