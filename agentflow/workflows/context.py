@@ -43,7 +43,7 @@ class _Count:
     tried: set[Machine] = field(default_factory=set)
 
 
-class Bench:
+class WorkflowContext:
     """One run of a workflow. Identical machines are simulated once, whoever asks."""
 
     def __init__(
@@ -140,13 +140,13 @@ class Bench:
         """Pictures of a machine for a refiner; none when vision is switched off."""
         return await self._laboratory.views(machine) if self.settings.vision else ()
 
-    def begin(self, name: StageName) -> None:
+    def begin_stage(self, name: StageName) -> None:
         """Open a stage; opening it again, for another trajectory, changes nothing."""
         if name not in self._counts:
             self._counts[name] = _Count()
             self.record.event("stage_begin", name, trajectories=self.settings.trajectories)
 
-    def end(self, name: StageName, candidates: Sequence[Candidate]) -> Stage:
+    def end_stage(self, name: StageName, candidates: Sequence[Candidate]) -> Stage:
         """Close a stage, earlier ones first; trajectories without a candidate are invalid."""
         count = self._counts[name]
         earlier = (self._counts[stage.name].tried for stage in self._stages)
@@ -167,11 +167,11 @@ class Bench:
         self._stages.append(stage)
         return stage
 
-    def ended(self, name: StageName) -> bool:
+    def has_ended(self, name: StageName) -> bool:
         """Whether a stage is closed."""
         return any(stage.name == name for stage in self._stages)
 
-    def over(self, stage: Stage) -> bool:
+    def is_over(self, stage: Stage) -> bool:
         """Whether the run ends with this stage: nothing to go on with, or nothing to pay with."""
         return self.spent is not None or not stage.survivors
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from agentflow.workflows.base import WorkflowResult
-from agentflow.workflows.context import Bench
-from agentflow.workflows.stages.refinement import refined
-from agentflow.workflows.stages.shared import whole_machines
+from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.stages.refinement import refine
+from agentflow.workflows.stages.shared import design_machines
 
 
-async def iterative(bench: Bench) -> WorkflowResult:
+async def iterative(run: WorkflowContext) -> WorkflowResult:
     """Designer, inspector, blind refinement, feedback loop."""
-    bench.begin("initial")
-    return await refined(bench, await whole_machines(bench), None)
+    run.begin_stage("initial")
+    return await refine(run, await design_machines(run), None)

@@ -10,59 +10,59 @@ from agentflow.errors import UsageError
 from agentflow.machine.edits.random import random_machine
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, FirstAttempt, StageName, WorkflowResult
-from agentflow.workflows.context import Bench
+from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import failure_of, first_of, tried
+from agentflow.workflows.stages.shared import failure_reason, first_attempt_of, simulate
 
 STAGE: StageName = "initial"
 MOST_PLACED = 10
 """Most blocks that a random placement adds; chosen: half as many again as the longest way needs."""
 
 
-async def placement(bench: Bench) -> WorkflowResult:
+async def placement(run: WorkflowContext) -> WorkflowResult:
     """`settings.placements` placers, one call each; what is valid is simulated.
 
     Placers use the designer's model and sampling.
     """
-    bench.begin(STAGE)
+    run.begin_stage(STAGE)
 
     async def place(attempt: int) -> Candidate:
         label = f"placer/traj-{attempt}"
-        outcome = await bench.ask(
-            Placer(), PlacerInput(bench.brief), label, stage=STAGE, model_role="designer", once=True
+        outcome = await run.ask(
+            Placer(), PlacerInput(run.brief), label, stage=STAGE, model_role="designer", once=True
         )
-        first = first_of(outcome)
+        first = first_attempt_of(outcome)
         if outcome is None or outcome.output is None:
-            return Candidate(attempt, first=first, reason=failure_of(outcome))
+            return Candidate(attempt, first=first, reason=failure_reason(outcome))
         return Candidate(attempt, outcome.output.machine, first=first)
 
-    placed = await run_concurrently(place(attempt) for attempt in _attempts(bench))
-    bench.end(STAGE, await tried(bench, STAGE, placed))
-    return bench.result()
+    placed = await run_concurrently(place(attempt) for attempt in _attempts(run))
+    run.end_stage(STAGE, await simulate(run, STAGE, placed))
+    return run.result()
 
 
-async def random_placement(bench: Bench) -> WorkflowResult:
+async def random_placement(run: WorkflowContext) -> WorkflowResult:
     """The baseline: blocks of allowed types on random free faces, 1 to 10 of them; all are valid.
 
     No model is asked.
     """
-    bench.begin(STAGE)
-    brief = bench.brief
+    run.begin_stage(STAGE)
+    brief = run.brief
     size = len(brief.given) + 1, len(brief.given) + MOST_PLACED
     placed = []
-    for attempt in _attempts(bench):
+    for attempt in _attempts(run):
         try:
-            machine = random_machine(bench.stream(f"traj-{attempt}"), brief, size)
+            machine = random_machine(run.stream(f"traj-{attempt}"), brief, size)
         except UsageError as error:
             placed.append(Candidate(attempt, reason=str(error)))
         else:
             placed.append(Candidate(attempt, machine, first=FirstAttempt(True, True, True)))
-    bench.end(STAGE, await tried(bench, STAGE, placed))
-    return bench.result()
+    run.end_stage(STAGE, await simulate(run, STAGE, placed))
+    return run.result()
 
 
-def _attempts(bench: Bench) -> range:
-    return range(1, bench.settings.trajectories + 1)
+def _attempts(run: WorkflowContext) -> range:
+    return range(1, run.settings.trajectories + 1)
 
 
 def one_each(settings: WorkflowSettings) -> WorkflowSettings:

@@ -15,39 +15,39 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import SearchCost
 from agentflow.search.tree import is_better
 from agentflow.workflows.base import Candidate, FirstAttempt, Stage, WorkflowResult
-from agentflow.workflows.context import Bench
+from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.feedback import STAGE
-from agentflow.workflows.stages.shared import BLIND, tried
+from agentflow.workflows.stages.shared import BLIND, simulate
 
 VALID = FirstAttempt(parsed=True, spatial=True, valid=True)
 MAX_REPEATS = 20
 """Edits in a row that may lead to machines already tried before a search for new ones ends."""
 
 
-async def random_dsl(bench: Bench) -> WorkflowResult:
+async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     """Random machines, one random edit each, then edits of each trajectory's best machine.
 
     The stages are those of the other workflows and no model is asked. `settings.rollouts` are of
     the whole run; without it every stage has one per trajectory, as published.
     """
-    settings = bench.settings
-    chances = {t: bench.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
+    settings = run.settings
+    chances = {t: run.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
     per_stage = settings.trajectories
     total = settings.rollouts or 3 * per_stage
-    bench.begin("initial")
-    drawn = [_drawn(bench.brief, t, chances[t]) for t in list(chances)[:total]]
-    initial = bench.end("initial", await tried(bench, "initial", drawn))
+    run.begin_stage("initial")
+    drawn = [_drawn(run.brief, t, chances[t]) for t in list(chances)[:total]]
+    initial = run.end_stage("initial", await simulate(run, "initial", drawn))
     left = total - initial.rollouts
-    if bench.over(initial) or left <= 0:
-        return bench.result()
-    bench.begin(BLIND)
-    blind = bench.end(BLIND, await _blind(bench, initial.survivors[:left], chances))
+    if run.is_over(initial) or left <= 0:
+        return run.result()
+    run.begin_stage(BLIND)
+    blind = run.end_stage(BLIND, await _blind(run, initial.survivors[:left], chances))
     left -= blind.rollouts
-    if bench.over(blind) or left <= 0:
-        return bench.result()
-    bench.begin(STAGE)
-    bench.end(STAGE, await _climb(bench, _better_of(initial, blind), chances, left))
-    return bench.result()
+    if run.is_over(blind) or left <= 0:
+        return run.result()
+    run.begin_stage(STAGE)
+    run.end_stage(STAGE, await _climb(run, _better_of(initial, blind), chances, left))
+    return run.result()
 
 
 def _drawn(brief: Brief, trajectory: int, chance: random.Random) -> Candidate:
@@ -58,23 +58,23 @@ def _drawn(brief: Brief, trajectory: int, chance: random.Random) -> Candidate:
 
 
 async def _blind(
-    bench: Bench, candidates: Sequence[Candidate], chances: dict[int, random.Random]
+    run: WorkflowContext, candidates: Sequence[Candidate], chances: dict[int, random.Random]
 ) -> list[Candidate]:
     """One edit of each machine, whatever it scored."""
     edited = []
     for candidate in candidates:
         assert candidate.machine is not None
-        machine = _edited(bench, candidate.machine, chances[candidate.trajectory])
+        machine = _edited(run, candidate.machine, chances[candidate.trajectory])
         reason = "" if machine else "no edit is legal"
         first = VALID if machine else FirstAttempt()
         edit = EditRecord("a random edit", "Success", before=candidate.score) if machine else None
         edited.append(Candidate(candidate.trajectory, machine, None, first, reason, edit=edit))
-    return await tried(bench, BLIND, edited)
+    return await simulate(run, BLIND, edited)
 
 
-def _edited(bench: Bench, machine: Machine, chance: random.Random) -> Machine | None:
+def _edited(run: WorkflowContext, machine: Machine, chance: random.Random) -> Machine | None:
     try:
-        return random_edit(machine, chance, bench.brief)
+        return random_edit(machine, chance, run.brief)
     except UsageError:
         return None
 
@@ -100,11 +100,11 @@ class _Climber:
     seen: set[Machine]
     search_cost: SearchCost
 
-    def next(self, bench: Bench) -> Machine | None:
+    def next(self, run: WorkflowContext) -> Machine | None:
         """A machine one edit from the best that this climb has not tried; None without one."""
         assert self.best.machine is not None
         for _ in range(MAX_REPEATS):
-            machine = _edited(bench, self.best.machine, self.chance)
+            machine = _edited(run, self.best.machine, self.chance)
             if machine is None:
                 return None
             if machine not in self.seen:
@@ -114,7 +114,7 @@ class _Climber:
 
 
 async def _climb(
-    bench: Bench,
+    run: WorkflowContext,
     starts: Sequence[Candidate],
     chances: dict[int, random.Random],
     rollouts: int,
@@ -125,26 +125,26 @@ async def _climb(
         for start in starts
         if start.machine is not None
     ]
-    before, rounds = bench.rollouts, 0
-    while climbers and (left := rollouts - (bench.rollouts - before)) > 0:
+    before, rounds = run.rollouts, 0
+    while climbers and (left := rollouts - (run.rollouts - before)) > 0:
         rounds += 1
-        steps = await run_concurrently(_step(bench, climber, rounds) for climber in climbers[:left])
+        steps = await run_concurrently(_step(run, climber, rounds) for climber in climbers[:left])
         if not any(steps):
             break
     return [replace(climber.best, search_cost=climber.search_cost) for climber in climbers]
 
 
-async def _step(bench: Bench, climber: _Climber, round_: int) -> bool:
+async def _step(run: WorkflowContext, climber: _Climber, round_: int) -> bool:
     """Try one edit; whether there was one to try."""
-    machine, old = climber.next(bench), climber.best
+    machine, old = climber.next(run), climber.best
     if machine is None:
         return False
     climber.search_cost.attempts += 1
     place = f"traj-{old.trajectory}/round-{round_}"
-    evaluation = await bench.evaluate(machine, STAGE, place)
+    evaluation = await run.evaluate(machine, STAGE, place)
     assert old.evaluation is not None
     kept = is_better(evaluation, old.evaluation)
-    bench.record.event(
+    run.record.event(
         "edit",
         f"{STAGE}/{place}",
         parent=old.machine.digest if old.machine else None,

@@ -1,4 +1,4 @@
-"""Owns the names of the workflows, and makes the bench that each of them works at."""
+"""Owns the names of the workflows, and makes the run that each of them works at."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import MappingProxyType
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.workflows.base import AskContexts, Laboratory, Record, Workflow, WorkflowResult
-from agentflow.workflows.context import Bench
+from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.hierarchical import hierarchical
 from agentflow.workflows.iterative import iterative
 from agentflow.workflows.placement import one_each, placement, random_placement
@@ -16,7 +16,7 @@ from agentflow.workflows.random_dsl import random_dsl
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.single import chained, single
 
-WORKFLOWS: Mapping[str, Callable[[Bench], Awaitable[WorkflowResult]]] = MappingProxyType(
+WORKFLOWS: Mapping[str, Callable[[WorkflowContext], Awaitable[WorkflowResult]]] = MappingProxyType(
     {
         "single": single,
         "iterative": iterative,
@@ -55,8 +55,8 @@ def workflow(name: str) -> Workflow:
     ) -> WorkflowResult:
         if name in OWN_SETTINGS:
             settings = OWN_SETTINGS[name](settings)
-        bench = Bench(name, brief, contexts, laboratory, settings, record, seed)
-        return await WORKFLOWS[name](bench)
+        run = WorkflowContext(name, brief, contexts, laboratory, settings, record, seed)
+        return await WORKFLOWS[name](run)
 
     return carry_out
 

@@ -58,7 +58,7 @@ class Slow:
     async def aclose(self) -> None: ...
 
 
-class Bench(Shelf):
+class SlowShelf(Shelf):
     """A laboratory of two workers."""
 
     def __init__(self) -> None:
@@ -94,7 +94,7 @@ def test_a_run_takes_little_longer_than_its_critical_path(refused: float, strate
     try:
         slow = Slow(Author(seed=4, refused=refused))
         run = Run(slow.answer, {"search": {"strategy": strategy}}, client=slow, max_retry=5)
-        run.shelf = Bench()
+        run.shelf = SlowShelf()
         result = loop.run_until_complete(run())
         assert len(result.stages) == 3
         assert len(run.shelf.tried) > 40
@@ -112,7 +112,7 @@ def test_a_trajectory_goes_on_while_the_first_machine_of_another_waits() -> None
     try:
         slow = Slow(Author(seed=4, refused=0.0))
         run = Run(slow.answer, {"search": {"rounds": 0}}, client=slow)
-        run.shelf = Bench()
+        run.shelf = SlowShelf()
         loop.run_until_complete(run())
         asked = sorted(start for label, start in slow.starts if label.startswith("inspector/"))
         built = max(start for label, start in slow.starts if label.startswith("designer/"))

@@ -19,9 +19,9 @@ from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, Evaluation, Node, SearchResult
 from agentflow.search.registry import strategy
 from agentflow.workflows.base import Candidate, FirstAttempt, SimulationSummary, StageName
-from agentflow.workflows.context import Bench
-from agentflow.workflows.stages.search_record import SearchRecord
-from agentflow.workflows.stages.shared import edit_of, failure_of, first_of
+from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.stages.search_record import SearchRecorder
+from agentflow.workflows.stages.shared import edit_record, failure_reason, first_attempt_of
 
 STAGE: StageName = "env_feedback"
 
@@ -40,22 +40,22 @@ class Version:
 
 
 async def feedback_loop(
-    bench: Bench, candidate: Candidate, blueprint: Blueprint | None, *, model_role: str = ""
+    run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None, *, model_role: str = ""
 ) -> Candidate:
     """Let a trajectory search from its machine; yields its tree's best machine.
 
     Args:
-        bench: The run.
+        run: The run.
         candidate: A valid, simulated machine.
         blueprint: The plan it was built to.
         model_role: Role whose model and sampling refine, if not the refiner's own.
     """
-    numbers = bench.settings.search
+    numbers = run.settings.search
     assert candidate.machine is not None
     assert candidate.evaluation is not None
     name = f"traj-{candidate.trajectory}"
-    trajectory = Trajectory(bench, name, blueprint, model_role)
-    notes = SearchRecord(bench.record, f"{STAGE}/{name}")
+    trajectory = Trajectory(run, name, blueprint, model_role)
+    notes = SearchRecorder(run.record, f"{STAGE}/{name}")
     found = await strategy(numbers.strategy)(
         Version(candidate.machine, candidate.edit),
         candidate.evaluation,
@@ -72,13 +72,13 @@ class Trajectory:
     """What the search of one trajectory needs: how to expand a node and how to try a version."""
 
     def __init__(
-        self, bench: Bench, name: str, blueprint: Blueprint | None, model_role: str
+        self, run: WorkflowContext, name: str, blueprint: Blueprint | None, model_role: str
     ) -> None:
         """For the trajectory of that name ("traj-3"), refined by that role's model."""
         self.first = FirstAttempt()
         """What the first attempt of the search came to."""
-        self._bench, self._name, self._blueprint, self._model_role = (
-            bench,
+        self._run, self._name, self._blueprint, self._model_role = (
+            run,
             name,
             blueprint,
             model_role,
@@ -96,7 +96,7 @@ class Trajectory:
 
     async def evaluate(self, version: Version, label: str) -> Evaluation:
         """Simulate a version."""
-        found = await self._bench.evaluate(version.machine, STAGE, f"{self._name}/{label}")
+        found = await self._run.evaluate(version.machine, STAGE, f"{self._name}/{label}")
         self._scores[version.machine] = found.score
         return found
 
@@ -111,14 +111,14 @@ class Trajectory:
         self._scores[node.candidate.machine] = node.evaluation.score
         if not earlier:
             self._history = self._history_of(node)
-            self._views = await self._bench.views(node.candidate.machine)
-            if self._bench.settings.asks_querier and node.id not in self._queried:
+            self._views = await self._run.views(node.candidate.machine)
+            if self._run.settings.asks_querier and node.id not in self._queried:
                 self._queried[node.id] = await self._inquire(node)
         given = self._given(node, earlier)
         answers = await run_concurrently(self._refine(node, given, label) for label in labels)
         attempts = [answer for answer in answers if answer is not None]
         if not attempts:
-            raise self._bench.spent or BudgetSpentError("the budget has run out")
+            raise self._run.spent or BudgetSpentError("the budget has run out")
         self._tried.setdefault(node.candidate.label, []).extend(attempts)
         return attempts
 
@@ -126,23 +126,23 @@ class Trajectory:
         self, node: Node[Version], given: RefinerInput, label: str
     ) -> Attempt[Version] | None:
         full = f"refiner/feedback/{self._name}/{label}"
-        outcome = await self._bench.ask(
+        outcome = await self._run.ask(
             Refiner(), given, full, stage=STAGE, model_role=self._model_role, once=True
         )
         if outcome is None:
             return None
         if label == "round-1/node-0/try-1":
-            self.first = first_of(outcome)
+            self.first = first_attempt_of(outcome)
         if outcome.output is None:
-            return Attempt(label, None, failure_of(outcome))
-        edit = edit_of(outcome.output, node.evaluation.score)
+            return Attempt(label, None, failure_reason(outcome))
+        edit = edit_record(outcome.output, node.evaluation.score)
         version = Version(outcome.output.machine, edit, self._history, label)
         return Attempt(label, version, edit.script)
 
     def _given(self, node: Node[Version], earlier: Sequence[Attempt[Version]]) -> RefinerInput:
-        settings = self._bench.settings
+        settings = self._run.settings
         return RefinerInput(
-            brief=self._bench.brief,
+            brief=self._run.brief,
             machine=node.candidate.machine,
             blueprint=self._blueprint,
             history=self._history if settings.history else History(),
@@ -173,20 +173,20 @@ class Trajectory:
 
     async def _inquire(self, node: Node[Version]) -> str:
         """Ask the querier about a node; "" when it gives or asks nothing."""
-        bench, machine = self._bench, node.candidate.machine
+        run, machine = self._run, node.candidate.machine
         given = QuerierInput(
-            brief=bench.brief,
+            brief=run.brief,
             machine=machine,
             score=node.evaluation.score,
             feedback=_feedback(node),
-            spatial=bench.settings.spatial,
-            representation=bench.settings.representation,
+            spatial=run.settings.spatial,
+            representation=run.settings.representation,
         )
         label = f"querier/{self._name}/node-{node.id}"
-        outcome = await bench.ask(Querier(), given, label, stage=STAGE)
+        outcome = await run.ask(Querier(), given, label, stage=STAGE)
         if outcome is None or outcome.output is None or not outcome.output.queries:
             return ""
-        return await bench.query(machine, outcome.output.queries, label)
+        return await run.query(machine, outcome.output.queries, label)
 
 
 def _verdict(attempt: Attempt[Version]) -> str:

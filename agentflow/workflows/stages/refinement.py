@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
-from agentflow.workflows.context import Bench
+from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.feedback import STAGE, feedback_loop
-from agentflow.workflows.stages.shared import BLIND, INITIAL, refined_blindly, tried
+from agentflow.workflows.stages.shared import BLIND, INITIAL, refine_blindly, simulate
 
 
-async def refined(
-    bench: Bench, designed: Sequence[Candidate], blueprint: Blueprint | None
+async def refine(
+    run: WorkflowContext, designed: Sequence[Candidate], blueprint: Blueprint | None
 ) -> WorkflowResult:
     """Inspector and blind refinement, then the feedback loop; ends early with what there is.
 
@@ -21,11 +21,11 @@ async def refined(
     simulated. What a trajectory does depends on its own answers alone, also on a spent budget.
 
     Args:
-        bench: The run, in its first stage.
+        run: The run, in its first stage.
         designed: The machines of that stage, not simulated yet.
         blueprint: The plan that the machines were built to.
     """
-    over = bench.spent is not None
+    over = run.spent is not None
     initial: list[Candidate] = []
     blind: list[Candidate] = []
 
@@ -33,29 +33,29 @@ async def refined(
         """Close the stages to which nothing more can come."""
         if len(initial) < len(designed):
             return
-        if not bench.ended(INITIAL):
-            bench.end(INITIAL, initial)
+        if not run.has_ended(INITIAL):
+            run.end_stage(INITIAL, initial)
         whole = blind and len(blind) == sum(candidate.valid for candidate in initial)
-        if whole and not bench.ended(BLIND):
-            bench.end(BLIND, blind)
+        if whole and not run.has_ended(BLIND):
+            run.end_stage(BLIND, blind)
 
     async def follow(design: Candidate) -> Candidate | None:
-        (candidate,) = await tried(bench, INITIAL, [design])
+        (candidate,) = await simulate(run, INITIAL, [design])
         initial.append(candidate)
         close()
         if over or not candidate.valid:
             return None
-        bench.begin(BLIND)
-        better = await refined_blindly(bench, candidate, blueprint)
+        run.begin_stage(BLIND)
+        better = await refine_blindly(run, candidate, blueprint)
         blind.append(better)
         close()
-        if not better.valid or not bench.settings.search.rounds:
+        if not better.valid or not run.settings.search.rounds:
             return None
-        bench.begin(STAGE)
-        return await feedback_loop(bench, better, blueprint)
+        run.begin_stage(STAGE)
+        return await feedback_loop(run, better, blueprint)
 
     searched = await run_concurrently(follow(design) for design in designed)
     found = [candidate for candidate in searched if candidate is not None]
     if found:
-        bench.end(STAGE, found)
-    return bench.result()
+        run.end_stage(STAGE, found)
+    return run.result()

@@ -9,7 +9,7 @@ from agentflow.search.node import SearchResult
 from agentflow.workflows.base import Record
 
 
-class SearchRecord:
+class SearchRecorder:
     """An observer that notes a search of machine versions under a label of its own."""
 
     def __init__(self, record: Record, label: str) -> None:
