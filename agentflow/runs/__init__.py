@@ -1,7 +1,4 @@
-"""Run directories (spec 6.1): written by one process at a time, read by anyone, also meanwhile.
-
-What the lines mean belongs to those who write them; starting and replaying runs is app's.
-"""
+"""Run directories: written by one process at a time, readable by others at any moment."""
 
 from agentflow.runs.document import SCHEMA, read_document
 from agentflow.runs.reading import (

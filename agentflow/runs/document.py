@@ -1,4 +1,4 @@
-"""Owns run.yaml: its schema, and the seal by which a later change of it is noticed."""
+"""run.yaml: its schema, and the seal that reveals later edits."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ import yaml
 from agentflow.errors import RunError
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""The same data from either; libyaml, where there is one, takes a seventh of the time."""
+"""Both give the same data; libyaml, if installed, is seven times as fast."""
 
 SCHEMA = 1
-"""Version of the layout of run directories; written to run.yaml, refused when foreign."""
-NAME = "run.yaml"
+"""Version of the layout of run directories; other versions are refused."""
+FILE_NAME = "run.yaml"
 _SEAL = "seal"
 
 
 def document_text(document: Mapping[str, Any]) -> str:
-    """The text of run.yaml for JSON-like data: schema first, the seal over everything last."""
+    """The text of run.yaml for JSON-like data: schema first, the seal last."""
     content = {"schema": SCHEMA, **document}
     return yaml.safe_dump({**content, _SEAL: seal_of(content)}, sort_keys=False)
 
 
 def seal_of(content: Mapping[str, Any]) -> str:
-    """Hash of the content of run.yaml, 16 hex digits; `seal` itself does not count."""
+    """Hash of the content of run.yaml without `seal`, 16 hex digits."""
     sealed = {key: value for key, value in content.items() if key != _SEAL}
     text = json.dumps(sealed, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -39,13 +39,13 @@ def read_document(path: Path) -> dict[str, Any]:
     """The content of a run's run.yaml, without its seal.
 
     Raises:
-        RunError: There is none, it is damaged or edited, or its schema is not this version's.
+        RunError: It is missing, damaged or edited, or has another schema.
     """
-    file = path / NAME
+    file = path / FILE_NAME
     try:
         document = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
     except OSError:
-        raise RunError(f"{path} is no run: it has no readable {NAME}") from None
+        raise RunError(f"{path} is not a run directory: it has no readable {FILE_NAME}") from None
     except (yaml.YAMLError, ValueError, RecursionError):
         document = None
     if not isinstance(document, dict) or "schema" not in document:
@@ -57,7 +57,7 @@ def read_document(path: Path) -> dict[str, Any]:
         )
     if document.pop(_SEAL, None) != seal_of(document):
         raise RunError(
-            f"{file} was changed after the run began, so the record no longer belongs to it; put "
-            f"it back, or begin another run with: agentflow design --config {quote(str(file))}"
+            f"{file} was edited after the run began and no longer matches the record; restore "
+            f"it, or start a new run with: agentflow design --config {quote(str(file))}"
         )
     return document

@@ -1,7 +1,4 @@
-"""Owns the reading of run directories: events and calls one at a time, result, state, lists.
-
-Nothing here holds a run's lines in memory, nor changes a file.
-"""
+"""Reading run directories: events and calls one at a time, result, state, lists of runs."""
 
 from __future__ import annotations
 
@@ -13,14 +10,14 @@ from shlex import quote
 from typing import Any, Literal
 
 from agentflow.errors import RunError
-from agentflow.runs.document import NAME
-from agentflow.runs.lines import is_whole, object_in
+from agentflow.files import parse_object, whole_lines
+from agentflow.runs.document import FILE_NAME
 
 EVENTS, CALLS, RESULT = "events.jsonl", "calls.jsonl", "result.json"
 AGAIN = b'{"again": true, '
-"""How the line of an event begins that replaces an earlier one of the same kind and label."""
+"""Start of the line of an event that replaces an earlier one with the same kind and label."""
 State = Literal["done", "running", "stopped"]
-"""Of a run: complete, under way in some process, or to be continued with `--resume`."""
+"""Of a run: complete, running in some process, or stopped before its end."""
 
 
 @dataclass(frozen=True)
@@ -31,25 +28,25 @@ class Event:
     label: str
     data: Mapping[str, Any]
     at: float = field(default=0.0, compare=False)
-    """Seconds of work into the run; the time between a kill and a resumption does not count."""
+    """Seconds of work into the run, without the time between a kill and a resumption."""
 
 
 def read_events(path: Path) -> Iterator[Event]:
     """The recorded events in order, one at a time, without a half-written last line.
 
-    A label that a resumed run had to write again comes once, where it was written last. Memory
-    does not grow with the number of events.
+    Of events with the same kind and label, only the last one is given. Memory use does not grow
+    with the number of events.
 
     Raises:
         RunError: A line before the last is damaged.
     """
     replaced: dict[tuple[str, str], int] = {}
-    for number, line in whole_lines(path / EVENTS):
+    for number, line in _lines(path / EVENTS):
         if line.startswith(AGAIN):
-            event = _event(line, path, number)
+            event = _parse_event(line, path, number)
             replaced[event.kind, event.label] = number
-    for number, line in whole_lines(path / EVENTS):
-        event = _event(line, path, number)
+    for number, line in _lines(path / EVENTS):
+        event = _parse_event(line, path, number)
         if replaced.get((event.kind, event.label), 0) <= number:
             yield event
 
@@ -60,8 +57,8 @@ def read_calls(path: Path) -> Iterator[dict[str, Any]]:
     Raises:
         RunError: A line before the last is damaged.
     """
-    for number, line in whole_lines(path / CALLS):
-        item = object_in(line)
+    for number, line in _lines(path / CALLS):
+        item = parse_object(line)
         if item is None or not _is_call(item):
             raise RunError(f"{path / CALLS} is damaged in line {number}")
         yield item
@@ -84,37 +81,37 @@ def read_result(path: Path) -> dict[str, Any]:
     """The content of result.json.
 
     Raises:
-        RunError: It is no run, unfinished, or the file is damaged.
+        RunError: The run is unfinished, or the file is damaged.
     """
     try:
         text = (path / RESULT).read_bytes()
     except FileNotFoundError:
         if state_of(path) == "running":
-            raise RunError(f"{path} has no {RESULT} yet: a process is at work on it") from None
+            raise RunError(f"{path} has no {RESULT} yet: a process is working on it") from None
         raise RunError(
             f"{path} has no {RESULT}: the run is unfinished; continue it with "
             f"agentflow design --resume {quote(str(path))}"
         ) from None
     except OSError as error:
         raise RunError(f"cannot read {path / RESULT}: {error.strerror}") from None
-    result = object_in(text)
+    result = parse_object(text)
     if result is None:
         raise RunError(f"{path / RESULT} is damaged: expected a JSON object")
     return result
 
 
 def state_of(path: Path) -> State:
-    """Whether a run is complete, under way, or waiting to be resumed.
+    """Whether a run is complete, running, or waiting to be resumed.
 
     Raises:
-        RunError: It is no run, or cannot be read.
+        RunError: It is not a run directory, or cannot be read.
     """
     try:
         if (path / RESULT).exists():
             return "done"
-        file = (path / NAME).open("rb")
+        file = (path / FILE_NAME).open("rb")
     except OSError:
-        raise RunError(f"{path} is no run: it has no readable {NAME}") from None
+        raise RunError(f"{path} is not a run directory: it has no readable {FILE_NAME}") from None
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -124,15 +121,15 @@ def state_of(path: Path) -> State:
 
 
 def find_runs(folder: Path) -> Iterator[Path]:
-    """The run directories in a folder and in its subfolders, by name; a run itself is one.
+    """The run directories in a folder and its subfolders, by name; `folder` may be a run itself.
 
-    What is inside a run is not looked through, nor are links to folders.
+    Runs are not searched for further runs; links to folders are not followed.
 
     Raises:
         RunError: A folder cannot be read.
     """
     try:
-        if (folder / NAME).is_file():
+        if (folder / FILE_NAME).is_file():
             yield folder
             return
         entries = sorted(folder.iterdir()) if folder.is_dir() else []
@@ -143,27 +140,20 @@ def find_runs(folder: Path) -> Iterator[Path]:
         yield from find_runs(entry)
 
 
-def whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Number (from 1) and content of every whole line; none where there is no file.
-
-    Raises:
-        RunError: There is something that cannot be read.
-    """
+def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Number (from 1) and content of every complete line; none if there is no file."""
     try:
         if not path.exists():
             return
         if not path.is_file():
             raise RunError(f"{path} is damaged: expected a file")
-        with path.open("rb") as lines:
-            for number, line in enumerate(lines, start=1):
-                if is_whole(line):
-                    yield number, line
+        yield from whole_lines(path)
     except OSError as error:
         raise RunError(f"cannot read {path}: {error.strerror}") from None
 
 
-def _event(line: bytes, path: Path, number: int) -> Event:
-    item = object_in(line)
+def _parse_event(line: bytes, path: Path, number: int) -> Event:
+    item = parse_object(line)
     if item is not None:
         kind, label, data = item.get("kind"), item.get("label"), item.get("data")
         if isinstance(kind, str) and isinstance(label, str) and isinstance(data, dict):

@@ -250,7 +250,10 @@ WRONG = [
         ["convert", "lone.bsg", "x.json"],
         "lone.bsg cannot be converted: nothing would be left of it but the Starting Block: block ",
     ),
-    (["render", ".", "--task", "movement"], ". is no run: it has no readable run.yaml"),
+    (
+        ["render", ".", "--task", "movement"],
+        ". is not a run directory: it has no readable run.yaml",
+    ),
     (["convert", "none.json", "x.json"], "cannot read none.json: No such file or directory"),
     (["check", "bomb.bsg"], "bomb.bsg holds no machine: the XML declares a document type; such "),
     (["check", "car.json", "--format", "xml"], "Invalid value for '--format': 'xml' is "),

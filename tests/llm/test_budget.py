@@ -108,7 +108,7 @@ async def test_a_resumed_run_is_never_refused_what_is_recorded(tmp_path: Path) -
             await client.complete(ask(label=label))
     with Tape(path, pytest.fail) as tape:
         budget = Budget(BudgetSettings(calls=3))
-        for entry in tape.entries():
+        for entry in tape.calls():
             budget.count(entry.request, entry.reply, None)
         client = wrap(inner, tape=tape, budget=budget)
         for label in ("a/1", "b/1", "a/2"):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from agentflow.errors import RunError
 from agentflow.llm.messages import Message, Reply, Request, Sampling
-from agentflow.llm.wrappers.tape import Entry, Tape, key_of
+from agentflow.llm.wrappers.tape import RecordedCall, Tape, key_of
 from tests.llm.helpers import ask
 
 
@@ -21,14 +21,14 @@ def no_notice(line: str) -> None:
     pytest.fail(line)
 
 
-def entry(label: str, text: str = "answer") -> Entry:
+def entry(label: str, text: str = "answer") -> RecordedCall:
     request = ask(label=label)
-    return Entry(
+    return RecordedCall(
         key=key_of("m", request), model="m", request=request, reply=Reply(text=text, retries=2)
     )
 
 
-def filled(path: Path, count: int = 3) -> list[Entry]:
+def filled(path: Path, count: int = 3) -> list[RecordedCall]:
     entries = [entry(f"a/{i}", "x" * i) for i in range(count)]
     with Tape(path, no_notice) as tape:
         for item in entries:
@@ -53,7 +53,7 @@ def test_entries_are_found_again_by_another_process(tmp_path: Path) -> None:
     with Tape(tmp_path / "calls.jsonl", no_notice, writable=False) as tape:
         assert len(tape) == 3
         assert [tape.find(item.key) for item in entries] == [item.reply for item in entries]
-        assert list(tape.entries()) == entries
+        assert list(tape.calls()) == entries
         assert tape.find("other") is None
         assert "other" not in tape
 
@@ -66,7 +66,7 @@ def test_any_text_survives(tmp_path_factory: pytest.TempPathFactory, text: str, 
     with Tape(path, no_notice) as tape:
         tape.append(item)
     with Tape(path, no_notice) as tape:
-        assert list(tape.entries()) == [item]
+        assert list(tape.calls()) == [item]
 
 
 def test_a_half_written_last_line_is_dropped_wherever_it_breaks(tmp_path: Path) -> None:
@@ -95,10 +95,10 @@ def test_a_last_line_that_lacks_its_line_break_alone_is_kept(tmp_path: Path) -> 
     path.write_bytes(whole[: whole.index(entries[2].key.encode())].rpartition(b"\n")[0])
     assert not path.read_bytes().endswith(b"\n")
     with Tape(path, no_notice, writable=False) as tape:
-        assert list(tape.entries()) == entries[:2]
+        assert list(tape.calls()) == entries[:2]
     with Tape(path, no_notice) as tape:
         tape.append(entries[2])
-        assert list(tape.entries()) == entries
+        assert list(tape.calls()) == entries
     assert path.read_bytes() == whole
 
 
@@ -110,7 +110,7 @@ def test_a_tape_is_never_whole_in_memory(tmp_path: Path) -> None:
     tracemalloc.start()
     try:
         with Tape(path, no_notice, writable=False) as tape:
-            assert sum(len(item.reply.text) for item in tape.entries()) == 30_000_000
+            assert sum(len(item.reply.text) for item in tape.calls()) == 30_000_000
             assert tape.find(entry("a/59").key) is not None
             peak = tracemalloc.get_traced_memory()[1]
     finally:
@@ -125,7 +125,7 @@ def test_a_damaged_line_elsewhere_is_refused(tmp_path: Path) -> None:
     path.write_text(lines[0] + "{oops\n" + lines[2])
     with pytest.raises(RunError) as caught:
         Tape(path, no_notice)
-    assert str(caught.value) == f"{path}, line 2 is damaged (no JSON)"
+    assert str(caught.value) == f"{path}, line 2 is damaged (not JSON)"
 
 
 def test_a_foreign_schema_is_refused(tmp_path: Path) -> None:

@@ -141,5 +141,5 @@ def test_validity_by_role() -> None:
 
 
 def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match=r"is no run: it has no readable run\.yaml"):
+    with pytest.raises(RunError, match=r"is not a run directory: it has no readable run\.yaml"):
         RunStory.read(tmp_path, None, None)

@@ -43,8 +43,8 @@ def test_an_edited_one_is_refused(run: Path, old: str, new: str) -> None:
     with pytest.raises(RunError) as caught:
         RunDirectory.resume(run)
     assert str(caught.value) == (
-        f"{file} was changed after the run began, so the record no longer belongs to it; put it "
-        f"back, or begin another run with: agentflow design --config {file}"
+        f"{file} was edited after the run began and no longer matches the record; restore it, "
+        f"or start a new run with: agentflow design --config {file}"
     )
     assert file.read_text() == text.replace(old, new)
 
@@ -68,7 +68,7 @@ def test_every_truncation_is_refused(run: Path) -> None:
 def test_foreign_schema_and_no_run_are_said(tmp_path: Path) -> None:
     with pytest.raises(RunError) as caught:
         read_document(tmp_path)
-    assert str(caught.value) == f"{tmp_path} is no run: it has no readable run.yaml"
+    assert str(caught.value) == f"{tmp_path} is not a run directory: it has no readable run.yaml"
     (tmp_path / "run.yaml").write_text("schema: 99\n")
     with pytest.raises(RunError) as caught:
         read_document(tmp_path)

@@ -132,7 +132,7 @@ def test_a_damaged_result_is_named(tmp_path: Path, text: str) -> None:
 def test_states(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "my demo", {})
     assert state_of(run.path) == "running"
-    with pytest.raises(RunError, match=r"has no result\.json yet: a process is at work on it$"):
+    with pytest.raises(RunError, match=r"has no result\.json yet: a process is working on it$"):
         read_result(run.path)
     run.close()
     assert state_of(run.path) == "stopped"

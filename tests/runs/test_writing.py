@@ -82,15 +82,15 @@ def test_resume_keeps_a_whole_line_without_its_break(tmp_path: Path) -> None:
 
 def test_resume_keeps_what_does_not_happen_again(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
-    assert (run.resumed, list(run.not_again())) == (False, [])
+    assert (run.resumed, list(run.unreproduced())) == (False, [])
     for label in "abc":
         run.event("attempt", label, code="")
-    assert list(run.not_again()) == []
+    assert list(run.unreproduced()) == []
     run.close()
     again = RunDirectory.resume(run.path)
     again.event("attempt", "b", code="overlap")
     again.event("attempt", "d", code="")
-    assert [event.label for event in again.not_again()] == ["a", "c"]
+    assert [event.label for event in again.unreproduced()] == ["a", "c"]
     assert again.resumed
     again.close()
     assert [event.label for event in read_events(run.path)] == ["a", "c", "b", "d"]

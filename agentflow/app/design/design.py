@@ -243,5 +243,5 @@ def _to_end(work: _Work) -> dict[str, Any]:
 def _count(tape: Tape, budget: Budget, plan: Plan) -> None:
     """Charge what an earlier process has spent."""
     prices = prices_of(plan.config.model)
-    for entry in tape.entries():
+    for entry in tape.calls():
         budget.count(entry.request, entry.reply, prices.get(entry.model))

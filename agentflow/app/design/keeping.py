@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import subprocess
 from datetime import datetime
@@ -16,6 +15,7 @@ from agentflow.app.design.models import shown
 from agentflow.config.run import DesignConfig
 from agentflow.env.archive import save_npz
 from agentflow.errors import RunError
+from agentflow.files import write_atomically
 
 
 def keep_rollouts(path: Path, config: DesignConfig, conducted: Conducted) -> None:
@@ -24,12 +24,11 @@ def keep_rollouts(path: Path, config: DesignConfig, conducted: Conducted) -> Non
     kept = set(rollouts) if config.keep_rollouts == "all" else _winners(conducted)
     for digest in sorted(kept):
         file = path / "rollouts" / f"{digest}.npz"
-        part = file.with_name(file.name + ".part")
         try:
-            save_npz(rollouts[digest], part)
+            with write_atomically(file) as part:
+                save_npz(rollouts[digest], part)
         except OSError as error:
-            raise RunError(f"cannot write {part}: {error.strerror}") from None
-        os.replace(part, file)
+            raise RunError(f"cannot write {file}: {error.strerror}") from None
 
 
 def _winners(conducted: Conducted) -> set[str]:

@@ -243,10 +243,13 @@ def answered_by(client: Client, config: DesignConfig, tape: Tape, budget: Budget
     )
 
 
-def replaying(config: DesignConfig, tape: Tape, *, cut: bool) -> Models:
+def replaying(config: DesignConfig, tape: Tape, *, budget_spent: bool) -> Models:
     """The same roles answered from a record alone; see `ReplayClient`."""
     found = answerers(config.model)
-    clients = {role: ReplayClient(tape, item.shown, cut=cut) for role, item in found.items()}
+    clients = {
+        role: ReplayClient(tape, item.shown, budget_spent=budget_spent)
+        for role, item in found.items()
+    }
     return Models(clients, {role: item.sampling for role, item in found.items()})
 
 

@@ -44,7 +44,7 @@ def rationales_of(path: Path) -> tuple[str, ...]:
     }
     plans: dict[int, dict[int, str]] = {}
     with Tape(path / "calls.jsonl", lambda _line: None, writable=False) as tape:
-        for entry in tape.entries():
+        for entry in tape.calls():
             place = _PLACE.match(entry.request.label)
             if place and entry.request.label in accepted:
                 said = rationale_of(entry.reply.text)

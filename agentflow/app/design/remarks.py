@@ -48,7 +48,7 @@ def _differences(run: RunDirectory) -> Iterator[str]:
             f"{len(run.replaced)} of the recorded events came out otherwise this time, first "
             f"{_name(run.replaced[0])}: {WHY}; both are kept, the later one holds"
         )
-    left = [event for event in run.not_again() if event.kind != REMARK]
+    left = [event for event in run.unreproduced() if event.kind != REMARK]
     if left:
         yield (
             f"{len(left)} of the recorded events did not happen this time, first {_name(left[0])}: "

@@ -36,8 +36,8 @@ def replay(path: Path, say: Say) -> str | None:
         say(f"{path} was made with other {other}, so differences are to be expected")
     memory = Memory()
     with Tape(path / "calls.jsonl", say, writable=False) as tape:
-        cut = recorded["stopped"] == "budget"
-        outcome = asyncio.run(conduct(plan, replaying(plan.config, tape, cut=cut), memory))
+        models = replaying(plan.config, tape, budget_spent=recorded["stopped"] == "budget")
+        outcome = asyncio.run(conduct(plan, models, memory))
     return first_difference(read_events(path), memory.events) or _result_differs(
         recorded, answer(plan, outcome)
     )

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import machine_text
-from agentflow.app.outputs import written
 from agentflow.env.drawing.gltf import machine_glb
 from agentflow.errors import UsageError
+from agentflow.files import write_atomically
 from agentflow.machine import Machine, Problem, library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.formats.bsg_writing import to_bsg
@@ -54,7 +54,7 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
         )
     data = write(machine)
     try:
-        with written(out) as part:
+        with write_atomically(out) as part:
             part.write_bytes(data)
     except OSError as error:
         raise UsageError(f"cannot write {out}: {error.strerror}") from None

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import line_value
-from agentflow.app.outputs import written
 from agentflow.env.archive import rollout_json, save_npz
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.query import answer
@@ -18,6 +17,7 @@ from agentflow.env.simulation.refusals import invalid
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
+from agentflow.files import write_atomically
 from agentflow.machine import check
 from agentflow.machine.formats.detect import read_for
 
@@ -48,7 +48,7 @@ def simulate_text(
         result["answers"] = answer(report.machine, rollout, asked).data
     if save is not None and rollout.trace is not None:
         try:
-            with written(save) as part:
+            with write_atomically(save) as part:
                 save_npz(rollout, part)
         except OSError as error:
             raise UsageError(f"cannot write {save}: {error.strerror}") from None

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from agentflow.app.design.results import finished
 from agentflow.app.machines.files import machine_text
-from agentflow.app.outputs import written
 from agentflow.config.run import build
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
@@ -16,6 +15,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UnknownNameError, UsageError
+from agentflow.files import write_atomically
 from agentflow.machine import Machine, check, library, read_machine
 from agentflow.machine.formats.detect import read_any
 from agentflow.runs import read_document
@@ -60,7 +60,7 @@ def _render(machine: Machine, task: Task, seed: int, out: Path, view: str) -> di
     files = [out] if out.suffix else [out.with_suffix(GIF), out.with_suffix(STILL)]
     try:
         for file in files:
-            with written(file) as part:
+            with write_atomically(file) as part:
                 _write(machine, task, seed, part, view)
     except OSError as error:
         raise UsageError(f"cannot write {file}: {error.strerror}") from None

@@ -12,7 +12,6 @@ from agentflow.app.design.prices import cost_by
 from agentflow.app.design.results import finished
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import recorded_machine
-from agentflow.app.outputs import written
 from agentflow.app.pages.films import Shapes, exhibit
 from agentflow.config.run import PROCEDURAL, DesignConfig, build
 from agentflow.env.archive import load_npz
@@ -23,6 +22,7 @@ from agentflow.env.simulation.trials import SHOWN_TRIAL, joined
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import UsageError
+from agentflow.files import write_atomically
 from agentflow.machine import Machine, library, read_machine
 from agentflow.report.page import check_bundle, page
 from agentflow.report.run import RunStory
@@ -141,7 +141,7 @@ def write(out: Path, text: str) -> None:
         UsageError: The file cannot be written.
     """
     try:
-        with written(out) as part:
+        with write_atomically(out) as part:
             part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot write {out}: {error.strerror}") from None

@@ -8,12 +8,12 @@ from typing import Any
 
 from PIL import Image
 
-from agentflow.app.outputs import written
 from agentflow.app.tasks import find_task, task_json, task_list
 from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, sheets
 from agentflow.env.drawing.plans import plans
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
+from agentflow.files import write_atomically
 
 
 def picture_name(name: str) -> str:
@@ -38,7 +38,7 @@ def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         few = pen.picture.quantize(64, dither=Image.Dither.NONE)
-        with written(file) as part:
+        with write_atomically(file) as part:
             few.save(part, "PNG", optimize=True)
     except OSError as error:
         raise UsageError(f"cannot write {file}: {error.strerror}") from None
@@ -66,7 +66,7 @@ def write_page(names: Iterable[str], file: Path) -> Path:
     text = template.render(levels=levels, families=families)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with written(file) as part:
+        with write_atomically(file) as part:
             part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot write {file}: {error.strerror}") from None

@@ -27,6 +27,7 @@ from agentflow.config.sweep import SweepConfig, read_sweep
 from agentflow.config.yaml import NOT_YAML
 from agentflow.env.constants import constants
 from agentflow.errors import RunError
+from agentflow.files import write_atomically
 
 SCHEMA = 1
 NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"
@@ -142,10 +143,10 @@ def _write_new(file: Path, document: Mapping[str, Any]) -> None:
         "constants": constants().digest,
         "begun": datetime.now(timezone.utc).isoformat(timespec="seconds"),
     }
-    part = file.with_name(file.name + ".part")
+    text = yaml.safe_dump({**head, **document}, sort_keys=False)
     try:
-        part.write_text(yaml.safe_dump({**head, **document}, sort_keys=False), encoding="utf-8")
-        os.replace(part, file)
+        with write_atomically(file) as part:
+            part.write_text(text, encoding="utf-8")
     except OSError as error:
         raise _unwritable(file.parent, error) from None
 

@@ -21,13 +21,10 @@ from agentflow.config.sweep import Member
 from agentflow.env.pool.pool import RolloutPool, Simulator
 from agentflow.env.pool.store import Store
 from agentflow.errors import AgentflowError, EndpointError, InterruptedRunError, RunError
+from agentflow.files import LineFile
 from agentflow.llm.wrappers.limits import Limiter
 from agentflow.runs import Event, read_document
-from agentflow.runs.lines import LineFile
 from agentflow.search.concurrency import run_concurrently
-
-LEFTOVERS = {"run.yaml.part"}
-"""What a process that was killed while it began a run may have left of it."""
 
 
 class Watcher(Protocol):
@@ -195,7 +192,7 @@ def _begun(path: Path) -> bool:
         return False
     if (path / "run.yaml").exists():
         return True
-    if {entry.name for entry in path.iterdir()} <= LEFTOVERS:
+    if all(entry.name.endswith("-run.yaml") for entry in path.iterdir()):  # half-written
         for entry in path.iterdir():
             entry.unlink()
         path.rmdir()

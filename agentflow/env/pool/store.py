@@ -21,6 +21,7 @@ from agentflow.env.pool.pool import Simulator
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
 from agentflow.errors import RunError, UsageError
+from agentflow.files import write_atomically
 from agentflow.machine.tree import Machine
 
 
@@ -62,7 +63,7 @@ class Store:
         try:
             for folder in (self._machines, self._rollouts):
                 folder.mkdir(parents=True, exist_ok=True)
-            self._kept = {file.stem for file in self._rollouts.glob("*.npz")}
+            self._kept = {file.stem for file in self._rollouts.glob("[!.]*.npz")}
         except OSError as error:
             raise RunError(f"cannot write to {path}: {error.strerror}") from None
 
@@ -96,19 +97,18 @@ class Store:
 
         A rollout that is not kept here is one that the computer failed at: no other run's business.
         """
-        for file in (run / "machines").glob("*.json"):
+        for file in (run / "machines").glob("[!.]*.json"):
             _unite(file, self._machines / file.name)
-        for file in (run / "rollouts").glob("*.npz"):
+        for file in (run / "rollouts").glob("[!.]*.npz"):
             key = f"{file.stem}-{_setting(task, seed)}"
             if key in self._kept:
                 _unite(file, self._rollouts / f"{key}.npz")
 
 
 def _save(rollout: Rollout, path: Path) -> None:
-    part = path.with_name(path.name + ".part")
     try:
-        save_npz(rollout, part)
-        os.replace(part, path)
+        with write_atomically(path) as part:
+            save_npz(rollout, part)
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}") from None
 
@@ -120,7 +120,5 @@ def _unite(file: Path, kept: Path) -> None:
             os.link(file, kept)
         except FileExistsError:
             if not file.samefile(kept):
-                part = file.with_name(file.name + ".part")
-                part.unlink(missing_ok=True)
-                os.link(kept, part)
-                os.replace(part, file)
+                with write_atomically(file) as part:
+                    os.link(kept, part)

@@ -1,7 +1,4 @@
-"""Owns the record of a run's calls, `calls.jsonl`: one line per call, found again by its key.
-
-The clients that write it and answer from it are in record.
-"""
+"""The record of a run's calls, `calls.jsonl`: one line per call, looked up by key."""
 
 from __future__ import annotations
 
@@ -10,15 +7,16 @@ import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from agentflow.errors import RunError
+from agentflow.files import LineFile, is_whole
 from agentflow.llm.messages import Reply, Request
 
 
-class Entry(BaseModel):
+class RecordedCall(BaseModel):
     """One line of the tape. Prompts and replies only: no base URL, no key, no timeouts."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -32,19 +30,19 @@ class Entry(BaseModel):
 
 
 def key_of(model: str, request: Request) -> str:
-    """Hash of everything that changes the answer, and of the label (spec 4.1)."""
+    """Hash of everything that changes the reply, and of the label."""
     content = {"model": model, "request": request.model_dump(mode="json")}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 class Tape:
-    """A record of calls on disk; in memory only where each line begins.
+    """A record of calls on disk; only the offset of each line is held in memory.
 
     Args:
-        path: The file; made when it is missing and `writable`.
-        notice: Called with one line of text when a half-written last line is passed over, which
-            is dropped when `writable`. One that lacks its line break alone counts.
+        path: The file; created if missing and `writable`.
+        notice: Called with one line of text about a half-written last line, which is skipped, and
+            removed if `writable`. A last line that only lacks its line break is kept.
         writable: Whether lines will be appended.
 
     Raises:
@@ -54,21 +52,18 @@ class Tape:
     def __init__(self, path: Path, notice: Callable[[str], None], *, writable: bool = True) -> None:
         self.path = path
         self._offsets: dict[str, int] = {}
-        self._end = 0
-        self._missing = b""
-        """The line break that the last whole line lacks."""
+        self._lines: LineFile | None = None
         try:
-            self._file: BinaryIO = open(path, "a+b" if writable else "rb", buffering=0)  # noqa: SIM115
+            if writable:
+                self._lines = LineFile(path)
+            dropped = self._read_index() or (self._lines.dropped if self._lines else 0)
         except OSError as problem:
             raise RunError(f"cannot open {path}: {problem.strerror}") from None
-        try:
-            self._read_index(notice)
-            if writable:
-                self._file.truncate(self._end)
-                self._end += self._file.write(self._missing)
         except BaseException:
-            self._file.close()
+            self.close()
             raise
+        if dropped:
+            notice(f"{path}: dropped a half-written last line ({dropped} bytes)")
 
     def __enter__(self) -> Tape:
         return self
@@ -91,69 +86,52 @@ class Tape:
         """The recorded reply, or None."""
         if key not in self._offsets:
             return None
-        return self._entry_at(self._offsets[key]).reply
+        return self._call_at(self._offsets[key]).reply
 
-    def entries(self) -> Iterator[Entry]:
-        """All entries in the order of writing, one at a time."""
+    def calls(self) -> Iterator[RecordedCall]:
+        """All calls in the order of writing, one at a time."""
         for offset in list(self._offsets.values()):
-            yield self._entry_at(offset)
+            yield self._call_at(offset)
 
-    def append(self, entry: Entry) -> None:
+    def append(self, call: RecordedCall) -> None:
         """Write one line, so that it survives the death of this process.
 
         Raises:
-            RunError: The line could not be written; what was written of it is taken back.
+            RunError: The line could not be written; a partial line is removed.
         """
-        line = entry.model_dump_json().encode() + b"\n"
+        assert self._lines is not None, "the tape is read-only"
         try:
-            written = 0
-            while written < len(line):
-                written += self._file.write(line[written:])
+            offset = self._lines.append(call.model_dump_json().encode())
         except OSError as problem:
-            self._take_back()
             raise RunError(f"cannot write {self.path}: {problem.strerror}") from None
-        self._offsets.setdefault(entry.key, self._end)
-        self._end += len(line)
+        self._offsets.setdefault(call.key, offset)
 
     def close(self) -> None:
-        """Close the file; closing twice does no harm."""
-        self._file.close()
+        """Close the file; closing twice is harmless."""
+        if self._lines is not None:
+            self._lines.close()
 
-    def _take_back(self) -> None:
-        try:
-            self._file.truncate(self._end)
-        except OSError:
-            self._file.close()  # nothing may follow half a line
-
-    def _entry_at(self, offset: int) -> Entry:
-        with open(self.path, "rb") as file:
+    def _call_at(self, offset: int) -> RecordedCall:
+        with self.path.open("rb") as file:
             file.seek(offset)
-            return Entry.model_validate_json(file.readline())
+            return RecordedCall.model_validate_json(file.readline())
 
-    def _read_index(self, notice: Callable[[str], None]) -> None:
-        with open(self.path, "rb") as file:
+    def _read_index(self) -> int:
+        """Note where each line begins; the size of a half-written last line in bytes."""
+        end = 0
+        with self.path.open("rb") as file:
             for number, line in enumerate(file, start=1):
-                if not line.endswith(b"\n"):
-                    if not _is_whole(line):
-                        notice(f"{self.path}: dropped a half-written last line ({len(line)} bytes)")
-                        return
-                    self._missing = b"\n"
-                self._offsets.setdefault(self._key_in(line, number), self._end)
-                self._end += len(line)
+                if not is_whole(line):
+                    return len(line)
+                self._offsets.setdefault(self._key_in(line, number), end)
+                end += len(line)
+        return 0
 
     def _key_in(self, line: bytes, number: int) -> str:
         try:
-            return Entry.model_validate_json(line).key
+            return RecordedCall.model_validate_json(line).key
         except ValidationError as problem:
             where = ".".join(str(part) for part in problem.errors()[0]["loc"])
             raise RunError(
-                f"{self.path}, line {number} is damaged ({where or 'no JSON'})"
+                f"{self.path}, line {number} is damaged ({where or 'not JSON'})"
             ) from None
-
-
-def _is_whole(line: bytes) -> bool:
-    """Whether a line is whole but for its line break: no part of an object is one."""
-    try:
-        return isinstance(json.loads(line), dict)
-    except (ValueError, RecursionError):
-        return False

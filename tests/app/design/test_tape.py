@@ -71,7 +71,7 @@ def test_fifty_orders_of_completion_give_one_run(tmp_path: Path) -> None:
     for seed in range(50):
         folder = tmp_path / str(seed)
         result, run, tape = carry_out(folder, random.Random(seed))
-        labels = [entry.request.label for entry in tape.entries()]
+        labels = [entry.request.label for entry in tape.calls()]
         tape.close()
         run.close()
         runs.append(written(run))
@@ -164,6 +164,6 @@ def test_killed_thirty_times_no_recorded_call_is_asked_twice_and_none_is_lost(
     assert process.returncode == 0
     assert killed_at_work > 10
     with Tape(path, pytest.fail, writable=False) as tape:
-        replies = {entry.request.label: entry.reply.text for entry in tape.entries()}
+        replies = {entry.request.label: entry.reply.text for entry in tape.calls()}
         assert len(replies) == len(tape)
     assert replies == {f"a/{i}": f"a/{i}" * 300 for i in range(2000)}

@@ -247,11 +247,11 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert capsys.readouterr() == (f"{out}\n", "")
     assert main(["report", str(tmp_path)]) == 2
     assert capsys.readouterr().err == (
-        f"agentflow: {tmp_path} is no run: it has no readable run.yaml\n"
+        f"agentflow: {tmp_path} is not a run directory: it has no readable run.yaml\n"
     )
     assert main(["report", "nowhere"]) == 2
     assert capsys.readouterr().err == (
-        "agentflow: nowhere is no run: it has no readable run.yaml\n"
+        "agentflow: nowhere is not a run directory: it has no readable run.yaml\n"
     )
     assert main(["gallery", str(RECORDED), "--out", str(out)]) == 0
     assert capsys.readouterr() == (f"{out}\n", "")

@@ -166,7 +166,7 @@ def test_unfinished_and_half_begun_runs_are_taken_up(
     (copy / "runs" / RUNS[0] / "result.json").unlink()
     shutil.rmtree(copy / "runs" / RUNS[1])
     (copy / "runs" / RUNS[1]).mkdir()
-    (copy / "runs" / RUNS[1] / "run.yaml.part").write_text("sch")
+    (copy / "runs" / RUNS[1] / ".123-run.yaml").write_text("sch")
     shutil.rmtree(copy / "runs" / RUNS[2])
     with (copy / "members.jsonl").open("a") as log:
         log.write('{"run": "one')

@@ -121,7 +121,7 @@ async def test_runs_and_store_share_their_files(tmp_path: Path) -> None:
     machine = tmp_path / "store" / "machines" / f"{BLOCK.digest}.json"
     assert machine.read_text() == text
     assert machine.stat().st_nlink == 3
-    left = {path.name for path in tmp_path.rglob("*.part")}
+    left = {path.name for path in tmp_path.rglob(".*")}
     assert left == set()
 
 

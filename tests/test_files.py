@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.outputs import written
+from agentflow.files import write_atomically
 
 
 def fail(part: Path) -> None:
@@ -17,7 +17,7 @@ def fail(part: Path) -> None:
 def test_a_file_is_replaced_in_the_end(tmp_path: Path) -> None:
     out = tmp_path / "page.html"
     out.write_text("old")
-    with written(out) as part:
+    with write_atomically(out) as part:
         part.write_text("new")
         assert out.read_text() == "old"
     assert out.read_text() == "new"
@@ -27,7 +27,7 @@ def test_a_file_is_replaced_in_the_end(tmp_path: Path) -> None:
 def test_what_fails_leaves_everything_as_it_was(tmp_path: Path) -> None:
     out = tmp_path / "page.html"
     out.write_text("old")
-    with pytest.raises(FileNotFoundError), written(out) as part:
+    with pytest.raises(FileNotFoundError), write_atomically(out) as part:
         fail(part)
     assert out.read_text() == "old"
     assert list(tmp_path.iterdir()) == [out]
@@ -36,15 +36,15 @@ def test_what_fails_leaves_everything_as_it_was(tmp_path: Path) -> None:
 def test_a_link_stays_a_link(tmp_path: Path) -> None:
     link, real = tmp_path / "link", tmp_path / "real"
     link.symlink_to(real)
-    with written(link) as part:
+    with write_atomically(link) as part:
         part.write_text("new")
     assert link.is_symlink()
     assert real.read_text() == "new"
 
 
 def test_devices_and_folders_are_never_replaced(tmp_path: Path) -> None:
-    with written(Path("/dev/null")) as part:
+    with write_atomically(Path("/dev/null")) as part:
         part.write_text("nothing")
     assert Path("/dev/null").is_char_device()
-    with pytest.raises(IsADirectoryError), written(tmp_path) as part:
+    with pytest.raises(IsADirectoryError), write_atomically(tmp_path) as part:
         part.write_text("nothing")

@@ -1,0 +1,130 @@
+"""Files that are never left half-written: atomic replacement, and append-only JSON lines."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+
+@contextmanager
+def write_atomically(path: Path) -> Iterator[Path]:
+    """A path to write to, which replaces `path` at the end; removed when writing fails.
+
+    Links are followed. Devices and pipes are written to directly.
+
+    Raises:
+        OSError: `path` is as it was before.
+    """
+    if path.exists() and not path.is_file():
+        yield path
+        return
+    final = Path(os.path.realpath(path))
+    part = final.with_name(f".{os.getpid()}-{final.name}")
+    try:
+        yield part
+        os.replace(part, final)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def remove_partial_files(folder: Path) -> None:
+    """Remove what killed processes left of `write_atomically` in a folder."""
+    for part in folder.glob(".[0-9]*-*"):
+        part.unlink()
+
+
+class LineFile:
+    """Appends lines without a buffer: a line is in the file, complete, once `append` returns.
+
+    Opening drops a half-written last line. A last line that only lacks its line break is kept.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open or create the file.
+
+        Raises:
+            OSError: It cannot be opened for writing.
+        """
+        self.path = path
+        self._file = path.open("ab", buffering=0)
+        self.dropped = 0
+        """Bytes of a half-written last line."""
+        try:
+            self._end = self._end_of_lines()
+        except BaseException:
+            self._file.close()
+            raise
+
+    def append(self, line: bytes) -> int:
+        """Write one line; `line` has no line break.
+
+        Returns:
+            The offset where the line begins, in bytes.
+
+        Raises:
+            OSError: It could not be written; a partial line is removed.
+        """
+        content = line + b"\n"
+        written = 0
+        try:
+            while written < len(content):
+                written += self._file.write(content[written:])
+        except OSError:
+            self._remove_partial_line()
+            raise
+        begin, self._end = self._end, self._end + len(content)
+        return begin
+
+    def close(self) -> None:
+        """Close the file; closing twice is harmless."""
+        self._file.close()
+
+    def _remove_partial_line(self) -> None:
+        try:
+            self._file.truncate(self._end)
+        except OSError:
+            self._file.close()  # nothing may follow half a line; reopening drops it
+
+    def _end_of_lines(self) -> int:
+        """The size of the file in bytes, after completing or dropping its last line."""
+        end, last = 0, b"\n"
+        with self.path.open("rb") as lines:
+            for last in lines:
+                end += len(last)
+        if not is_whole(last):
+            self.dropped = len(last)
+            os.truncate(self.path, end - len(last))
+            return end - len(last)
+        if not last.endswith(b"\n"):
+            end += self._file.write(b"\n")
+        return end
+
+
+def whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Number (from 1) and content of every complete line.
+
+    Raises:
+        OSError: The file cannot be read.
+    """
+    with path.open("rb") as lines:
+        for number, line in enumerate(lines, start=1):
+            if is_whole(line):
+                yield number, line
+
+
+def is_whole(line: bytes) -> bool:
+    """Whether a line is complete, except perhaps for its line break."""
+    return line.endswith(b"\n") or parse_object(line) is not None
+
+
+def parse_object(text: bytes) -> dict[str, Any] | None:
+    """The JSON object in a text; None if there is none."""
+    try:
+        item = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return item if isinstance(item, dict) else None
