@@ -103,7 +103,7 @@ def test_an_unusable_endpoint_ends_with_4_and_shows_no_key(
     assert captured.out.splitlines()[2:5] == [
         "reachable: yes",
         "authorised: no",
-        "model exists: not known",
+        "model exists: unknown",
     ]
     assert captured.err == (
         f"agentflow: {server.base_url} refuses the key or its rights on model 'm' "
