@@ -1,22 +1,22 @@
-"""The exceptions of agentflow. Imports nothing; everything else may import it.
+"""All exceptions of agentflow.
 
     AgentflowError
-    ├── UsageError              what the user asked for cannot be done        exit 2
-    │   ├── UnknownNameError    no task, workflow, block ... of that name
-    │   ├── ConfigError         a configuration key is wrong
-    │   ├── RunError            a run directory is busy, damaged, unwritable
-    │   └── PromptError         a template of a prompt set is wrong or lacks a variable
+    ├── UsageError              the request cannot be carried out             exit 2
+    │   ├── UnknownNameError    no task, workflow, block ... has that name
+    │   ├── ConfigError         a configuration key is invalid
+    │   ├── RunError            a run directory is busy, damaged or unwritable
+    │   └── PromptError         a prompt template is invalid or lacks a variable
     ├── EndpointError           the model endpoint cannot be used             exit 4
-    │   ├── UnreachableError    nothing answers at the base URL
+    │   ├── UnreachableError    no answer from the base URL
     │   ├── UnauthorisedError   401 or 403
     │   ├── ModelNotFoundError  404
-    │   └── RefusedError        any other final answer that is no reply
-    ├── ReplayMissError         a request that the record does not hold       exit 1
-    ├── InterruptedRunError     Ctrl-C; what is recorded can be resumed       exit 130
-    └── BudgetSpentError        calls, tokens or money have run out; ends a workflow cleanly
+    │   └── RefusedError        any other permanent failure
+    ├── ReplayMissError         a request that was not recorded               exit 1
+    ├── InterruptedRunError     Ctrl-C; the run can be resumed                exit 130
+    └── BudgetSpentError        call, token or cost limit reached; ends a workflow cleanly
 
-An unparsable reply, an invalid machine and a diverged simulation are none of these: they are
-recorded results. A bug raises whatever Python raises.
+An unparsable reply, an invalid machine and a diverged simulation are not errors but recorded
+results. Bugs raise ordinary Python exceptions.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from difflib import get_close_matches
 
 
 class AgentflowError(Exception):
-    """Base of all errors that a user can do something about; shown without a traceback."""
+    """Base of all errors that a user can act on; shown without a traceback."""
 
     exit_status = 2
 
 
 class UsageError(AgentflowError):
-    """What was asked for cannot be done; the message names what to change."""
+    """The request cannot be carried out; the message says what to change."""
 
 
 class UnknownNameError(UsageError):
-    """A name nobody knows. Lists the nearest known names first."""
+    """An unknown name. The message lists the closest known names first."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object]) -> None:
         names = [str(item) for item in known]
         near = get_close_matches(str(name), names, n=3, cutoff=0.5)
         listed = near + [item for item in names if item not in near]
-        shown = ", ".join(listed[:8]) + (", ..." if len(listed) > 8 else "")
-        said = str(name) if len(str(name)) <= 60 else f"{str(name)[:60]}..."
-        super().__init__(f"unknown {kind} {said!r}; known: {shown}")
+        choices = ", ".join(listed[:8]) + (", ..." if len(listed) > 8 else "")
+        short = str(name) if len(str(name)) <= 60 else f"{str(name)[:60]}..."
+        super().__init__(f"unknown {kind} {short!r}; known: {choices}")
         self.kind, self.name, self.nearest = kind, name, near
 
 
@@ -53,7 +53,7 @@ class ConfigError(UsageError):
 
 
 class RunError(UsageError):
-    """A run directory cannot be used: busy, damaged, unwritable or of a foreign schema."""
+    """A run directory is busy, damaged, unwritable or has an unsupported schema."""
 
 
 class PromptError(UsageError):
@@ -67,11 +67,11 @@ class EndpointError(AgentflowError):
 
 
 class UnreachableError(EndpointError):
-    """Nothing answers at the base URL, also after the retries."""
+    """No answer from the base URL, even after retries."""
 
 
 class UnauthorisedError(EndpointError):
-    """The endpoint refuses the key, or there is none."""
+    """The endpoint rejected the API key, or none was given."""
 
 
 class ModelNotFoundError(EndpointError):
@@ -79,7 +79,7 @@ class ModelNotFoundError(EndpointError):
 
 
 class RefusedError(EndpointError):
-    """The endpoint answered, and what it answered is final and no reply."""
+    """The endpoint answered with a permanent error or something other than a reply."""
 
 
 class ReplayMissError(AgentflowError):
@@ -89,19 +89,19 @@ class ReplayMissError(AgentflowError):
 
 
 class BudgetSpentError(AgentflowError):
-    """The budget of calls, tokens or money has run out; workflows stop cleanly on it."""
+    """The call, token or cost limit is reached; workflows stop cleanly."""
 
     exit_status = 0
 
 
 class InterruptedRunError(AgentflowError):
-    """The user stopped a run; the message says how to continue it."""
+    """The user stopped a run; the message says how to resume it."""
 
     exit_status = 130
 
 
 def yaml_problem(error: Exception) -> str:
-    """What is wrong with a YAML text, in one line and with the number of its line if known."""
+    """Describe a YAML error in one line, with its line number if known."""
     mark = getattr(error, "problem_mark", None)
     why = getattr(error, "problem", None) or str(error).partition("\n")[0]
     return f"line {mark.line + 1}: {why}" if mark else why

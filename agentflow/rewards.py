@@ -1,7 +1,4 @@
-"""Owns the reward of a reply, for training: (task, text, seed) -> validity and score (spec 6.6).
-
-What is valid is the machine language's, what it is worth the task's; nothing is weighed here.
-"""
+"""Rewards for training: (task, reply text, seed) -> validity and score."""
 
 from __future__ import annotations
 
@@ -19,23 +16,23 @@ from agentflow.machine import Machine, Problem, Report, check, read_machine
 
 @dataclass(frozen=True)
 class Reward:
-    """What a reply is worth, and the parts of which a trainer may make a reward of its own."""
+    """The reward of a reply, and its parts for trainers that compute their own."""
 
     value: float | None
-    """The score, 0 for a reply without a valid machine. None when the computer failed (time limit,
-    crash): such a sample says nothing of the reply and is to be dropped."""
+    """The score; 0 for a reply without a valid machine. None after a time-out or crash: drop such
+    samples, because they say nothing about the reply."""
     parsed: bool
-    """Whether the reply holds a file-valid machine."""
+    """Whether the reply contains a file-valid machine."""
     spatial: bool | None
-    """Whether that machine keeps to space: no overlaps, not too large; None without one."""
+    """Whether the machine has no overlaps and fits the size limit; None without a machine."""
     valid: bool
-    """Whether it is what the task demands in every respect, and was simulated."""
+    """Whether it meets every rule of the task and was simulated."""
     status: str
     """ok, invalid, diverged, timeout or crashed."""
     problems: tuple[Problem, ...]
-    """Why it is not valid."""
+    """Reasons why it is not valid."""
     machine: Machine | None = field(repr=False)
-    """The machine in the reply."""
+    """The machine in the reply, if any."""
     rollout: Rollout = field(repr=False)
     """Terms of the score, breakages, states, feedback."""
 
@@ -43,21 +40,21 @@ class Reward:
 def reward(
     task: str | Task, text: str, seed: int = 0, *, knobs: Mapping[str, object] | None = None
 ) -> Reward:
-    """What a model's reply is worth at a task.
+    """Compute the reward of a model's reply to a task.
 
-    The reply is read as a designer's: any text, whose last JSON list that looks like a machine
-    counts. The same reply, task and seed give the same reward.
+    The reply may be any text; the last JSON list that looks like a machine counts. The same reply,
+    task and seed give the same reward.
 
     Args:
-        task: Level, for instance "throwing", or a task that was looked up before.
+        task: Name of a level, for instance "throwing", or a task object.
         text: The reply.
-        seed: Of a task's random trials.
-        knobs: Knobs of the level that differ; with a level's name only.
+        seed: Random seed of the task's trials.
+        knobs: Changed knobs of the level; only with a level name.
 
     Raises:
-        UsageError: There is no such task or knob.
+        UsageError: The task or knob does not exist.
     """
-    level, report = _judged(task, text, knobs)
+    level, report = _check_reply(task, text, knobs)
     if report.machine is None:
         return _reward(report, invalid(report.problems))
     return _reward(report, simulate(report.machine, level, seed=seed))
@@ -71,18 +68,20 @@ async def reward_async(
     *,
     knobs: Mapping[str, object] | None = None,
 ) -> Reward:
-    """`reward` in a worker process of a pool, several at a time.
+    """`reward` in a worker process of a pool, for concurrent use.
 
     Raises:
-        UsageError: There is no such task or knob.
+        UsageError: The task or knob does not exist.
     """
-    level, report = _judged(task, text, knobs)
+    level, report = _check_reply(task, text, knobs)
     if report.machine is None:
         return _reward(report, invalid(report.problems))
     return _reward(report, await pool.run(report.machine, level, seed=seed))
 
 
-def _judged(task: str | Task, text: str, knobs: Mapping[str, object] | None) -> tuple[Task, Report]:
+def _check_reply(
+    task: str | Task, text: str, knobs: Mapping[str, object] | None
+) -> tuple[Task, Report]:
     level = get_task(task, knobs) if isinstance(task, str) else task
     brief = level.brief
     return level, check(read_machine(text, brief.blocks, brief.given), brief)

@@ -1,1 +1,1 @@
-"""Language models: one asynchronous interface, several implementations composed by wrapping."""
+"""Language models: one asynchronous client interface; implementations wrap each other."""

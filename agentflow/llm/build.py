@@ -1,7 +1,4 @@
-"""Owns how clients are put around each other: `budget(tape(limit(retry(http))))` (spec 4.1).
-
-Reads no environment and no files: names, keys and settings are given.
-"""
+"""Stack clients: `budget(tape(limit(retry(http))))`."""
 
 from __future__ import annotations
 
@@ -31,20 +28,20 @@ def open_client(
     warn: Callable[[str], None],
     on_wait: Callable[[str], None] = lambda _line: None,
 ) -> Client:
-    """A client for one model of an OpenAI-compatible endpoint, complete.
+    """Open a fully wrapped client for one model of an OpenAI-compatible endpoint.
 
     Args:
-        endpoint: Which model, where, and with which key.
-        settings: Time limits, repetition, rate limits.
-        tape: Record of the run's calls; its opener closes it.
+        endpoint: Model, base URL and API key.
+        settings: Time-outs, retries, rate limits.
+        tape: Record of the run's calls; the caller closes it.
         budget: Shared by all clients of the run.
-        price: Of this model; None is unknown.
-        limiter: Shared by all clients of this endpoint; None makes one of the settings.
-        warn: Gets one line for each parameter that the endpoint turns out to refuse.
-        on_wait: Gets one line for each wait before a repetition.
+        price: Price of this model; None if unknown.
+        limiter: Shared by all clients of this endpoint; None creates one from the settings.
+        warn: Called with one line for each parameter that the endpoint does not support.
+        on_wait: Called with one line before each retry.
 
     Raises:
-        ConfigError: The environment's proxy or certificate settings are unusable.
+        ConfigError: The environment's proxy or certificate settings are invalid.
     """
     settings = settings or EndpointSettings()
     http = OpenAIClient(endpoint, settings.http, warn)
@@ -60,7 +57,7 @@ def wrap(
     budget: Budget | None = None,
     price: Price | None = None,
 ) -> Client:
-    """The record and the budget around any client (also a procedural or scripted one)."""
+    """Wrap any client (HTTP, procedural or scripted) in the tape and the budget."""
     if tape is None:
         return BudgetClient(inner, budget, price) if budget is not None else inner
     recorded = RecordingClient(inner, tape)

@@ -1,4 +1,4 @@
-"""Owns the one interface behind which every model stands."""
+"""The interface that every model implements."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ class Client(Protocol):
 
     @property
     def name(self) -> str:
-        """The model's name as shown in results, for instance `procedural (no language model)`."""
+        """Model name shown in results, for instance `procedural (no language model)`."""
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request.
 
         Raises:
             EndpointError: The endpoint cannot be used.
-            BudgetSpentError: The budget has run out.
-            ReplayMissError: A replaying client has no record of the request.
+            BudgetSpentError: A call, token or cost limit is reached.
+            ReplayMissError: The request was not recorded (replay only).
         """
 
     async def aclose(self) -> None:
-        """Release connections and files; further calls are not allowed."""
+        """Release connections and files; the client cannot be used afterwards."""

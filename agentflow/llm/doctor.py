@@ -1,4 +1,4 @@
-"""Owns the examination of an endpoint: one tiny question, and what its answer shows."""
+"""Check an endpoint with one small request."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ _QUESTION = Request(
     messages=(Message(role="user", text='Reply with the JSON object {"ok": true}.'),),
     sampling=Sampling(max_tokens=256, seed=1, stop=("###",), response_format=_FORM),
 )
-"""Uses every optional parameter, so that a refusal of any shows."""
+"""Uses every optional parameter, so that unsupported ones show up."""
 
 
 class Diagnosis(BaseModel):
-    """What is known of an endpoint after one question; None is unknown."""
+    """What one request reveals about an endpoint; None is unknown."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -48,20 +48,20 @@ class Diagnosis(BaseModel):
     model_exists: bool | None = None
     streaming: bool | None = None
     refused: Mapping[str, str] = {}
-    """Refused parameter -> what is done about it."""
+    """Unsupported parameter -> what is done instead."""
     usage: bool | None = None
     """Whether token counts are returned."""
     reasoning: bool | None = None
     """Whether reasoning text is returned."""
     answered_as: str = ""
-    """The model's name in the answer."""
+    """Model name in the answer."""
     latency_s: float | None = None
     problem: str = ""
-    """Why there is no reply, in one line; empty when all is well."""
+    """Why there is no reply, in one line; empty on success."""
 
 
 async def diagnose(endpoint: Endpoint, settings: HttpSettings) -> Diagnosis:
-    """Ask one tiny question, without repetition, and report what the endpoint does."""
+    """Send one small request without retries and report what the endpoint does."""
     client = OpenAIClient(endpoint, settings, warn=lambda _line: None)
     try:
         outcome: Reply | EndpointError = await client.complete(_QUESTION)
@@ -71,9 +71,9 @@ async def diagnose(endpoint: Endpoint, settings: HttpSettings) -> Diagnosis:
         outcome = error
     finally:
         await client.aclose()
-    refused = dict(client.quirks.refused)
+    refused = dict(client.unsupported.actions)
     if isinstance(outcome, EndpointError):
-        return _failed(endpoint, outcome, refused)
+        return _diagnose_error(endpoint, outcome, refused)
     return Diagnosis(
         model=endpoint.model,
         base_url=endpoint.base_url,
@@ -89,7 +89,9 @@ async def diagnose(endpoint: Endpoint, settings: HttpSettings) -> Diagnosis:
     )
 
 
-def _failed(endpoint: Endpoint, error: EndpointError, refused: Mapping[str, str]) -> Diagnosis:
+def _diagnose_error(
+    endpoint: Endpoint, error: EndpointError, refused: Mapping[str, str]
+) -> Diagnosis:
     missing = isinstance(error, ModelNotFoundError)
     return Diagnosis(
         model=endpoint.model,

@@ -1,4 +1,4 @@
-"""Owns what passes between a role and a model: requests, replies, usage. No network, no files."""
+"""Requests, replies and token usage."""
 
 from __future__ import annotations
 
@@ -8,16 +8,15 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 Finish = Literal["stop", "length", "empty", "content_filter"]
-"""Why a reply ended. Only `stop` is a whole answer."""
+"""Why a reply ended. Only `stop` is a complete answer."""
 CHARS_PER_TOKEN = 4
-"""A usual ratio for English and JSON; only used where the true count is not known."""
+"""Typical ratio for English and JSON; used only where the true count is unknown."""
 
 
-def mended(text: str) -> str:
-    """The text with surrogates paired or replaced.
+def fix_surrogates(text: str) -> str:
+    """Join surrogate pairs and replace lone surrogates, which cannot be encoded as UTF-8.
 
-    A stream may cut an emoji into two escapes, and a reply may spell half of one inside its JSON;
-    a lone surrogate is no text that could be sent or stored.
+    Streams may split an emoji into two escapes, and replies may contain half of one in their JSON.
     """
     if text.isascii():
         return text
@@ -32,12 +31,12 @@ class Message(_Frozen):
     """One message of a conversation; `images` are PNG data URLs (vision variant only)."""
 
     role: Literal["system", "user", "assistant"]
-    text: Annotated[str, AfterValidator(mended)]
+    text: Annotated[str, AfterValidator(fix_surrogates)]
     images: tuple[str, ...] = ()
 
 
 class JsonSchema(_Frozen):
-    """A form that a reply must have; endpoints that know none are asked for any JSON object."""
+    """A JSON schema for replies; endpoints without support for it are asked for any JSON object."""
 
     name: str
     content: Mapping[str, Any]
@@ -45,12 +44,12 @@ class JsonSchema(_Frozen):
 
 
 class Sampling(_Frozen):
-    """How a reply is drawn. Defaults as published: temperature 0.7, top-p 0.95."""
+    """Sampling parameters."""
 
     temperature: float = Field(0.7, ge=0, allow_inf_nan=False)
     top_p: float = Field(0.95, gt=0, le=1)
     max_tokens: int | None = None
-    """Most output tokens; None leaves it to the endpoint."""
+    """Maximum number of output tokens; None uses the endpoint's default."""
     seed: int | None = None
     stop: tuple[str, ...] = ()
     response_format: Literal["text", "json_object"] | JsonSchema = "text"
@@ -59,7 +58,7 @@ class Sampling(_Frozen):
 class Request(_Frozen):
     """One question to a model.
 
-    `label` says which call of the run this is ("refiner/traj-3/node-12/attempt-2"): two calls with
+    `label` identifies the call within the run ("refiner/traj-3/node-12/attempt-2"). Two calls with
     the same messages are different samples, and concurrency never changes which reply a call gets.
     """
 
@@ -70,7 +69,7 @@ class Request(_Frozen):
 
     @property
     def estimated_tokens(self) -> int:
-        """Prompt tokens that this will probably be."""
+        """Estimated number of prompt tokens."""
         return -(-sum(len(message.text) for message in self.messages) // CHARS_PER_TOKEN)
 
 
@@ -97,13 +96,13 @@ class Usage(_Frozen):
 
 
 class Reply(_Frozen):
-    """One answer. `text` is what roles parse; reasoning is split off and kept beside it."""
+    """One reply. Roles parse `text`; reasoning is kept separately."""
 
     text: str
     finish: Finish = "stop"
     reasoning: str = ""
     usage: Usage = Usage()
     model: str = ""
-    """The model's name as the endpoint answered it."""
+    """Model name reported by the endpoint."""
     latency_s: float = 0.0
     retries: int = 0

@@ -1,4 +1,4 @@
-"""Owns the client that answers by script: for tests, examples and dry runs."""
+"""A client with scripted replies, for tests, examples and dry runs."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from agentflow.llm.messages import Reply, Request
 
 
 class ScriptedClient:
-    """Answers from a list, in order, or from a function of the request.
+    """Replies from a list, in order, or from a function of the request.
 
     Args:
-        replies: Texts or whole replies; a list is used up one per call.
-        name: The model's name as shown in results.
+        replies: Texts or replies; a list provides one per call.
+        name: Model name shown in results.
     """
 
     def __init__(
@@ -24,24 +24,24 @@ class ScriptedClient:
         self._replies = replies
         self._name = name
         self.requests: list[Request] = []
-        """What has been asked, in order."""
+        """Requests received so far."""
 
     @property
     def name(self) -> str:
-        """The model's name."""
+        """Model name."""
         return self._name
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request.
 
         Raises:
-            UsageError: The list is used up.
+            UsageError: The list has no replies left.
         """
         self.requests.append(request)
-        given = self._next(request)
-        if isinstance(given, Reply):
-            return given
-        return Reply(text=given, finish="stop" if given.strip() else "empty", model=self._name)
+        reply = self._next(request)
+        if isinstance(reply, Reply):
+            return reply
+        return Reply(text=reply, finish="stop" if reply.strip() else "empty", model=self._name)
 
     async def aclose(self) -> None:
         """Nothing to release."""
@@ -52,7 +52,7 @@ class ScriptedClient:
         asked = len(self.requests)
         if asked > len(self._replies):
             raise UsageError(
-                f"the script holds {len(self._replies)} replies; "
-                f"call {asked} ({request.label}) has none"
+                f"the script has {len(self._replies)} replies, "
+                f"but call {asked} ({request.label}) needs another"
             )
         return self._replies[asked - 1]

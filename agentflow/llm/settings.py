@@ -1,6 +1,6 @@
-"""Owns how an endpoint is asked, as it is written down: waits, repetitions, limits.
+"""Settings of an endpoint: time-outs, retries, rate limits.
 
-Apart from what is done with it, so that a configuration is read without what speaks HTTP.
+Separate from the code that uses them, so that reading a configuration does not load httpx.
 """
 
 from __future__ import annotations
@@ -9,46 +9,46 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class HttpSettings(BaseModel):
-    """How long to wait for an endpoint."""
+    """Time-outs in seconds."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     connect_s: float = Field(default=10.0, gt=0)
-    """Longest wait for a connection."""
+    """Time-out for connecting."""
     idle_s: float = Field(default=300.0, gt=0)
-    """Longest silence inside an answer; servers that do not stream are silent until it is ready."""
+    """Maximum time without data; servers that do not stream send nothing until they are done."""
     total_s: float = Field(default=1800.0, gt=0)
-    """Longest duration of one attempt, against servers that trickle for ever."""
+    """Maximum duration of one attempt."""
 
 
 class RetrySettings(BaseModel):
-    """Exponential back-off with full jitter: a wait is uniform in [0, min(cap, base * 2^n)]."""
+    """Exponential back-off with full jitter: waits are uniform in [0, min(cap, base * 2^n)]."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     attempts: int = Field(default=6, ge=1)
-    """Most attempts per call, the first one included."""
+    """Maximum number of attempts per call, including the first."""
     base_s: float = Field(default=0.5, ge=0)
     cap_s: float = Field(default=30.0, ge=0)
     retry_after_cap_s: float = Field(default=120.0, ge=0)
-    """A server that asks for a longer wait than this gets this one."""
+    """Upper limit for waits requested by the server."""
 
 
 class LimitSettings(BaseModel):
-    """Limits of one endpoint over the whole run; None is no limit."""
+    """Rate limits of one endpoint over the whole run; None is unlimited."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     concurrent: int | None = Field(default=None, ge=1)
-    """Most calls in flight."""
+    """Maximum number of concurrent calls."""
     rpm: int | None = Field(default=None, ge=1)
-    """Most calls begun per minute."""
+    """Maximum number of calls started per minute."""
     tpm: int | None = Field(default=None, ge=1)
-    """Most tokens (prompt and completion) per minute, estimated before a call, true after it."""
+    """Maximum tokens per minute, prompt and completion; estimated before a call, then exact."""
 
 
 class EndpointSettings(BaseModel):
-    """How an endpoint is asked; none of it changes an answer."""
+    """All settings of an endpoint; none of them changes a reply."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -80,9 +80,9 @@ def test_a_server_with_habits_as_json(capsys: pytest.CaptureFixture[str]) -> Non
         "model_exists": True,
         "streaming": False,
         "refused": {
-            "temperature": "left out",
-            "response_format json_schema": "json_object is sent instead",
-            "response_format json_object": "left out",
+            "temperature": "omitted",
+            "response_format json_schema": "replaced by json_object",
+            "response_format json_object": "omitted",
         },
         "usage": True,
         "reasoning": True,
@@ -106,7 +106,7 @@ def test_an_unusable_endpoint_ends_with_4_and_shows_no_key(
         "model exists: unknown",
     ]
     assert captured.err == (
-        f"agentflow: {server.base_url} refuses the key or its rights on model 'm' "
+        f"agentflow: {server.base_url} rejected the API key or denied it access to model 'm' "
         "(401: bad key ***); check OPENAI_API_KEY\n"
     )
     assert KEY not in captured.out

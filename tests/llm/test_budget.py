@@ -1,4 +1,4 @@
-"""Nothing is asked once the budget is spent."""
+"""No calls are made once a limit is reached."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ async def test_calls_are_shared_by_all_clients_of_a_run() -> None:
         await client.complete(ask())
     with pytest.raises(BudgetSpentError) as caught:
         await other.complete(ask())
-    assert str(caught.value) == "the budget of 3 calls is spent"
+    assert str(caught.value) == "call limit reached (3)"
     assert (budget.calls, len(inner.requests)) == (3, 3)
 
 
@@ -38,7 +38,7 @@ async def test_tokens() -> None:
     client = BudgetClient(scripted(), budget)
     await client.complete(ask())
     await client.complete(ask())
-    with pytest.raises(BudgetSpentError, match=r"^the budget of 51 tokens is spent$"):
+    with pytest.raises(BudgetSpentError, match=r"^token limit reached \(51\)$"):
         await client.complete(ask())
     assert budget.usage == Usage(prompt=60, completion=40)
 
@@ -61,7 +61,7 @@ async def test_money() -> None:
     await client.complete(ask())
     await client.complete(ask())
     assert budget.cost == pytest.approx(0.00052)
-    with pytest.raises(BudgetSpentError, match=r"^the budget of 0\.0005 in money is spent$"):
+    with pytest.raises(BudgetSpentError, match=r"^cost limit reached \(0\.0005\)$"):
         await client.complete(ask())
 
 
@@ -86,7 +86,7 @@ async def test_limits_hold_where_no_tokens_are_reported_but_nothing_is_made_up()
     client = BudgetClient(ScriptedClient(["x" * 16, "y"]), budget, PRICE)
     await client.complete(ask("12345678"))  # 2 tokens asked, 4 answered, by estimate
     await client.complete(ask("1" * 20))
-    with pytest.raises(BudgetSpentError, match="12 tokens"):
+    with pytest.raises(BudgetSpentError, match=r"^token limit reached \(12\)$"):
         await client.complete(ask())
     assert (budget.usage, budget.cost) == (Usage(), None)
     free = Budget()

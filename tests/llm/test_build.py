@@ -87,8 +87,8 @@ async def test_a_busy_server_is_asked_again(stub_url: str) -> None:
         reply = await client.complete(ask("are you busy"))
     assert (reply.text, reply.retries) == ("now I have time", 2)
     assert waits == [
-        f"a/1: {stub_url} cannot answer now (429: slow down); again in 0.0 s",
-        f"a/1: {stub_url} cannot answer now (503: restarting); again in 0.0 s",
+        f"a/1: {stub_url} is temporarily unavailable (429: slow down); retrying in 0.0 s",
+        f"a/1: {stub_url} is temporarily unavailable (503: restarting); retrying in 0.0 s",
     ]
 
 
@@ -97,24 +97,24 @@ async def test_errors_say_what_to_change(stub_url: str) -> None:
         with pytest.raises(UnauthorisedError) as caught:
             await client.complete(ask("forbidden"))
         assert str(caught.value) == (
-            f"{stub_url} refuses the key or its rights on model 'gpt-4o' "
+            f"{stub_url} rejected the API key or denied it access to model 'gpt-4o' "
             "(401: Incorrect API key provided: ***); check OPENAI_API_KEY"
         )
         with pytest.raises(RefusedError) as refused:
             await client.complete(ask("too long"))
         assert str(refused.value) == (
-            f"{stub_url} refuses the request (400: maximum context length is 8192 tokens)"
+            f"{stub_url} rejected the request (400: maximum context length is 8192 tokens)"
         )
         with pytest.raises(RefusedError) as busy:
             await client.complete(ask("never free"))
         assert str(busy.value) == (
-            f"{stub_url} cannot answer now (503: no capacity) (after 3 attempts)"
+            f"{stub_url} is temporarily unavailable (503: no capacity) (after 3 attempts)"
         )
     async with opened(stub_url, model="nonesuch") as client:
         with pytest.raises(ModelNotFoundError) as missing:
             await client.complete(ask("hi"))
     assert str(missing.value) == (
-        f"no model 'nonesuch' at {stub_url} (404: The model does not exist); "
+        f"model 'nonesuch' not found at {stub_url} (404: The model does not exist); "
         "check --model and --base-url"
     )
 
@@ -124,7 +124,8 @@ async def test_a_wrong_path_names_the_base_url(stub_url: str) -> None:
         with pytest.raises(ModelNotFoundError) as caught:
             await client.complete(ask("hi"))
     assert str(caught.value) == (
-        f"no model 'gpt-4o' at {stub_url}/wrong (404: Not Found); check --model and --base-url"
+        f"model 'gpt-4o' not found at {stub_url}/wrong (404: Not Found); "
+        "check --model and --base-url"
     )
 
 
@@ -145,7 +146,7 @@ async def test_slow_is_not_stalled(stub_url: str) -> None:
     async with opened(stub_url, settings=impatient) as client:
         reply = await client.complete(ask("take your time"))
         assert (reply.text, reply.latency_s > 0.2) == ("a slow but steady reply", True)
-        with pytest.raises(UnreachableError, match=r"silent for 1 s"):
+        with pytest.raises(UnreachableError, match=r"no data for 1 s"):
             await client.complete(ask("stall"))
 
 

@@ -47,7 +47,7 @@ async def reply_of(endpoint: Endpoint, *, streamed: bool, **sampling: object) ->
     """A reply by a client that may or may not ask for a stream."""
     client = OpenAIClient(endpoint, HttpSettings(), pytest.fail)
     if not streamed:
-        client.quirks.refused["stream"] = "left out"  # as after a refusal
+        client.unsupported.actions["stream"] = "omitted"  # as after a refusal
     try:
         reply = await client.complete(ask("hi there", seed=1, **sampling))
     finally:
@@ -84,6 +84,6 @@ async def test_a_decoder_examined(decoder: Endpoint) -> None:
 async def test_a_model_that_the_decoder_has_not_got(decoder: Endpoint) -> None:
     other = Endpoint("nonesuch", decoder.base_url)
     with pytest.raises(
-        ModelNotFoundError, match=r"^no model 'nonesuch' at .* \(400: Server is pin"
+        ModelNotFoundError, match=r"^model 'nonesuch' not found at .* \(400: Server is pin"
     ):
         await reply_of(other, streamed=True)

@@ -32,7 +32,7 @@ async def test_a_server_with_habits() -> None:
     refusal = body({"error": {"message": "unsupported parameter", "param": "seed"}}, 400)
     async with serving(refusal, reply("{}", reasoning="hm")) as server:
         found = await examined(server.base_url)
-    assert dict(found.refused) == {"seed": "left out"}
+    assert dict(found.refused) == {"seed": "omitted"}
     assert (found.streaming, found.usage, found.reasoning) == (False, True, True)
     assert found.answered_as == "model-as-answered"
 
@@ -46,7 +46,7 @@ async def test_what_is_wrong_is_said() -> None:
     assert (refused.reachable, refused.authorised, refused.model_exists) == (True, False, None)
     assert (missing.reachable, missing.authorised, missing.model_exists) == (True, True, False)
     assert (busy.reachable, busy.authorised) == (True, None)
-    assert busy.problem == f"{url} cannot answer now (503: no message)"
+    assert busy.problem == f"{url} is temporarily unavailable (503: no message)"
     assert keyless.problem == busy.problem
     assert (absent.reachable, absent.authorised) == (False, None)
     assert absent.problem.startswith(f"no answer from {url} (")

@@ -39,7 +39,7 @@ def test_a_base_url_without_scheme_or_host_is_refused(base_url: str) -> None:
 def test_a_key_that_cannot_be_a_header_is_refused_unseen(key: str) -> None:
     with pytest.raises(ConfigError) as caught:
         Endpoint("m", "http://h", key, key_variable="OTHER_KEY")
-    assert str(caught.value) == "OTHER_KEY holds characters that a key cannot have"
+    assert str(caught.value) == "OTHER_KEY contains characters not allowed in an API key"
 
 
 def test_secrets_are_scrubbed() -> None:

@@ -14,11 +14,11 @@ from agentflow.errors import (
 )
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.faults import (
-    Refusal,
+    ErrorResponse,
     TransientFault,
     error_for,
-    read_refusal,
-    refusal_of,
+    parse_error_object,
+    read_error_response,
     retry_after_s,
 )
 
@@ -54,30 +54,30 @@ def test_retry_after(value: str | None, seconds: float | None) -> None:
         (
             400,
             RefusedError,
-            "http://h/v1 refuses the request (400: said)",
+            "http://h/v1 rejected the request (400: said)",
         ),
         (
             401,
             UnauthorisedError,
-            "http://h/v1 refuses the key or its rights on model 'm' (401: said); "
+            "http://h/v1 rejected the API key or denied it access to model 'm' (401: said); "
             "check OPENAI_API_KEY",
         ),
         (
             403,
             UnauthorisedError,
-            "http://h/v1 refuses the key or its rights on model 'm' (403: said); "
+            "http://h/v1 rejected the API key or denied it access to model 'm' (403: said); "
             "check OPENAI_API_KEY",
         ),
         (
             404,
             ModelNotFoundError,
-            "no model 'm' at http://h/v1 (404: said); check --model and --base-url",
+            "model 'm' not found at http://h/v1 (404: said); check --model and --base-url",
         ),
-        (429, TransientFault, "http://h/v1 cannot answer now (429: said)"),
+        (429, TransientFault, "http://h/v1 is temporarily unavailable (429: said)"),
     ],
 )
 def test_errors_by_status(status: int, kind: type[EndpointError], text: str) -> None:
-    error = error_for(ENDPOINT, Refusal(status, "said"))
+    error = error_for(ENDPOINT, ErrorResponse(status, "said"))
     assert (type(error), str(error)) == (kind, text)
 
 
@@ -92,30 +92,30 @@ def test_errors_by_status(status: int, kind: type[EndpointError], text: str) -> 
     ],
 )
 def test_a_model_that_the_server_has_not_got_whatever_the_status(said: str) -> None:
-    error = error_for(ENDPOINT, Refusal(400, said))
-    told = f"no model 'm' at http://h/v1 (400: {said}); check --model and --base-url"
+    error = error_for(ENDPOINT, ErrorResponse(400, said))
+    told = f"model 'm' not found at http://h/v1 (400: {said}); check --model and --base-url"
     assert (type(error), str(error)) == (ModelNotFoundError, told)
 
 
 @pytest.mark.parametrize("status", [400, *range(401, 430), 500, 501, 502, 503, 504, 505, 529])
 def test_only_the_listed_statuses_are_repeated(status: int) -> None:
     listed = {408, 409, 425, 429, 500, 502, 503, 504, 529}
-    error = error_for(ENDPOINT, Refusal(status, "x"))
+    error = error_for(ENDPOINT, ErrorResponse(status, "x"))
     assert isinstance(error, TransientFault) == (status in listed)
 
 
 def test_a_missing_key_names_its_variable() -> None:
-    error = error_for(Endpoint("m", "http://h", key_variable="HOUSE_KEY"), Refusal(401, "no"))
-    assert str(error) == "http://h asks for a key (401); set HOUSE_KEY"
+    error = error_for(Endpoint("m", "http://h", key_variable="HOUSE_KEY"), ErrorResponse(401, "no"))
+    assert str(error) == "http://h requires an API key (401); set HOUSE_KEY"
 
 
 def test_giving_up_keeps_the_kind() -> None:
-    fault = error_for(ENDPOINT, Refusal(503, "busy"))
+    fault = error_for(ENDPOINT, ErrorResponse(503, "busy"))
     assert isinstance(fault, TransientFault)
-    assert str(fault.given_up(1)) == "http://h/v1 cannot answer now (503: busy)"
-    last = fault.given_up(6)
+    assert str(fault.final_error(1)) == "http://h/v1 is temporarily unavailable (503: busy)"
+    last = fault.final_error(6)
     assert type(last) is RefusedError
-    assert str(last) == "http://h/v1 cannot answer now (503: busy) (after 6 attempts)"
+    assert str(last) == "http://h/v1 is temporarily unavailable (503: busy) (after 6 attempts)"
 
 
 @pytest.mark.parametrize(
@@ -132,20 +132,20 @@ def test_giving_up_keeps_the_kind() -> None:
     ],
 )
 def test_messages_in_all_shapes(body: bytes, message: str) -> None:
-    assert read_refusal(400, {}, body).message == message
+    assert read_error_response(400, {}, body).message == message
 
 
 def test_the_servers_words_are_scrubbed_printable_and_short() -> None:
     words = "key my-own-key\n\x1b[31m" + "y" * 1000
-    text = str(error_for(ENDPOINT, Refusal(400, words)))
-    assert text.startswith("http://h/v1 refuses the request (400: key *** [31myyy")
+    text = str(error_for(ENDPOINT, ErrorResponse(400, words)))
+    assert text.startswith("http://h/v1 rejected the request (400: key *** [31myyy")
     assert text.endswith("yyy...)")
     assert len(text) < 350
 
 
 def test_a_redirection_names_its_target() -> None:
-    refusal = read_refusal(308, {"location": "https://h/v1"}, b"")
-    assert refusal.message == "a redirection to https://h/v1"
+    refusal = read_error_response(308, {"location": "https://h/v1"}, b"")
+    assert refusal.message == "a redirect to https://h/v1"
 
 
 @pytest.mark.parametrize(
@@ -163,4 +163,4 @@ def test_a_redirection_names_its_target() -> None:
     ],
 )
 def test_error_objects_with_status_200(error: object, status: int) -> None:
-    assert refusal_of(200, {"error": error}).status == status
+    assert parse_error_object(200, {"error": error}).status == status

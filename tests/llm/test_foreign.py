@@ -121,7 +121,7 @@ async def test_a_gateways_rate_limit_is_waited_for(
 ) -> None:
     error, waits = await failure(gateway, model)
     assert type(error) is RefusedError
-    assert str(error).startswith(f"{gateway} cannot answer now ({status}: litellm.")
+    assert str(error).startswith(f"{gateway} is temporarily unavailable ({status}: litellm.")
     assert f"mock {words} error" in str(error)
     assert str(error).endswith("(after 3 attempts)")
     assert len(waits) == 2
@@ -134,8 +134,8 @@ async def test_a_gateways_final_answers_are_final(gateway: str) -> None:
     error, waits = await failure(gateway, "nonesuch")
     assert (type(error), waits) == (ModelNotFoundError, [])
     assert str(error).startswith(
-        f"no model 'nonesuch' at {gateway} (400: /chat/completions: Invalid model name passed in "
-        "model=nonesuch."
+        f"model 'nonesuch' not found at {gateway} (400: /chat/completions: "
+        "Invalid model name passed in model=nonesuch."
     )
 
 

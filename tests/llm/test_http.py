@@ -97,7 +97,9 @@ async def test_no_key_sends_no_header() -> None:
             await client.complete(ask())
         await client.aclose()
         assert "authorization" not in server.asked[0].headers
-        assert str(caught.value) == f"{server.base_url} asks for a key (401); set OPENAI_API_KEY"
+        assert (
+            str(caught.value) == f"{server.base_url} requires an API key (401); set OPENAI_API_KEY"
+        )
 
 
 HALF = b'HTTP/1.1 200 OK\r\nContent-Length: 900\r\n\r\n{"choices": [{"mes'
@@ -108,20 +110,20 @@ LOST: dict[str, tuple[Answer, str]] = {
     "in the stream": (stream(chunk(content="x"), done=False, close=True), "peer closed"),
     "in a stream without length": (
         raw(ENDLESS + b'data: {"choices":[{"delta":{"content":"x"}}]}\n\n', close=True),
-        "the stream breaks off",
+        "the stream ended early",
     ),
-    "before the first event": (raw(ENDLESS + b": wait\n\n", close=True), "the stream breaks off"),
-    "nothing comes": (silence, "silent for 0.2 s"),
+    "before the first event": (raw(ENDLESS + b": wait\n\n", close=True), "the stream ended early"),
+    "nothing comes": (silence, "no data for 0.2 s"),
     "stalled in the stream": (
         raw(ENDLESS, b"data: {", b"", pause_s=30.0),
-        "silent for 0.2 s",
+        "no data for 0.2 s",
     ),
     "trickling": (
         raw(ENDLESS, *[b":"] * 100, pause_s=0.05),
-        "no whole reply within 0.5 s",
+        "no complete reply within 0.5 s",
     ),
-    "half a JSON": (body('{"choices": [{"mess'), "the answer's JSON breaks off"),
-    "an empty body": (body(""), "the answer's JSON breaks off"),
+    "half a JSON": (body('{"choices": [{"mess'), "the answer's JSON is incomplete"),
+    "an empty body": (body(""), "the answer's JSON is incomplete"),
     "a chunk without a size": (
         raw(b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nZZ\r\n{}\r\n"),
         "illegal chunk header",
@@ -161,19 +163,22 @@ async def test_nobody_there() -> None:
 
 
 FINAL: dict[str, tuple[Answer, str]] = {
-    "HTML": (body("<!doctype html>", kind="text/html"), "is no chat completion (an HTML page);"),
-    "words": (body("hello"), "is no chat completion (it begins 'hello');"),
-    "no choices": (body({"choices": []}), "is no chat completion (it holds no choices);"),
+    "HTML": (
+        body("<!doctype html>", kind="text/html"),
+        "did not return a chat completion (an HTML page);",
+    ),
+    "words": (body("hello"), "did not return a chat completion (it starts with 'hello');"),
+    "no choices": (body({"choices": []}), "did not return a chat completion (no choices);"),
     "an error object": (
         body({"error": {"message": f"bad {KEY}", "code": 400}}),
-        "refuses the request (400: bad ***)",
+        "rejected the request (400: bad ***)",
     ),
     "an error in the stream": (
         stream(chunk(content="x"), {"error": {"message": "too long"}}),
-        "refuses the request (400: too long)",
+        "rejected the request (400: too long)",
     ),
     "400": (body({"error": {"message": "prompt too long"}}, 400), "(400: prompt too long)"),
-    "a redirection": (body("", 307, Location="http://x/y"), "(307: a redirection to http://x/y)"),
+    "a redirection": (body("", 307, Location="http://x/y"), "(307: a redirect to http://x/y)"),
 }
 
 
@@ -193,7 +198,7 @@ async def test_an_overload_inside_the_stream_may_be_repeated() -> None:
         with pytest.raises(TransientFault) as caught:
             await once(server.base_url)
     assert type(caught.value.error) is RefusedError
-    assert "cannot answer now (529: busy)" in str(caught.value)
+    assert "is temporarily unavailable (529: busy)" in str(caught.value)
 
 
 @pytest.mark.slow
@@ -230,10 +235,10 @@ async def test_a_refused_parameter_is_dropped_and_stays_dropped() -> None:
         await client.aclose()
     assert [len(asked.body) for asked in server.asked] == [8, 8, 7, 6, 6]
     assert server.asked[-1].body["max_completion_tokens"] == 5
-    assert list(client.quirks.refused) == names
+    assert list(client.unsupported.actions) == names
     assert len(warnings) == 3
     assert warnings[1] == (
-        "the endpoint refuses temperature: left out from now on "
+        "the endpoint does not support temperature: omitted from now on "
         "(Unsupported parameter: 'temperature' is not supported with this model.)"
     )
 

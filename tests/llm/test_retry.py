@@ -72,7 +72,7 @@ async def test_waits_are_jittered_within_doubling_bounds() -> None:
     await client.complete(ask())
     rng = random.Random(1)
     bounds = [0.001, 0.002, 0.004, 0.004, 0.004]
-    assert lines == [f"a/1: busy; again in {rng.uniform(0, bound):.1f} s" for bound in bounds]
+    assert lines == [f"a/1: busy; retrying in {rng.uniform(0, bound):.1f} s" for bound in bounds]
 
 
 async def test_retry_after_is_obeyed_up_to_a_cap() -> None:
@@ -82,7 +82,7 @@ async def test_retry_after_is_obeyed_up_to_a_cap() -> None:
     started = time.perf_counter()
     await client.complete(ask())
     assert 0.19 < time.perf_counter() - started < 60.0
-    assert lines == ["a/1: busy; again in 0.2 s"]
+    assert lines == ["a/1: busy; retrying in 0.2 s"]
 
 
 @pytest.mark.parametrize("value", ["0", "Wed, 01 Jan 2020 00:00:00 GMT", "nonsense"])

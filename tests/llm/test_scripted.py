@@ -18,7 +18,7 @@ async def test_a_list_is_used_up_in_order() -> None:
     assert await client.complete(ask()) is given
     with pytest.raises(UsageError) as caught:
         await client.complete(ask(label="last/4"))
-    assert str(caught.value) == "the script holds 3 replies; call 4 (last/4) has none"
+    assert str(caught.value) == "the script has 3 replies, but call 4 (last/4) needs another"
     await client.aclose()
 
 

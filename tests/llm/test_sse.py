@@ -1,4 +1,4 @@
-"""Framing, however the bytes are cut."""
+"""EventDecoder, however the bytes are cut."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.llm.endpoint.sse import Framing
+from agentflow.llm.endpoint.sse import EventDecoder
 
 STREAM = (
     b": a comment\r\n\r\nevent: x\ndata: one\n\ndata:two\r\ndata: more\r\n\r\n"
@@ -18,7 +18,7 @@ BODY = b' \n{"a":\n 1}\n'
 
 
 def framed(data: bytes, cuts: list[int]) -> tuple[bool | None, list[bytes]]:
-    framing = Framing()
+    framing = EventDecoder()
     edges = [0, *sorted(cut % (len(data) + 1) for cut in cuts), len(data)]
     found = []
     for start, end in pairwise(edges):

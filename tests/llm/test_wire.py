@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.llm.endpoint.wire import (
-    BrokenAnswerError,
     ErrorObjectError,
-    Gathered,
-    NoReplyError,
+    NotACompletionError,
+    ReplyBuilder,
+    TruncatedAnswerError,
     decode,
     read_usage,
     request_body,
@@ -24,7 +24,7 @@ from tests.llm.hostile import chunk, completion
 
 
 def gathered(*contents: dict[str, object]) -> Reply:
-    reply = Gathered()
+    reply = ReplyBuilder()
     for content in contents:
         reply.add(content)
     return reply.reply()
@@ -161,7 +161,7 @@ def test_usage(usage: dict[str, object], expected: Usage) -> None:
 
 
 def test_no_choices_is_no_reply() -> None:
-    with pytest.raises(NoReplyError, match=r"^it holds no choices$"):
+    with pytest.raises(NotACompletionError, match=r"^no choices$"):
         gathered({"choices": []})
 
 
@@ -181,21 +181,21 @@ def test_messages_beside_empty_deltas_or_in_their_place_are_taken() -> None:
 
 
 def test_an_endpoint_that_reports_its_own_failure() -> None:
-    with pytest.raises(BrokenAnswerError):
+    with pytest.raises(TruncatedAnswerError):
         gathered(completion("half", "error"))
 
 
 @pytest.mark.parametrize(
     ("data", "kind"),
     [
-        (b'{"choices": [{"mess', BrokenAnswerError),
-        (b"", BrokenAnswerError),
-        (b"<html>", NoReplyError),
-        (b"hello", NoReplyError),
-        (b"[1]", NoReplyError),
+        (b'{"choices": [{"mess', TruncatedAnswerError),
+        (b"", TruncatedAnswerError),
+        (b"<html>", NotACompletionError),
+        (b"hello", NotACompletionError),
+        (b"[1]", NotACompletionError),
         (b'{"error": {"message": "x"}}', ErrorObjectError),
         (b'{"object": "error", "message": "x"}', ErrorObjectError),
-        (b"[" * 100_000, BrokenAnswerError),
+        (b"[" * 100_000, TruncatedAnswerError),
     ],
 )
 def test_what_is_no_completion(data: bytes, kind: type[Exception]) -> None:
@@ -230,10 +230,10 @@ JSON = st.recursive(
 
 @given(st.lists(JSON, max_size=3))
 def test_any_json_is_a_reply_or_a_typed_failure(values: list[object]) -> None:
-    reply = Gathered()
+    reply = ReplyBuilder()
     try:
         for value in values:
             reply.add(decode(json.dumps(value).encode()))
         assert isinstance(reply.reply(), Reply)
-    except (NoReplyError, BrokenAnswerError, ErrorObjectError):
+    except (NotACompletionError, TruncatedAnswerError, ErrorObjectError):
         pass

@@ -1,6 +1,6 @@
-"""Owns where requests go and what may be shown of it: URL, model, key. Sends nothing itself.
+"""The address of a model: URL, model name, API key.
 
-The key is given to httpx and to `scrub`, and to nothing else.
+Only httpx and `scrub` see the key.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from agentflow.errors import ConfigError
 
 DEFAULT_BASE_URL = "https://api.openai.com/v1"
 _SHORTEST_SECRET = 6
-"""Shorter keys are placeholders for local servers ("EMPTY"), and words of ordinary text."""
+"""Shorter keys are placeholders for local servers ("EMPTY") and occur in ordinary text."""
 _LOOKS_LIKE_A_KEY = re.compile(r"(?i)(?<=bearer )[\w.~+/*=-]{6,}|\bsk-[A-Za-z0-9_*.-]{6,}")
 
 
 class _Bearer(httpx.Auth):
-    """Adds the key at the moment of sending, so that no header object of ours holds it."""
+    """Adds the key when a request is sent, so that none of our objects holds it in a header."""
 
     def __init__(self, key: str) -> None:
         self._key = key
@@ -34,13 +34,13 @@ class Endpoint:
     """One model at one base URL.
 
     Args:
-        model: The model's name as the endpoint knows it.
-        base_url: What precedes `/chat/completions`; a trailing slash does not matter.
-        api_key: Sent as a bearer token; None or empty sends none.
-        key_variable: The environment variable that the key comes from, for messages.
+        model: Model name as the endpoint knows it.
+        base_url: URL before `/chat/completions`, with or without a trailing slash.
+        api_key: Sent as a bearer token unless None or empty.
+        key_variable: Environment variable that holds the key, for error messages.
 
     Raises:
-        ConfigError: The base URL is no http(s) URL, or the key cannot be a header.
+        ConfigError: The base URL is not an http(s) URL, or the key is not valid in a header.
     """
 
     def __init__(
@@ -50,36 +50,36 @@ class Endpoint:
         api_key: str | None = None,
         key_variable: str = "OPENAI_API_KEY",
     ) -> None:
-        given = _parsed(base_url)
+        given = _parse_url(base_url)
         bare = given.copy_with(username=None, password=None)
         key = (api_key or "").strip()
         if not (key.isascii() and key.isprintable()) or " " in key:
-            raise ConfigError(f"{key_variable} holds characters that a key cannot have")
+            raise ConfigError(f"{key_variable} contains characters not allowed in an API key")
         self.model = model
         self.key_variable = key_variable
         self.has_key = bool(key)
         self.base_url = str(bare.copy_with(query=None, fragment=None)).rstrip("/")
-        """As shown in messages: without credentials and query."""
+        """Shown in messages: without credentials and query."""
         self.url = bare.copy_with(path=bare.path.rstrip("/") + "/chat/completions")
         basic = b64encode(f"{given.username}:{given.password}".encode()).decode()
-        # A token may stand in a URL as the user, with no password or with any letter for one.
-        proof = max(given.password, given.username, key=_is_secret)
-        self._secrets = [secret for secret in (key, proof, basic) if _is_secret(secret)]
+        # URLs may carry a token as the user name, with no password or a dummy one.
+        credential = max(given.password, given.username, key=_is_secret)
+        self._secrets = [secret for secret in (key, credential, basic) if _is_secret(secret)]
         self._auth: httpx.Auth | None = _Bearer(key) if key else None
         if self._auth is None and given.username:
             self._auth = httpx.BasicAuth(given.username, given.password)
 
     @property
     def auth(self) -> httpx.Auth | None:
-        """How httpx proves who asks."""
+        """Authentication for httpx."""
         return self._auth
 
     def scrub(self, text: str) -> str:
-        """The text without this endpoint's secrets, nor anything else that looks like a key."""
+        """Mask this endpoint's secrets and anything else that looks like an API key."""
         return _LOOKS_LIKE_A_KEY.sub("***", self.scrub_known(text))
 
     def scrub_known(self, text: str) -> str:
-        """The text without this endpoint's secrets, otherwise untouched (for replies)."""
+        """Mask only this endpoint's own secrets (for replies)."""
         for secret in self._secrets:
             text = text.replace(secret, "***")
         return text
@@ -92,7 +92,7 @@ def _is_secret(text: str) -> bool:
     return len(text) >= _SHORTEST_SECRET
 
 
-def _parsed(base_url: str) -> httpx.URL:
+def _parse_url(base_url: str) -> httpx.URL:
     try:
         url = httpx.URL(base_url.strip())
         usable = url.scheme in ("http", "https") and bool(url.host) and (url.port or 0) < 65536

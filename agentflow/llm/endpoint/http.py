@@ -1,7 +1,4 @@
-"""Owns the conversation with an OpenAI-compatible endpoint over httpx: one attempt per call.
-
-Repetition, limits, budgets and the record are clients around this one.
-"""
+"""A client for OpenAI-compatible endpoints over httpx: one attempt per call."""
 
 from __future__ import annotations
 
@@ -16,28 +13,28 @@ import httpx
 from agentflow.errors import ConfigError, EndpointError
 from agentflow.llm.endpoint import faults, wire
 from agentflow.llm.endpoint.address import Endpoint
-from agentflow.llm.endpoint.lanes import Lanes
-from agentflow.llm.endpoint.quirks import Quirks
-from agentflow.llm.endpoint.sse import Framing
+from agentflow.llm.endpoint.connections import ConnectionPool
+from agentflow.llm.endpoint.sse import EventDecoder
+from agentflow.llm.endpoint.unsupported import UnsupportedParameters
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.settings import HttpSettings
 
-_LARGEST_ANSWER = 64 * 2**20
-_LARGEST_REFUSAL = 2**16
+_MAX_ANSWER_BYTES = 64 * 2**20
+_MAX_ERROR_BYTES = 2**16
 _DRAIN_S = 1.0
-"""How long a stream may take to end after `[DONE]`, so that its connection can be used again."""
+"""How long to wait for a stream to end after `[DONE]`, so that its connection can be reused."""
 
 
 class OpenAIClient:
-    """Asks one model of an OpenAI-compatible endpoint.
+    """Sends requests to one model of an OpenAI-compatible endpoint.
 
     Args:
         endpoint: Where requests go.
-        settings: Time limits.
-        warn: Called with one line when the endpoint turns out to refuse a parameter.
+        settings: Time-outs.
+        warn: Called with one line when the endpoint rejects a parameter.
 
     Raises:
-        ConfigError: The environment's proxy or certificate settings are unusable.
+        ConfigError: The environment's proxy or certificate settings are invalid.
     """
 
     def __init__(
@@ -45,22 +42,22 @@ class OpenAIClient:
     ) -> None:
         self._endpoint = endpoint
         self._settings = settings
-        self.quirks = Quirks(warn)
+        self.unsupported = UnsupportedParameters(warn)
         self.streams: bool | None = None
-        """Whether the endpoint streams; None before its first answer."""
+        """Whether the endpoint streams; None before the first answer."""
         try:
-            self._lanes = Lanes(
+            self._connections = ConnectionPool(
                 endpoint.auth,
                 httpx.Timeout(settings.idle_s, connect=settings.connect_s, pool=None),
             )
         except (ImportError, OSError, ValueError, httpx.InvalidURL) as problem:
             raise ConfigError(
-                f"the proxy or certificate settings of the environment are unusable: {problem}"
+                f"invalid proxy or certificate settings in the environment: {problem}"
             ) from None
 
     @property
     def name(self) -> str:
-        """The model's name."""
+        """Model name."""
         return self._endpoint.model
 
     def __repr__(self) -> str:
@@ -70,39 +67,39 @@ class OpenAIClient:
         """Answer one request; see `Client`.
 
         Raises:
-            TransientFault: An `EndpointError` after which a repetition may help.
+            TransientFault: An `EndpointError` after which a retry may help.
         """
         body = wire.request_body(request, self.name)
         while True:
-            sent = self.quirks.adapt(body)
+            sent = self.unsupported.adapt(body)
             answer = await self._attempt(sent)
             if isinstance(answer, Reply):
                 return answer
-            said = faults.shown(self._endpoint, answer.message)
-            if not self.quirks.learn(answer, sent, said):
+            message = faults.printable_excerpt(self._endpoint, answer.message)
+            if not self.unsupported.learn(answer, sent, message):
                 raise faults.error_for(self._endpoint, answer)
 
     async def aclose(self) -> None:
         """Close all connections."""
-        await self._lanes.aclose()
+        await self._connections.aclose()
 
-    async def _attempt(self, body: dict[str, object]) -> Reply | faults.Refusal:
-        """One exchange within the total time; connection failures become typed errors."""
+    async def _attempt(self, body: dict[str, object]) -> Reply | faults.ErrorResponse:
+        """Send one request within the total time-out; connection failures become typed errors."""
         started = time.perf_counter()
         try:
             answer = await asyncio.wait_for(self._exchange(body), self._settings.total_s)
         except asyncio.TimeoutError:
-            reason = f"no whole reply within {self._settings.total_s:g} s"
+            reason = f"no complete reply within {self._settings.total_s:g} s"
             raise faults.unreachable(self._endpoint, reason) from None
         except httpx.RequestError as problem:
             raise self._unreachable(problem) from None
-        except wire.BrokenAnswerError as problem:
+        except wire.TruncatedAnswerError as problem:
             raise faults.unreachable(self._endpoint, str(problem)) from None
-        except wire.NoReplyError as problem:
-            raise faults.no_reply(self._endpoint, str(problem)) from None
-        if isinstance(answer, faults.Refusal):
-            hide = self._endpoint.scrub
-            message, param, code = hide(answer.message), hide(answer.param), hide(answer.code)
+        except wire.NotACompletionError as problem:
+            raise faults.not_a_completion(self._endpoint, str(problem)) from None
+        if isinstance(answer, faults.ErrorResponse):
+            scrub = self._endpoint.scrub
+            message, param, code = scrub(answer.message), scrub(answer.param), scrub(answer.code)
             return replace(answer, message=message, param=param, code=code)
         scrub = self._endpoint.scrub_known
         return answer.model_copy(
@@ -117,49 +114,49 @@ class OpenAIClient:
     def _unreachable(self, problem: httpx.RequestError) -> EndpointError:
         reason = str(problem) or type(problem).__name__
         if isinstance(problem, httpx.ReadTimeout):
-            reason = f"silent for {self._settings.idle_s:g} s"
+            reason = f"no data for {self._settings.idle_s:g} s"
         elif isinstance(problem, httpx.ConnectTimeout):
             reason = f"no connection within {self._settings.connect_s:g} s"
         return faults.unreachable(self._endpoint, reason)
 
-    async def _exchange(self, body: dict[str, object]) -> Reply | faults.Refusal:
+    async def _exchange(self, body: dict[str, object]) -> Reply | faults.ErrorResponse:
         async with (
-            self._lanes.lane() as http,
+            self._connections.acquire() as http,
             http.stream("POST", self._endpoint.url, json=body) as response,
         ):
             if not response.is_success:
-                start = await _at_most(response.aiter_bytes(), _LARGEST_REFUSAL)
-                return faults.read_refusal(response.status_code, response.headers, start)
+                start = await _read_at_most(response.aiter_bytes(), _MAX_ERROR_BYTES)
+                return faults.read_error_response(response.status_code, response.headers, start)
             try:
-                return (await self._gather(response)).reply()
+                return (await self._read_answer(response)).reply()
             except wire.ErrorObjectError as problem:
-                return faults.refusal_of(200, problem.content)
+                return faults.parse_error_object(200, problem.content)
 
-    async def _gather(self, response: httpx.Response) -> wire.Gathered:
-        """Take in an answer up to its end, streamed or whole."""
-        framing, gathered, size = Framing(), wire.Gathered(), 0
+    async def _read_answer(self, response: httpx.Response) -> wire.ReplyBuilder:
+        """Read an answer to its end, streamed or not."""
+        decoder, builder, size = EventDecoder(), wire.ReplyBuilder(), 0
         async with aclosing(response.aiter_bytes()) as chunks:  # type: ignore[type-var]
             async for chunk in chunks:
                 size += len(chunk)
-                if size > _LARGEST_ANSWER:
-                    raise wire.NoReplyError(f"more than {_LARGEST_ANSWER // 2**20} MB")
-                if _take(framing.feed(chunk), gathered):
+                if size > _MAX_ANSWER_BYTES:
+                    raise wire.NotACompletionError(f"more than {_MAX_ANSWER_BYTES // 2**20} MB")
+                if _add_events(decoder.feed(chunk), builder):
                     self.streams = True
                     await _drain(chunks)
-                    return gathered
-        done = _take(framing.end(), gathered)
-        self.streams = bool(framing.streamed)
-        if framing.streamed and not gathered.finish and not done:
-            raise wire.BrokenAnswerError("the stream breaks off")
-        return gathered
+                    return builder
+        done = _add_events(decoder.end(), builder)
+        self.streams = bool(decoder.streamed)
+        if decoder.streamed and not builder.finish and not done:
+            raise wire.TruncatedAnswerError("the stream ended early")
+        return builder
 
 
-def _take(events: list[bytes], gathered: wire.Gathered) -> bool:
-    """Whether the stream's end mark was among the events."""
+def _add_events(events: list[bytes], builder: wire.ReplyBuilder) -> bool:
+    """Add events to a reply; whether the end mark `[DONE]` was among them."""
     for data in events:
         if data.strip() == b"[DONE]":
             return True
-        gathered.add(wire.decode(data))
+        builder.add(wire.decode(data))
     return False
 
 
@@ -171,10 +168,10 @@ async def _drain(chunks: AsyncIterator[bytes]) -> None:
     try:
         await asyncio.wait_for(rest(), _DRAIN_S)
     except (asyncio.TimeoutError, httpx.RequestError):
-        return  # the reply is whole; only the connection is lost
+        return  # the reply is complete; only the connection is lost
 
 
-async def _at_most(chunks: AsyncIterator[bytes], size: int) -> bytes:
+async def _read_at_most(chunks: AsyncIterator[bytes], size: int) -> bytes:
     start = bytearray()
     async for chunk in chunks:
         start += chunk

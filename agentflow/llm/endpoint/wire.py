@@ -1,7 +1,4 @@
-"""Owns the JSON of `/chat/completions`: a request's body, and the reply gathered from an answer.
-
-Sends nothing and knows no vendor by name; what servers refuse is in quirks.
-"""
+"""The JSON of `/chat/completions`: request bodies, and replies built from answers."""
 
 from __future__ import annotations
 
@@ -10,7 +7,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agentflow.llm.messages import Finish, JsonSchema, Message, Reply, Request, Usage, mended
+from agentflow.llm.messages import (
+    Finish,
+    JsonSchema,
+    Message,
+    Reply,
+    Request,
+    Usage,
+    fix_surrogates,
+)
 
 _THOUGHT = re.compile(r"<think>(.*?)(?:</think>|\Z)", re.DOTALL)
 _FINISH: dict[str, Finish] = {
@@ -21,21 +26,21 @@ _FINISH: dict[str, Finish] = {
     "safety": "content_filter",
     "refusal": "content_filter",
 }
-"""Finish reasons that are not a whole answer; all others count as `stop`."""
-_BEGINNING = 4096
-"""Characters told of what is no reply: no key may be cut in two before it is scrubbed."""
+"""Finish reasons of incomplete answers; all others count as `stop`."""
+_EXCERPT_CHARS = 4096
+"""Length of excerpts in errors; long, so that no key is cut in two before it is masked."""
 
 
-class BrokenAnswerError(Exception):
-    """An answer that stops in the middle; asking again may help."""
+class TruncatedAnswerError(Exception):
+    """An answer that ends early; a retry may help."""
 
 
-class NoReplyError(Exception):
-    """An answer that is something else than a chat completion."""
+class NotACompletionError(Exception):
+    """An answer that is not a chat completion."""
 
 
 class ErrorObjectError(Exception):
-    """An error object where a reply should be."""
+    """An error object instead of a reply."""
 
     def __init__(self, content: Mapping[str, object]) -> None:
         super().__init__("error object")
@@ -43,7 +48,7 @@ class ErrorObjectError(Exception):
 
 
 def request_body(request: Request, model: str) -> dict[str, object]:
-    """The JSON body, asking for a stream. Sampling fields left at None or empty are not sent."""
+    """Build the JSON body of a streamed request without sampling fields that are None or empty."""
     sampling = request.sampling
     body: dict[str, object] = {
         "model": model,
@@ -76,11 +81,11 @@ def _message(message: Message) -> dict[str, object]:
 
 
 def decode(data: bytes) -> Mapping[str, object]:
-    """One JSON object of an answer.
+    """Parse one JSON object of an answer.
 
     Raises:
-        BrokenAnswerError: It begins as JSON and does not end.
-        NoReplyError: It is no JSON object.
+        TruncatedAnswerError: The JSON is incomplete.
+        NotACompletionError: It is not a JSON object.
         ErrorObjectError: It is an error object.
     """
     text = data.decode("utf-8", "replace").strip("\ufeff \t\r\n")
@@ -88,59 +93,59 @@ def decode(data: bytes) -> Mapping[str, object]:
         content = json.loads(text)
     except (ValueError, RecursionError):
         if not text or text[0] in "{[":
-            raise BrokenAnswerError("the answer's JSON breaks off") from None
-        said = "an HTML page" if text[0] == "<" else f"it begins {text[:_BEGINNING]!r}"
-        raise NoReplyError(said) from None
+            raise TruncatedAnswerError("the answer's JSON is incomplete") from None
+        what = "an HTML page" if text[0] == "<" else f"it starts with {text[:_EXCERPT_CHARS]!r}"
+        raise NotACompletionError(what) from None
     if not isinstance(content, dict):
-        raise NoReplyError(f"it is JSON of another kind: {text[:_BEGINNING]!r}")
+        raise NotACompletionError(f"JSON that is not an object: {text[:_EXCERPT_CHARS]!r}")
     if content.get("error") or content.get("object") == "error":
         raise ErrorObjectError(content)
     return content
 
 
 @dataclass
-class Gathered:
-    """A reply in the making, from one whole answer or from the chunks of a stream."""
+class ReplyBuilder:
+    """Builds a reply from one complete answer or from the chunks of a stream."""
 
     text: list[str] = field(default_factory=list)
     reasoning: list[str] = field(default_factory=list)
     refusal: list[str] = field(default_factory=list)
     finish: str = ""
-    """The endpoint's own word; empty until it says one."""
+    """Finish reason in the endpoint's terms; empty until received."""
     usage: Usage = field(default_factory=Usage)
     model: str = ""
-    in_pieces: bool = False
-    """Whether a chunk (`delta`) has said anything."""
-    answered: bool = False
-    """Whether any choice has been seen."""
+    streamed: bool = False
+    """Whether a non-empty chunk (`delta`) was received."""
+    has_choice: bool = False
+    """Whether any choice was received."""
 
     def add(self, content: Mapping[str, object]) -> None:
-        """Take in a whole answer (`message`) or a chunk (`delta`)."""
+        """Add a complete answer (`message`) or a chunk (`delta`)."""
         self.model = str(content.get("model") or self.model)
         if isinstance(usage := content.get("usage"), dict):
             self.usage = read_usage(usage)
         choices = content.get("choices")
         for choice in choices[:1] if isinstance(choices, list) else ():
             if not isinstance(choice, dict):
-                raise NoReplyError("a choice is no object")
-            self.answered = True
+                raise NotACompletionError("a choice is not an object")
+            self.has_choice = True
             self.finish = str(choice.get("finish_reason") or self.finish)
             delta, message = choice.get("delta"), choice.get("message")
             if isinstance(delta, dict) and any(delta[name] for name in delta if name != "role"):
-                self._add_part(delta)
-                self.in_pieces = True
+                self._add_content(delta)
+                self.streamed = True
             elif isinstance(message, dict):
-                self._replace(message) if self.in_pieces else self._add_part(message)
+                self._replace(message) if self.streamed else self._add_content(message)
 
     def _replace(self, message: Mapping[str, object]) -> None:
-        """Take a whole message in place of what has come: some streams end with it."""
-        whole = Gathered()
-        whole._add_part(message)
+        """Replace the chunks so far by a complete message, with which some streams end."""
+        whole = ReplyBuilder()
+        whole._add_content(message)
         self.text = whole.text or self.text
         self.reasoning = whole.reasoning or self.reasoning
         self.refusal = whole.refusal or self.refusal
 
-    def _add_part(self, part: Mapping[str, object]) -> None:
+    def _add_content(self, part: Mapping[str, object]) -> None:
         for name in ("reasoning_content", "reasoning"):
             if isinstance(thought := part.get(name), str) and thought:
                 self.reasoning.append(thought)
@@ -151,10 +156,10 @@ class Gathered:
         if isinstance(content, str) and content:
             self.text.append(content)
         elif isinstance(content, list):
-            self._add_parts(content)
+            self._add_typed_parts(content)
 
-    def _add_parts(self, parts: list[object]) -> None:
-        """Content as a list of typed parts, with thoughts possibly nested one level down."""
+    def _add_typed_parts(self, parts: list[object]) -> None:
+        """Add content given as a list of typed parts, with reasoning possibly nested one level."""
         for part in parts:
             if not isinstance(part, dict):
                 continue
@@ -166,41 +171,43 @@ class Gathered:
                 ]
 
     def reply(self) -> Reply:
-        """The reply, with its reasoning split off.
+        """The finished reply, with reasoning separated from text.
 
         Raises:
-            NoReplyError: No choice was seen.
-            BrokenAnswerError: The endpoint itself reports that it failed half-way.
+            NotACompletionError: No choice was received.
+            TruncatedAnswerError: The endpoint reports that it failed while replying.
         """
-        if not self.answered:
-            raise NoReplyError("it holds no choices")
+        if not self.has_choice:
+            raise NotACompletionError("no choices")
         if self.finish == "error":
-            raise BrokenAnswerError("the endpoint failed in the middle of its reply")
-        text, thought = split_reasoning(mended("".join(self.text)))
-        refusal = mended("".join(self.refusal))
+            raise TruncatedAnswerError("the endpoint failed while replying")
+        text, thought = split_reasoning(fix_surrogates("".join(self.text)))
+        refusal = fix_surrogates("".join(self.refusal))
         finish = _FINISH.get(self.finish.lower(), "stop")
         if refusal and not text:
             text, finish = refusal, "content_filter"
         if finish == "stop" and not text.strip():
             finish = "empty"
-        reasoning = "\n".join(part for part in (mended("".join(self.reasoning)), thought) if part)
+        reasoning = "\n".join(
+            part for part in (fix_surrogates("".join(self.reasoning)), thought) if part
+        )
         return Reply(
             text=text,
             finish=finish,
             reasoning=reasoning,
             usage=self.usage,
-            model=mended(self.model),
+            model=fix_surrogates(self.model),
         )
 
 
 def split_reasoning(text: str) -> tuple[str, str]:
-    """Split `<think>...</think>` off a text.
+    """Separate `<think>...</think>` from a text.
 
-    A closing tag without an opening one ends a thought that the endpoint's own template opened; an
-    opening one without a closing one means that the reply ended inside the thought.
+    A lone closing tag ends reasoning that the endpoint's chat template opened; a lone opening tag
+    means that the reply ended while reasoning.
 
     Returns:
-        The text without the thoughts, and the thoughts; without tags the text as it came.
+        The text without reasoning, and the reasoning.
     """
     if "</think>" not in text and "<think>" not in text:
         return text, ""
@@ -212,7 +219,7 @@ def split_reasoning(text: str) -> tuple[str, str]:
 
 
 def read_usage(usage: Mapping[str, object]) -> Usage:
-    """Token counts in the shapes that servers use; 0 for what is missing."""
+    """Read token counts in the formats that servers use; 0 where missing."""
     cached = _count(_details(usage, "prompt_tokens_details").get("cached_tokens"))
     return Usage(
         prompt=_count(usage.get("prompt_tokens")),

@@ -1,1 +1,1 @@
-"""Clients around a client: retries, limits, budget, tape."""
+"""Clients that wrap another client: retries, rate limits, budget, tape."""

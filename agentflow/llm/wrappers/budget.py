@@ -1,4 +1,4 @@
-"""Owns how much may be spent on a run's calls, whichever client makes them."""
+"""Limit the calls, tokens and cost of a run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from agentflow.llm.wrappers.prices import Price
 
 
 class BudgetSettings(BaseModel):
-    """The most that a run may spend; None is no limit."""
+    """Limits of a run; None is unlimited."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -21,26 +21,25 @@ class BudgetSettings(BaseModel):
     tokens: int | None = Field(default=None, ge=1)
     """Prompt and completion tokens together."""
     money: float | None = Field(default=None, gt=0)
-    """In the currency of the prices; every model asked must have one."""
+    """Cost in the currency of the prices; requires a price for every model."""
 
 
 class Budget:
-    """What is spent and what may be; one object for all clients of a run.
+    """Spending of a run against its limits; shared by all clients of the run.
 
-    A resumed run counts what its record holds (`count`) before it begins, and is never refused a
-    call that is recorded, so that it stops where the uninterrupted one stops. Where an endpoint
-    reports no tokens the limits hold for an estimate from the texts, which is never shown as usage
-    or cost.
+    A resumed run first counts its recorded calls (`count`) and repeats them for free, so it stops
+    where an uninterrupted run would. If an endpoint reports no tokens, limits use an estimate from
+    the text lengths, which is never shown as usage or cost.
     """
 
     def __init__(self, settings: BudgetSettings | None = None) -> None:
         self._settings = settings or BudgetSettings()
         self.calls = 0
-        """Calls begun."""
+        """Calls started."""
         self.usage = Usage()
-        """Tokens of the calls that are answered, as reported."""
+        """Reported tokens of answered calls."""
         self.cost: float | None = 0.0
-        """Of those calls; None as soon as one has no price or no reported tokens."""
+        """Cost of those calls; None once one has no price or no reported tokens."""
         self._tokens = 0
         self._money = 0.0
 
@@ -48,24 +47,24 @@ class Budget:
         """Count one call.
 
         Raises:
-            BudgetSpentError: No call, no token or no money is left.
+            BudgetSpentError: A limit is reached.
         """
         for unit, spent, limit in (
-            ("calls", self.calls, self._settings.calls),
-            ("tokens", self._tokens, self._settings.tokens),
-            ("in money", self._money, self._settings.money),
+            ("call", self.calls, self._settings.calls),
+            ("token", self._tokens, self._settings.tokens),
+            ("cost", self._money, self._settings.money),
         ):
             if limit is not None and spent >= limit:
-                raise BudgetSpentError(f"the budget of {limit} {unit} is spent")
+                raise BudgetSpentError(f"{unit} limit reached ({limit})")
         self.calls += 1
 
     def count(self, request: Request, reply: Reply, price: Price | None) -> None:
-        """Count a call of the record, made by an earlier process."""
+        """Count a recorded call, made before the run was resumed."""
         self.calls += 1
         self.add(request, reply, price)
 
     def add(self, request: Request, reply: Reply, price: Price | None) -> None:
-        """Count tokens and money of an answered call."""
+        """Count tokens and cost of an answered call."""
         usage = reply.usage
         counted = usage if usage.total else _estimate(request, reply)
         self.usage += usage
@@ -79,13 +78,13 @@ class Budget:
 
 
 class BudgetClient:
-    """Refuses calls once the budget is spent; calls already in flight end normally.
+    """Rejects calls once a limit is reached; calls in progress finish normally.
 
     Args:
         inner: The client whose calls are counted.
         budget: Shared by all clients of the run.
-        price: Of the inner client's model; None is unknown.
-        recorded: Whether the record holds a request; such a call costs nothing any more.
+        price: Price of the inner client's model; None if unknown.
+        recorded: Whether a request is on record; such calls are free.
     """
 
     def __init__(
@@ -102,7 +101,7 @@ class BudgetClient:
 
     @property
     def name(self) -> str:
-        """The model's name."""
+        """Model name."""
         return self._inner.name
 
     async def complete(self, request: Request) -> Reply:
@@ -120,7 +119,7 @@ class BudgetClient:
 
 
 def _estimate(request: Request, reply: Reply) -> Usage:
-    """Token counts from text lengths."""
+    """Estimate token counts from text lengths."""
     return Usage(
         prompt=request.estimated_tokens,
         completion=-(-len(reply.text + reply.reasoning) // CHARS_PER_TOKEN),

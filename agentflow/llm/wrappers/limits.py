@@ -1,4 +1,4 @@
-"""Owns how fast one endpoint is asked: calls at once, calls and tokens per minute."""
+"""Rate limits of an endpoint: concurrent calls, calls and tokens per minute."""
 
 from __future__ import annotations
 
@@ -14,67 +14,67 @@ from agentflow.llm.settings import LimitSettings
 
 
 @dataclass
-class _Entry:
-    begun: float
+class _Booking:
+    time_s: float
     amount: int
 
 
-class Window:
-    """A sum over the last period that may not exceed a limit; first come, first served.
+class SlidingWindow:
+    """Limits the sum of amounts within a sliding time window; first come, first served.
 
     Args:
-        limit: Largest sum.
+        limit: Maximum sum.
         period_s: Length of the period in seconds.
     """
 
     def __init__(self, limit: int, period_s: float) -> None:
         self._limit = limit
         self._period_s = period_s
-        self._entries: deque[_Entry] = deque()
+        self._bookings: deque[_Booking] = deque()
         self._sum = 0
         self._turn = asyncio.Lock()
 
-    async def take(self, amount: int) -> _Entry:
-        """Wait until the amount fits, and book it. One larger than the limit waits for all."""
+    async def take(self, amount: int) -> _Booking:
+        """Wait until the amount fits and book it; one above the limit waits for an empty window."""
         async with self._turn:
             while (wait := self._wait_s(amount)) > 0:
                 await asyncio.sleep(wait)
-            entry = _Entry(time.monotonic(), amount)
-            self._entries.append(entry)
+            booking = _Booking(time.monotonic(), amount)
+            self._bookings.append(booking)
             self._sum += amount
-            return entry
+            return booking
 
-    def correct(self, entry: _Entry, amount: int) -> None:
-        """Replace a booked amount by the true one."""
-        if entry.begun > time.monotonic() - self._period_s:
-            self._sum += amount - entry.amount
-            entry.amount = amount
+    def correct(self, booking: _Booking, amount: int) -> None:
+        """Replace a booked amount by the actual one."""
+        if booking.time_s > time.monotonic() - self._period_s:
+            self._sum += amount - booking.amount
+            booking.amount = amount
 
     def _wait_s(self, amount: int) -> float:
         now = time.monotonic()
-        while self._entries and self._entries[0].begun <= now - self._period_s:
-            self._sum -= self._entries.popleft().amount
-        if not self._entries or self._sum + amount <= self._limit:
+        while self._bookings and self._bookings[0].time_s <= now - self._period_s:
+            self._sum -= self._bookings.popleft().amount
+        if not self._bookings or self._sum + amount <= self._limit:
             return 0.0
-        return max(self._entries[0].begun + self._period_s - now, 0.001)
+        return max(self._bookings[0].time_s + self._period_s - now, 0.001)
 
 
 class Limiter:
-    """The limits of one endpoint, shared by all clients that ask it.
+    """Rate limits of one endpoint, shared by all its clients.
 
     Args:
         settings: The limits.
-        period_s: What "per minute" means, in seconds.
+        period_s: Length of "a minute" in seconds, for tests.
     """
 
     def __init__(self, settings: LimitSettings, period_s: float = 60.0) -> None:
         self.slots = asyncio.Semaphore(settings.concurrent) if settings.concurrent else None
-        self.calls = Window(settings.rpm, period_s) if settings.rpm else None
-        self.tokens = Window(settings.tpm, period_s) if settings.tpm else None
+        self.calls = SlidingWindow(settings.rpm, period_s) if settings.rpm else None
+        self.tokens = SlidingWindow(settings.tpm, period_s) if settings.tpm else None
 
 
 class LimitedClient:
-    """Holds calls back until the limits allow them."""
+    """Delays calls until the rate limits allow them."""
 
     def __init__(self, inner: Client, limiter: Limiter) -> None:
         self._inner = inner
@@ -82,7 +82,7 @@ class LimitedClient:
 
     @property
     def name(self) -> str:
-        """The model's name."""
+        """Model name."""
         return self._inner.name
 
     async def complete(self, request: Request) -> Reply:
@@ -105,5 +105,5 @@ class LimitedClient:
 
 
 def _estimate(request: Request) -> int:
-    """Tokens that a call will probably use, before it is made."""
+    """Estimate the tokens that a call will use."""
     return request.estimated_tokens + (request.sampling.max_tokens or 0) + 1

@@ -1,4 +1,4 @@
-"""Owns what tokens cost. No price ships: they change, and a stale one would break a promise."""
+"""Token prices. None are built in, because they would go out of date."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ _MILLION = 1_000_000
 
 
 class Price(BaseModel):
-    """Price of one model per million tokens, in whatever currency the budget is in."""
+    """Prices of one model per million tokens, in the currency of the budget."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     input: float = Field(ge=0)
-    """Of prompt tokens."""
+    """Price of prompt tokens."""
     output: float = Field(ge=0)
-    """Of completion tokens, reasoning included."""
+    """Price of completion tokens, including reasoning."""
     cached: float | None = Field(default=None, ge=0)
-    """Of prompt tokens that the endpoint had cached; None is the price of all others."""
+    """Price of cached prompt tokens; None uses the price of other prompt tokens."""
 
     def of(self, usage: Usage) -> float:
-        """The cost of one call; cached tokens are among the prompt tokens."""
+        """Cost of one call; prompt tokens include cached ones."""
         cached = min(usage.cached, usage.prompt)
         rate = self.input if self.cached is None else self.cached
         spent = (usage.prompt - cached) * self.input + cached * rate
@@ -30,4 +30,4 @@ class Price(BaseModel):
 
 
 FREE = Price(input=0.0, output=0.0)
-"""Of what runs in this process."""
+"""Price of models that run in this process."""

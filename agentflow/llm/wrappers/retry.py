@@ -1,4 +1,4 @@
-"""Owns repetition after failures that may pass: how often, and how long to wait in between."""
+"""Retry calls after temporary failures."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from agentflow.llm.settings import RetrySettings
 
 
 class RetryClient:
-    """Repeats calls that fail with a `TransientFault`; every other error passes at once.
+    """Retries calls that fail with a `TransientFault`; other errors are raised immediately.
 
     Args:
-        inner: The client whose calls are repeated.
-        settings: How often and how long.
-        rng: Draws the jitter; no result depends on it.
-        on_wait: Called before each wait with one line of text.
+        inner: The client whose calls are retried.
+        settings: Number of attempts and waiting times.
+        rng: Random generator for the jitter; does not affect results.
+        on_wait: Called with one line of text before each wait.
     """
 
     def __init__(
@@ -38,29 +38,29 @@ class RetryClient:
 
     @property
     def name(self) -> str:
-        """The model's name."""
+        """Model name."""
         return self._inner.name
 
     async def complete(self, request: Request) -> Reply:
-        """Answer one request; `Reply.retries` counts the repetitions.
+        """Answer one request; `Reply.retries` counts the retries.
 
         Raises:
-            EndpointError: The last attempt failed, or one failed for good.
+            EndpointError: The last attempt failed, or one failed permanently.
         """
         retrying = AsyncRetrying(
             sleep=asyncio.sleep,
             stop=stop_after_attempt(self._settings.attempts),
             wait=self._wait_s,
             retry=retry_if_exception_type(TransientFault),
-            before_sleep=self._announce,
+            before_sleep=self._report_wait,
             reraise=True,
         )
         try:
             reply: Reply = await retrying(self._inner.complete, request)
         except TransientFault as fault:
-            raise fault.given_up(self._settings.attempts) from None
-        repeated = int(retrying.statistics.get("attempt_number", 1)) - 1
-        return reply.model_copy(update={"retries": repeated}) if repeated else reply
+            raise fault.final_error(self._settings.attempts) from None
+        retries = int(retrying.statistics.get("attempt_number", 1)) - 1
+        return reply.model_copy(update={"retries": retries}) if retries else reply
 
     async def aclose(self) -> None:
         """Close the inner client."""
@@ -74,8 +74,8 @@ class RetryClient:
         longest = min(self._settings.cap_s, self._settings.base_s * 2**exponent)
         return self._rng.uniform(0.0, longest)
 
-    def _announce(self, state: RetryCallState) -> None:
+    def _report_wait(self, state: RetryCallState) -> None:
         fault = state.outcome.exception() if state.outcome else None
         wait = state.next_action.sleep if state.next_action else 0.0
         request: Request = state.args[0]
-        self._on_wait(f"{request.label}: {fault}; again in {wait:.1f} s")
+        self._on_wait(f"{request.label}: {fault}; retrying in {wait:.1f} s")

@@ -151,9 +151,9 @@ def test_a_run_keeps_what_the_endpoint_did_and_what_it_cost_but_no_key(
     )
     where = server.base_url
     assert said == [
-        f"designer/traj-1/attempt-1: {where} cannot answer now (429: slow down, ***); "
-        "again in 0.0 s",
-        "the endpoint refuses top_p: left out from now on (top_p is not supported)",
+        f"designer/traj-1/attempt-1: {where} is temporarily unavailable (429: slow down, ***); "
+        "retrying in 0.0 s",
+        "the endpoint does not support top_p: omitted from now on (top_p is not supported)",
     ]
     run = Path(result["run"])
     assert [e.data["text"] for e in read_events(run) if e.kind == "remark"] == said

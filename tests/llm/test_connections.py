@@ -23,7 +23,7 @@ async def test_calls_in_flight_have_a_connection_each_and_leave_it_to_the_next()
             await asyncio.gather(*[client.complete(ask()) for _ in range(100)])
         await client.aclose()
     assert len(server.asked) == 400
-    # 64 lanes are kept between the bursts, the other 36 are opened anew.
+    # 64 connections are kept between the bursts; the other 36 are opened again.
     assert server.connections <= 100 + 3 * 36
 
 
@@ -51,12 +51,14 @@ def test_an_unusable_proxy_or_certificate_of_the_environment_is_named(
     for proxy in ("carrier-pigeon://roof", "http://user:password@roof:attic"):
         with monkeypatch.context() as environment:
             environment.setenv("HTTPS_PROXY", proxy)
-            with pytest.raises(ConfigError, match=r"^the proxy or certificate settings of") as told:
+            with pytest.raises(
+                ConfigError, match=r"^invalid proxy or certificate settings in"
+            ) as told:
                 client_for("https://models.invalid/v1")
             assert "password" not in str(told.value)
     missing.write_text("no certificate")
     monkeypatch.setenv("SSL_CERT_FILE", str(missing))
-    with pytest.raises(ConfigError, match=r"^the proxy or certificate settings of the env"):
+    with pytest.raises(ConfigError, match=r"^invalid proxy or certificate settings in the env"):
         client_for("https://models.invalid/v1")
 
 

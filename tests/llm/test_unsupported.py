@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.llm.endpoint.faults import Refusal, read_refusal
-from agentflow.llm.endpoint.quirks import Quirks
+from agentflow.llm.endpoint.faults import ErrorResponse, read_error_response
+from agentflow.llm.endpoint.unsupported import UnsupportedParameters
 from agentflow.llm.endpoint.wire import request_body
 from agentflow.llm.messages import JsonSchema
 from tests.llm.helpers import ask, client_for
@@ -64,12 +64,12 @@ WORDINGS = [
 @pytest.mark.parametrize(("name", "message", "param"), WORDINGS)
 def test_wordings(name: str, message: str, param: str) -> None:
     warnings: list[str] = []
-    quirks = Quirks(warnings.append)
-    assert quirks.learn(Refusal(400, message, param), FULL, "said")
+    unsupported = UnsupportedParameters(warnings.append)
+    assert unsupported.learn(ErrorResponse(400, message, param), FULL, "said")
     known_as = "response_format json_object" if name == "response_format" else name
-    assert set(quirks.refused) == {known_as}
+    assert set(unsupported.actions) == {known_as}
     assert len(warnings) == 1
-    assert name not in quirks.adapt(FULL)
+    assert name not in unsupported.adapt(FULL)
 
 
 @pytest.mark.parametrize(("name", "message", "param"), WORDINGS)
@@ -100,42 +100,45 @@ async def test_wordings_over_the_network(name: str, message: str, param: str) ->
     ],
 )
 def test_mistakes_of_the_user_are_not_hidden(message: str) -> None:
-    quirks = Quirks(lambda _line: pytest.fail("warned"))
-    assert not quirks.learn(Refusal(400, message), FULL, "")
+    unsupported = UnsupportedParameters(lambda _line: pytest.fail("warned"))
+    assert not unsupported.learn(ErrorResponse(400, message), FULL, "")
 
 
 def test_max_tokens_becomes_max_completion_tokens_then_nothing() -> None:
     warnings: list[str] = []
-    quirks = Quirks(warnings.append)
-    quirks.learn(Refusal(400, "unsupported", "max_tokens"), FULL, "no")
-    adapted = quirks.adapt(FULL)
+    unsupported = UnsupportedParameters(warnings.append)
+    unsupported.learn(ErrorResponse(400, "unsupported", "max_tokens"), FULL, "no")
+    adapted = unsupported.adapt(FULL)
     assert adapted["max_completion_tokens"] == 5
-    quirks.learn(Refusal(422, EXTRA % "max_completion_tokens"), adapted, "no")
-    assert not {"max_tokens", "max_completion_tokens"} & set(quirks.adapt(FULL))
+    unsupported.learn(ErrorResponse(422, EXTRA % "max_completion_tokens"), adapted, "no")
+    assert not {"max_tokens", "max_completion_tokens"} & set(unsupported.adapt(FULL))
     assert warnings == [
-        "the endpoint refuses max_tokens: max_completion_tokens is sent instead from now on (no)",
-        "the endpoint refuses max_completion_tokens: left out from now on (no)",
+        "the endpoint does not support max_tokens: "
+        "replaced by max_completion_tokens from now on (no)",
+        "the endpoint does not support max_completion_tokens: omitted from now on (no)",
     ]
 
 
 def test_without_a_stream_there_are_no_stream_options() -> None:
-    quirks = Quirks(lambda _line: None)
-    quirks.learn(Refusal(400, "unsupported", "stream"), FULL, "")
-    assert not {"stream", "stream_options"} & set(quirks.adapt(FULL))
+    unsupported = UnsupportedParameters(lambda _line: None)
+    unsupported.learn(ErrorResponse(400, "unsupported", "stream"), FULL, "")
+    assert not {"stream", "stream_options"} & set(unsupported.adapt(FULL))
 
 
 def test_a_known_refusal_is_dropped_again_without_a_warning() -> None:
     warnings: list[str] = []
-    quirks = Quirks(warnings.append)
-    refusal = read_refusal(422, {}, b'{"detail": "seed: Extra inputs are not permitted"}')
-    assert quirks.learn(refusal, FULL, "")
-    assert quirks.learn(refusal, FULL, "")
+    unsupported = UnsupportedParameters(warnings.append)
+    refusal = read_error_response(422, {}, b'{"detail": "seed: Extra inputs are not permitted"}')
+    assert unsupported.learn(refusal, FULL, "")
+    assert unsupported.learn(refusal, FULL, "")
     assert len(warnings) == 1
-    assert not quirks.learn(refusal, quirks.adapt(FULL), "")
+    assert not unsupported.learn(refusal, unsupported.adapt(FULL), "")
 
 
 def test_other_statuses_teach_nothing() -> None:
-    assert not Quirks(lambda _line: None).learn(Refusal(500, "unsupported", "seed"), FULL, "")
+    assert not UnsupportedParameters(lambda _line: None).learn(
+        ErrorResponse(500, "unsupported", "seed"), FULL, ""
+    )
 
 
 def test_a_schema_becomes_an_object_then_nothing() -> None:
@@ -146,23 +149,25 @@ def test_a_schema_becomes_an_object_then_nothing() -> None:
         "json_schema": {"name": "reply", "schema": {"type": "object"}},
     }
     warnings: list[str] = []
-    quirks = Quirks(warnings.append)
+    unsupported = UnsupportedParameters(warnings.append)
     said = "This response_format type is unavailable now"
-    assert quirks.learn(Refusal(400, said), body, "no")
-    adapted = quirks.adapt(body)
+    assert unsupported.learn(ErrorResponse(400, said), body, "no")
+    adapted = unsupported.adapt(body)
     assert adapted["response_format"] == {"type": "json_object"}
-    assert quirks.learn(Refusal(400, said), adapted, "no")
-    assert "response_format" not in quirks.adapt(body)
+    assert unsupported.learn(ErrorResponse(400, said), adapted, "no")
+    assert "response_format" not in unsupported.adapt(body)
     assert warnings == [
-        "the endpoint refuses response_format json_schema: json_object is sent instead "
+        "the endpoint does not support response_format json_schema: replaced by json_object "
         "from now on (no)",
-        "the endpoint refuses response_format json_object: left out from now on (no)",
+        "the endpoint does not support response_format json_object: omitted from now on (no)",
     ]
 
 
 def test_who_refuses_an_object_may_still_take_a_schema() -> None:
-    quirks = Quirks(lambda _line: None)
-    assert quirks.learn(Refusal(400, "'response_format.type' must be 'json_schema'"), FULL, "")
-    assert "response_format" not in quirks.adapt(FULL)
+    unsupported = UnsupportedParameters(lambda _line: None)
+    assert unsupported.learn(
+        ErrorResponse(400, "'response_format.type' must be 'json_schema'"), FULL, ""
+    )
+    assert "response_format" not in unsupported.adapt(FULL)
     body = request_body(ask(response_format=JsonSchema(name="x", content={})), "m")
-    assert quirks.adapt(body)["response_format"] == body["response_format"]
+    assert unsupported.adapt(body)["response_format"] == body["response_format"]

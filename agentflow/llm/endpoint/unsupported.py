@@ -1,0 +1,121 @@
+"""Learn which parameters an endpoint does not support from its error messages.
+
+Wordings differ between vendors; the patterns here come from public bug reports.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+
+from agentflow.llm.endpoint.faults import ErrorResponse
+
+_OPTIONAL = (
+    "max_completion_tokens",
+    "max_tokens",
+    "temperature",
+    "top_p",
+    "seed",
+    "stop",
+    "response_format",
+    "stream_options",
+    "stream",
+)
+"""Parameters that can be omitted, more specific names first."""
+_UNSUPPORTED = re.compile(
+    r"(?i)unsupported|not\s+support|n't\s+support|not\s+(?:been\s+)?(?:permitted|allowed|"
+    r"implemented|available|accepted|compatible)|extra[_ ](?:inputs|fields|forbidden)|"
+    r"unrecogni[sz]ed|unknown|unexpected|deprecated|only the default|only \S+ is (?:supported|"
+    r"allowed)|cannot both be|no longer|must be verified to|does not (?:accept|allow|permit|take)"
+)
+_EITHER_OR = re.compile(r"(?i)cannot both be|only one of|use only one|not both")
+_STATUSES = (400, 415, 422, 501)
+_SUBSTITUTES = {"max_tokens": "max_completion_tokens", "json_schema": "json_object"}
+"""What to send instead of an unsupported parameter or response format."""
+
+
+class UnsupportedParameters:
+    """Parameters that one endpoint does not support; one object per endpoint and run.
+
+    Args:
+        warn: Called with one line of text, once per unsupported parameter.
+    """
+
+    def __init__(self, warn: Callable[[str], None]) -> None:
+        self._warn = warn
+        self.actions: dict[str, str] = {}
+        """Unsupported parameter -> what is done instead."""
+
+    def adapt(self, body: Mapping[str, object]) -> dict[str, object]:
+        """Copy a request body without the parameters known to be unsupported."""
+        adapted = dict(body)
+        if "max_tokens" in self.actions and "max_tokens" in adapted:
+            adapted["max_completion_tokens"] = adapted["max_tokens"]
+        for name in self.actions:
+            adapted.pop(name, None)
+        if "response_format" in adapted:
+            form = self._supported_format(adapted.pop("response_format"))
+            adapted |= {"response_format": form} if form else {}
+        if "stream" not in adapted:
+            adapted.pop("stream_options", None)
+        return adapted
+
+    def learn(self, response: ErrorResponse, sent: Mapping[str, object], message: str) -> bool:
+        """Learn from an error response; whether to retry with the adapted body.
+
+        Args:
+            response: The error response.
+            sent: The rejected body.
+            message: The server's message without secrets, for the warning.
+        """
+        name = _unsupported_parameter(response, sent)
+        if name is None:
+            return False
+        substitute = _SUBSTITUTES.get(name)
+        if name == "response_format":
+            kind = _format_type(sent[name])
+            name, substitute = f"{name} {kind}", _SUBSTITUTES.get(kind)
+        if name not in self.actions:
+            action = f"replaced by {substitute}" if substitute else "omitted"
+            self.actions[name] = action
+            self._warn(f"the endpoint does not support {name}: {action} from now on ({message})")
+        return True
+
+    def _supported_format(self, wanted: object) -> object:
+        """The wanted response format or its next supported substitute; None without any."""
+        kind: str | None = _format_type(wanted)
+        while kind and f"response_format {kind}" in self.actions:
+            kind = _SUBSTITUTES.get(kind)
+            wanted = {"type": kind} if kind else None
+        return wanted
+
+
+def _format_type(form: object) -> str:
+    return str(form["type"]) if isinstance(form, Mapping) else ""
+
+
+def _unsupported_parameter(response: ErrorResponse, sent: Mapping[str, object]) -> str | None:
+    if response.status not in _STATUSES:
+        return None
+    named = [name for name in _OPTIONAL if name in sent and _is_named(name, response)]
+    if "response_format" in named:
+        return "response_format"  # for any message: the request also works without it
+    words = f"{response.message} {response.code}".replace("_", " ")
+    if not named or not _UNSUPPORTED.search(words):
+        return None
+    if "top_p" in named and "temperature" in named and _EITHER_OR.search(response.message):
+        return "top_p"
+    field = response.param.split(".")[0]
+    if field in named:
+        return field
+    return min(named, key=lambda name: _position(name, response.message))
+
+
+def _is_named(name: str, response: ErrorResponse) -> bool:
+    return response.param.split(".")[0] == name or _position(name, response.message) >= 0
+
+
+def _position(name: str, message: str) -> int:
+    """Index of a parameter's name as a whole word in a message; -1 if absent."""
+    found = re.search(rf"(?<![\w-]){name}(?![\w-])", message)
+    return found.start() if found else -1
