@@ -1,7 +1,7 @@
 """The machine language: construction trees, geometry, validity, edits, descriptions.
 
-Pure Python and NumPy. Never imports an engine or a model, so a machine can be read, checked and
-edited in well under a millisecond.
+Needs no physics engine and no model: reading, checking or editing a machine takes well under a
+millisecond.
 """
 
 from agentflow.machine.blocks.library import Library, library

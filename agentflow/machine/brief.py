@@ -1,7 +1,6 @@
-"""Owns the brief: what a task asks and allows, as plain data.
+"""Briefs: what a task asks and allows, as plain data.
 
-Written by the tasks, read by validity (what is legal) and by the prompts (what is told), so that
-neither needs to know what a task is.
+Tasks write them; validity checks and prompts read them without knowing about tasks.
 """
 
 from __future__ import annotations
@@ -13,28 +12,28 @@ from agentflow.machine.tree import ROOT, Machine
 
 LONE_ROOT = Machine((ROOT,))
 SIZE_LIMIT = (17.0, 9.5, 17.0)
-"""Building volume, x, y, z in metres (spec 1.5); the limit itself is legal."""
+"""Building volume, x, y, z in metres, inclusive."""
 
 
 @dataclass(frozen=True)
 class Brief:
-    """A task as its designers see it. Every sentence is complete and stands for itself."""
+    """A task as its designers see it. Sentences are complete and self-contained."""
 
     name: str
-    """Family and level, "throwing" or "throwing/3"."""
+    """Family, or family and level: "throwing" or "throwing/3"."""
     objective: str
     """One sentence: what the machine must do."""
     scene: tuple[str, ...]
-    """Sentences on ground, walls, wind and objects, with numbers in metres."""
+    """Sentences about ground, walls, wind and objects, in metres."""
     schedule: tuple[str, ...]
-    """Sentences on what is switched on when (seconds since t = 0)."""
+    """Sentences about what is switched on when, in seconds since t = 0."""
     score: tuple[str, ...]
-    """Sentences on how the score is counted, with its unit."""
+    """Sentences about how the score is computed, with its unit."""
     blocks: tuple[int, ...]
     """Allowed block types, ascending."""
     required: Mapping[int, int] = field(default_factory=dict)
-    """Block type -> exact number that a complete machine must have."""
+    """Block type -> exact number of such blocks in a complete machine."""
     size_limit: tuple[float, float, float] = SIZE_LIMIT
-    """Largest extent of the machine along x, y, z in metres."""
+    """Maximum extent of the machine along x, y, z in metres."""
     given: Machine = LONE_ROOT
-    """What every machine begins with, unchanged; the block list does not bind it."""
+    """The unchanged beginning of every machine; may use types that `blocks` does not allow."""

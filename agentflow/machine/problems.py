@@ -1,7 +1,4 @@
-"""Owns the problem: one thing that is wrong with a machine, and the words it is told in.
-
-Finding problems is parse.py's (the file) and validity.py's (space and task).
-"""
+"""Problems of machines, and the wording of the messages that several modules share."""
 
 from __future__ import annotations
 
@@ -19,9 +16,9 @@ class Problem:
     code: str
     """Machine-readable kind, for counting: overlap, face_not_found, ..."""
     blocks: tuple[int, ...]
-    """Ids of the blocks concerned (places in the list where ids are wrong), ascending."""
+    """Ids of the blocks concerned, ascending; list indices if the ids are wrong."""
     message: str
-    """One plain sentence with the offending values that a model can act on."""
+    """One sentence, with the offending values, that a model can act on."""
 
     def to_json(self) -> dict[str, object]:
         """The problem as JSON data."""
@@ -34,32 +31,32 @@ _short.maxlevel = 2
 
 
 def short_repr(value: object) -> str:
-    """Any value in a few characters, for messages."""
+    """Any value, abbreviated for messages."""
     if isinstance(value, int) and abs(value) >= 10**12:
         return "a very large number"
     return _short.repr(value)
 
 
 def comma_list(items: Iterable[object]) -> str:
-    """Items with commas between them; "none" if there are none."""
+    """Items separated by commas; "none" if there are none."""
     return ", ".join(str(item) for item in items) or "none"
 
 
 def block_label(block_id: int, block_type: int) -> str:
-    """A block as messages show it: "block 7 (Log)"."""
+    """A block in messages: "block 7 (Log)"."""
     return f"block {block_id} ({library()[block_type].name})"
 
 
 def type_problem(kind: int, allowed: Collection[int], *, two_ended: bool) -> tuple[str, str] | None:
-    """Code and sentence if a block other than the root may not be of this type; None if it may.
+    """Code and message if a block other than the root may not have this type; None if it may.
 
     Args:
-        kind: the type id as written.
+        kind: type id as written.
         allowed: type ids that the task allows.
         two_ended: whether the block is written with two parents.
     """
     if kind == STARTING_BLOCK:
-        return "starting_block", "type 0 is the Starting Block; a machine has one, its first block"
+        return "starting_block", "type 0 is the Starting Block; only the first block may have it"
     if kind not in library():
         near = comma_list(library().nearest(kind)[:3])
         return "unknown_type", f"type {short_repr(kind)} is unknown; the nearest types are {near}"
@@ -68,26 +65,24 @@ def type_problem(kind: int, allowed: Collection[int], *, two_ended: bool) -> tup
         types = comma_list(kind for kind in sorted(allowed) if kind != STARTING_BLOCK)
         return "type_not_allowed", f"type {block.label} is not allowed here; allowed types: {types}"
     if block.linear and not two_ended:
-        return (
-            "two_ended",
-            f"type {block.label} is two-ended: it needs two parents, each with a face",
-        )
+        return "two_ended", f"type {block.label} is two-ended; give two parents, each with a face"
     if two_ended and not block.linear:
-        return "two_ended", f"type {block.label} is not two-ended: it has one parent and one face"
+        return "two_ended", f"type {block.label} is not two-ended; give one parent and one face"
     return None
 
 
 def face_problem(block_id: int, block_type: int, face_id: int) -> str | None:
-    """A sentence if the block has no such face; None if it has, or if its type is unknown."""
+    """Message if nothing can be attached to this face; None if it is fine or the type unknown."""
     if block_type not in library():
         return None
     kind = library()[block_type]
     count = len(kind.faces)
     if 0 <= face_id < count:
-        closed = face_id in kind.closed
+        if face_id not in kind.closed:
+            return None
         place = f"face {face_id} of {block_label(block_id, block_type)}"
-        return f"{place} lies over a hole, nothing can be attached to it" if closed else None
+        return f"{place} is over a hole; nothing can be attached to it"
     if count == 0:
-        return f"{block_label(block_id, block_type)} has no faces, nothing can be attached to it"
+        return f"{block_label(block_id, block_type)} has no faces; nothing can be attached to it"
     faces = "its only face is 0" if count == 1 else f"its faces are 0 to {count - 1}"
     return f"{block_label(block_id, block_type)} has no face {short_repr(face_id)}; {faces}"

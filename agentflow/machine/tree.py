@@ -1,7 +1,4 @@
-"""Owns the construction tree: the ordered steps that make a machine, and their JSON form.
-
-Reading model text is parse.py's; whether a tree makes sense is validity.py's.
-"""
+"""Construction trees: the ordered steps that build a machine, and their JSON form."""
 
 from __future__ import annotations
 
@@ -16,8 +13,8 @@ from functools import cached_property
 class Step:
     """One block and what it is attached to.
 
-    A standard block hangs on one face of one parent. A two-ended block (brace, spring, winch) has
-    a second end: `parent_b` and `face_id_b` are then set. The root has parent -1 and face -1.
+    A standard block is attached to one face of one parent. A two-ended block (brace, spring, winch)
+    also sets `parent_b` and `face_id_b` for its second end. The root has parent -1 and face -1.
     """
 
     id: int
@@ -29,18 +26,18 @@ class Step:
 
     @property
     def two_ended(self) -> bool:
-        """Whether the step names two parents."""
+        """Whether the block has two parents."""
         return self.parent_b is not None
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """Ids of the blocks it hangs on; () for the root."""
+        """Ids of the blocks it is attached to; () for the root."""
         if self.parent_b is not None:
             return (self.parent, self.parent_b)
         return (self.parent,) if self.parent >= 0 else ()
 
     def to_json(self) -> dict[str, int]:
-        """The step in the notation that models read and write."""
+        """The step in the JSON form that models read and write."""
         if self.parent_b is None or self.face_id_b is None:
             return {
                 "type": self.type,
@@ -63,7 +60,7 @@ ROOT = Step(id=0, type=0, parent=-1, face_id=-1)
 
 @dataclass(frozen=True)
 class Machine:
-    """A file-valid construction tree: `steps[i].id == i`, parents come before children."""
+    """A file-valid construction tree: `steps[i].id == i`, and parents precede children."""
 
     steps: tuple[Step, ...]
 
@@ -91,15 +88,15 @@ class Machine:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def count(self, block_type: int) -> int:
-        """How many blocks of this type the machine has."""
+        """Number of blocks of this type."""
         return sum(step.type == block_type for step in self.steps)
 
 
 def renumber(steps: Iterable[Step]) -> tuple[Machine, dict[int, int]]:
-    """Steps whose ids have gaps, in their order, as a machine; and old id -> new id."""
+    """Close gaps in the ids of steps; return the machine and the map from old to new ids."""
     kept = tuple(steps)
     ids = {step.id: index for index, step in enumerate(kept)}
-    counted = (
+    new = (
         Step(
             ids[step.id],
             step.type,
@@ -110,4 +107,4 @@ def renumber(steps: Iterable[Step]) -> tuple[Machine, dict[int, int]]:
         )
         for step in kept
     )
-    return Machine(tuple(counted)), ids
+    return Machine(tuple(new)), ids

@@ -1,7 +1,4 @@
-"""Owns the verdict on a machine: file, space and task validity, with every problem named.
-
-Reading is parse.py's, placing geometry.py's; this module judges and words.
-"""
+"""Validity of machines: file, space and task, with a problem for everything that is wrong."""
 
 from __future__ import annotations
 
@@ -32,42 +29,42 @@ __all__ = [
 ]
 
 MAX_FACES = 24
-"""Most free faces that are listed; plates have hundreds."""
-MAX_OVERLAP_SENTENCES = 200
-"""Most overlaps that get a problem of their own; all of them are in `Report.overlaps`."""
+"""Maximum number of free faces to list; plates have hundreds."""
+MAX_OVERLAP_PROBLEMS = 200
+"""Maximum number of overlaps reported as problems; `Report.overlaps` has them all."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """The verdict on one machine."""
+    """The validity of one machine."""
 
     file_valid: bool
     spatial_valid: bool | None
-    """None when not file-valid."""
+    """None if not file-valid."""
     machine_valid: bool
     """File-valid and spatially valid."""
     repaired: bool
     """Whether the JSON had to be repaired."""
     problems: tuple[Problem, ...]
-    """Every problem: of the file, of space, and of the task (`required_count`)."""
+    """All problems: of the file, of space, and of the task (`required_count`)."""
     overlaps: tuple[tuple[int, int], ...] = ()
-    """Sorted id pairs whose boxes intersect."""
+    """Sorted id pairs of blocks whose boxes intersect."""
     size: Vec3 | None = None
-    """Extent along x, y, z in metres; None when not file-valid."""
+    """Extent along x, y, z in metres; None if not file-valid."""
     task_valid: bool = False
-    """Machine-valid and as the task demands; the same as `machine_valid` without a task."""
+    """Machine-valid and meets the task's demands; equals `machine_valid` without a task."""
     machine: Machine | None = None
-    """The machine that was judged; None when not file-valid."""
+    """The machine that was checked; None if not file-valid."""
     notes: tuple[str, ...] = ()
-    """What the reader passed over without harm."""
+    """Harmless irregularities that the reader tolerated."""
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """What makes no machine invalid, but hardly anybody wants: joints that cannot move."""
+        """Joints that cannot move: legal, but hardly ever intended."""
         return () if self.machine is None else tuple(locked_joints(place(self.machine)))
 
     def to_json(self) -> dict[str, object]:
-        """The report as JSON data with exactly the keys of spec 1.12."""
+        """The report as JSON data; notes, warnings and the machine are left out."""
         return {
             "file_valid": self.file_valid,
             "spatial_valid": self.spatial_valid,
@@ -82,13 +79,13 @@ class Report:
 def check(
     source: Machine | Reading | LocatedMachine | str | Sequence[object], brief: Brief | None = None
 ) -> Report:
-    """Judge a machine, a reading, any text, or JSON data. Never raises (spec 1.5).
+    """Check a machine, a reading, text, or JSON data. Never raises.
 
     Args:
-        source: what to judge. What was read was read under the task's block list already; text
-            and data are read as a construction tree.
-        brief: the task, for its block list, size limit and required blocks; without one the core
-            types and the standard building volume.
+        source: what to check. Text and JSON data are read as a construction tree; a reading must
+            have been made with the task's block list.
+        brief: the task, for its block list, size limit and required blocks; the core types and
+            the standard building volume if None.
     """
     if isinstance(source, LocatedMachine):
         return _check_located(source, brief)
@@ -107,7 +104,7 @@ def check(
 
 
 def _check_located(located: LocatedMachine, brief: Brief | None) -> Report:
-    """Judge what was read from positions; blocks that hang on nothing are spatially invalid."""
+    """Check blocks read from positions; unattached blocks are spatially invalid."""
     if located.problems:
         problems = (*located.problems, *located.loose)
         return Report(False, None, False, located.repaired, problems, notes=located.notes)
@@ -117,7 +114,7 @@ def _check_located(located: LocatedMachine, brief: Brief | None) -> Report:
 
 
 def _check_space(geometry: Geometry, loose: tuple[Problem, ...], brief: Brief | None) -> Report:
-    """The verdict on file-valid blocks, whose ids may have gaps where some are loose."""
+    """Check file-valid blocks, whose ids have gaps if some are loose."""
     limit = SIZE_LIMIT if brief is None else brief.size_limit
     spatial = (*loose, *spatial_problems(geometry, limit))
     demanded = () if brief is None else tuple(task_problems(geometry, brief))
@@ -134,13 +131,13 @@ def _check_space(geometry: Geometry, loose: tuple[Problem, ...], brief: Brief | 
 
 
 def task_problems(geometry: Geometry, brief: Brief) -> list[Problem]:
-    """What a complete machine lacks or has too much of for the task (`required_count`)."""
+    """Block types with more or fewer blocks than the task requires (`required_count`)."""
     problems = []
     for kind, count in brief.required.items():
         found = tuple(placed.id for placed in geometry.blocks if placed.type == kind)
         if len(found) != count:
             need = f"exactly {count} block{'' if count == 1 else 's'} of type"
-            message = f"the task demands {need} {library()[kind].label}; this has {len(found)}"
+            message = f"the task requires {need} {library()[kind].label}; there are {len(found)}"
             problems.append(Problem("required_count", found, message))
     return problems
 
@@ -148,11 +145,11 @@ def task_problems(geometry: Geometry, brief: Brief) -> list[Problem]:
 def spatial_problems(
     geometry: Geometry, size_limit: tuple[float, float, float] = SIZE_LIMIT
 ) -> list[Problem]:
-    """Everything that keeps a file-valid machine from being spatially valid (spec 1.5)."""
+    """Everything that makes a file-valid machine spatially invalid."""
     problems = _shared_faces(geometry)
-    for a, b in geometry.overlaps[:MAX_OVERLAP_SENTENCES]:
+    for a, b in geometry.overlaps[:MAX_OVERLAP_PROBLEMS]:
         problems.append(Problem("overlap", (a, b), overlap_message(geometry, a, b)))
-    left = len(geometry.overlaps) - MAX_OVERLAP_SENTENCES
+    left = len(geometry.overlaps) - MAX_OVERLAP_PROBLEMS
     if left > 0:
         problems.append(Problem("overlap", (), f"{left} more pairs of blocks overlap"))
     return problems + size_problems(geometry, size_limit)
@@ -169,8 +166,8 @@ def _shared_faces(geometry: Geometry) -> list[Problem]:
         if count > 1:
             sharing = tuple(child for at, child in geometry.children_by_face(parent) if at == face)
             message = (
-                f"blocks {comma_list(sharing)} hang on the same face {face} of "
-                f"{block_label(parent, geometry[parent].type)}; a face carries one; "
+                f"blocks {comma_list(sharing)} share face {face} of "
+                f"{block_label(parent, geometry[parent].type)}; a face holds only one; "
                 f"{_free(geometry, parent)}"
             )
             problems.append(Problem("face_occupied", sharing, message))
@@ -178,7 +175,7 @@ def _shared_faces(geometry: Geometry) -> list[Problem]:
 
 
 def overlap_message(geometry: Geometry, a: int, b: int) -> str:
-    """By how much two blocks overlap, and which faces the later one's parent still has free."""
+    """How far two blocks overlap, and which faces of the later one's parent are free."""
     first, second = geometry[a], geometry[b]
     depth = " x ".join(str(extent) for extent in overlap_of(first, second))
     later, other = (second, first) if b > a else (first, second)
@@ -197,10 +194,7 @@ def _free(geometry: Geometry, block_id: int) -> str:
 def size_problems(
     geometry: Geometry, size_limit: tuple[float, float, float] = SIZE_LIMIT
 ) -> list[Problem]:
-    """One problem per axis along which the machine is larger than the building volume.
-
-    A plate does not count.
-    """
+    """One problem per axis along which the machine, without plates, exceeds the size limit."""
     boxed = [
         placed
         for placed in geometry.blocks
@@ -219,7 +213,7 @@ def size_problems(
         name = "xyz"[axis]
         message = (
             f"the machine is {extent} m along {name}, {round(extent - limit, 3)} m over the limit "
-            f"of {limit} m; {block_label(last.id, last.type)} reaches furthest to {name}- and "
+            f"of {limit} m; {block_label(last.id, last.type)} extends furthest to {name}- and "
             f"{block_label(first.id, first.type)} to {name}+"
         )
         problems.append(Problem("size_limit", tuple(sorted({last.id, first.id})), message))

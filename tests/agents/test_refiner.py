@@ -66,8 +66,8 @@ def test_required_blocks_stay() -> None:
     parsed = Refiner().parse(_reply("Remove 6"), given_)
     assert (parsed.output, parsed.code) == (None, "required_count")
     assert parsed.problem == (
-        "The machine is not valid:\n- the task demands exactly 1 block of type 36 (Boulder); "
-        "this has 0"
+        "The machine is not valid:\n- the task requires exactly 1 block of type 36 (Boulder); "
+        "there are 0"
     )
 
 

@@ -155,7 +155,11 @@ WRONG = [
     ([ROOT, 5], "not_an_object", "item 1 of the list is 5; expected an object with type, "),
     ([ROOT, {**LOG, "type": 64}], "unknown_type", "block 1: type 64 is unknown; the nearest "),
     ([ROOT, {**LOG, "type": 26}], "type_not_allowed", "block 1: type 26 (Propeller) is not all"),
-    ([ROOT, ROOT], "starting_block", "block 1: type 0 is the Starting Block; a machine has one"),
+    (
+        [ROOT, ROOT],
+        "starting_block",
+        "block 1: type 0 is the Starting Block; only the first block may have it",
+    ),
     ([ROOT, {"type": 1}], "missing_field", "block 1 has no 'Position'"),
     (
         [ROOT, {**LOG, "Position": [0, 1]}],

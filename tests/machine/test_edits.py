@@ -81,7 +81,7 @@ def test_all_or_nothing() -> None:
     assert outcome.steps == (
         StepVerdict("Remove 3", "Success"),
         StepVerdict(
-            "Remove 3", "Error", "block_removed", "block 3 is removed earlier in this script"
+            "Remove 3", "Error", "block_removed", "block 3 was removed earlier in this script"
         ),
         StepVerdict("Remove 4", "Unverified"),
         StepVerdict("nonsense", "Unverified"),
@@ -127,7 +127,7 @@ FACES_0 = "free faces of block 0"
         (
             "Add 9 to 0 in 0 to 13 in 0",
             "face_not_found",
-            "block 13 (Boulder) has no faces, nothing can be attached to it",
+            "block 13 (Boulder) has no faces; nothing can be attached to it",
         ),
         (
             "Add 15 to 14 in 0",
@@ -142,7 +142,7 @@ FACES_0 = "free faces of block 0"
         (
             "Add 15 to 0 in 4\nAdd 15 to 14 in 0",
             "parent_not_found",
-            "block 14 is added by this script and cannot be used as a parent in it",
+            "block 14 is added by this script; it cannot be used as a parent in the same script",
         ),
         (
             "Remove 14",
@@ -152,44 +152,44 @@ FACES_0 = "free faces of block 0"
         (
             "Add 15 to 0 in 4\nRemove 14",
             "block_not_found",
-            "block 14 is added by this script and cannot be removed in it",
+            "block 14 is added by this script; it cannot be removed in the same script",
         ),
         (
             "Add 15 to 0 in 4\nMove 14 to 0 in 5",
             "block_not_found",
-            "block 14 is added by this script and cannot be moved in it",
+            "block 14 is added by this script; it cannot be moved in the same script",
         ),
         (
             "Remove 9\nAdd 15 to 9 in 0",
             "parent_removed",
-            "block 9 is removed earlier in this script",
+            "block 9 was removed earlier in this script",
         ),
         (
             "Remove 9\nMove 9 to 0 in 4",
             "block_removed",
-            "block 9 is removed earlier in this script",
+            "block 9 was removed earlier in this script",
         ),
         (
             "Remove 8",
             "has_children",
-            "block 8 (Wooden Block) carries 9, 10; what a block carries must be removed first",
+            "block 8 (Wooden Block) still carries 9, 10; remove the blocks it carries first",
         ),
         (
             "Add 9 to 9 in 0 to 0 in 4\nRemove 9",
             "has_children",
-            "block 9 (Small Wooden Block) carries 14; what a block carries must be removed first",
+            "block 9 (Small Wooden Block) still carries 14; remove the blocks it carries first",
         ),
         (
             "Move 3 to 9 in 0",
             "parent_not_earlier",
-            "new parent 9 is not earlier than block 3; a parent has a smaller id",
+            "new parent 9 does not come before block 3; a parent must have a smaller id",
         ),
         (
             "Move 10 to 10 in 0",
             "parent_not_earlier",
-            "new parent 10 is not earlier than block 10; a parent has a smaller id",
+            "new parent 10 does not come before block 10; a parent must have a smaller id",
         ),
-        ("Move 3 to 0 in 0", "no_change", "block 3 already hangs on face 0 of block 0"),
+        ("Move 3 to 0 in 0", "no_change", "block 3 is already on face 0 of block 0"),
         (
             "Remove 0",
             "starting_block",
@@ -203,7 +203,7 @@ FACES_0 = "free faces of block 0"
         (
             "Add 0 to 0 in 4",
             "starting_block",
-            "type 0 is the Starting Block; a machine has one, its first block",
+            "type 0 is the Starting Block; only the first block may have it",
         ),
         (
             "Add 100 to 0 in 4",
@@ -214,12 +214,12 @@ FACES_0 = "free faces of block 0"
         (
             "Add 9 to 0 in 4",
             "two_ended",
-            "type 9 (Spring) is two-ended: it needs two parents, each with a face",
+            "type 9 (Spring) is two-ended; give two parents, each with a face",
         ),
         (
             "Add 15 to 0 in 4 to 1 in 5",
             "two_ended",
-            "type 15 (Small Wooden Block) is not two-ended: it has one parent and one face",
+            "type 15 (Small Wooden Block) is not two-ended; give one parent and one face",
         ),
         (
             "Add 63 to 5 in 3",
@@ -237,7 +237,7 @@ FACES_0 = "free faces of block 0"
             "Remove 9\nAdd 35 to 3 in 7",
             "size_limit",
             "with Ballast as new block 14: the machine is 9.9 m along y, 0.4 m over the limit "
-            "of 9.5 m; block 14 (Ballast) reaches furthest to y- and block 13 (Boulder) to y+",
+            "of 9.5 m; block 14 (Ballast) extends furthest to y- and block 13 (Boulder) to y+",
         ),
     ],
 )
@@ -259,14 +259,14 @@ def test_a_line_that_is_no_command_is_an_error(line: str) -> None:
 def test_a_script_without_commands_is_an_error(script: str) -> None:
     code, reason = failure(CATAPULT, script)
     assert code == "bad_format"
-    assert reason.startswith("the script has no command; the commands are: Add [type]")
+    assert reason.startswith("the script has no commands; the commands are: Add [type]")
 
 
 def test_two_ended_blocks_cannot_be_moved() -> None:
     machine = build((1, 0, 0), (9, 0, 4, 1, 5))
     assert failure(machine, "Move 2 to 0 in 1") == (
         "two_ended",
-        "block 2 (Spring) is two-ended and cannot be moved; remove it and add another one",
+        "block 2 (Spring) is two-ended and cannot be moved; remove it and add a new one",
     )
 
 

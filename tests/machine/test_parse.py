@@ -150,7 +150,7 @@ def test_two_ended_blocks() -> None:
             (
                 "starting_block",
                 (1,),
-                "block 1: type 0 is the Starting Block; a machine has one, its first block",
+                "block 1: type 0 is the Starting Block; only the first block may have it",
             ),
         ),
         (
@@ -216,7 +216,7 @@ def test_two_ended_blocks() -> None:
             (
                 "face_not_found",
                 (2,),
-                "block 2: block 1 (Boulder) has no faces, nothing can be attached to it",
+                "block 2: block 1 (Boulder) has no faces; nothing can be attached to it",
             ),
         ),
         (
@@ -224,7 +224,7 @@ def test_two_ended_blocks() -> None:
             (
                 "two_ended",
                 (1,),
-                "block 1: type 7 (Brace) is two-ended: it needs two parents, each with a face",
+                "block 1: type 7 (Brace) is two-ended; give two parents, each with a face",
             ),
         ),
         (
@@ -242,7 +242,7 @@ def test_two_ended_blocks() -> None:
             (
                 "two_ended",
                 (1,),
-                "block 1: type 1 (Wooden Block) is not two-ended: it has one parent and one face",
+                "block 1: type 1 (Wooden Block) is not two-ended; give one parent and one face",
             ),
         ),
     ],

@@ -58,7 +58,7 @@ def test_nothing_can_be_attached_over_a_hole() -> None:
     closed = min(PIERCED.closed)
     report = check(Machine((Step(0, PIERCED.type, -1, -1), Step(1, 15, 0, closed))))
     assert [problem.message for problem in report.problems] == [
-        f"block 1: face {closed} of block 0 (Plate) lies over a hole, nothing can be attached to it"
+        f"block 1: face {closed} of block 0 (Plate) is over a hole; nothing can be attached to it"
     ]
     assert closed not in place(Machine((Step(0, PIERCED.type, -1, -1),))).free_faces(0)
 

@@ -52,7 +52,9 @@ def test_sizes_are_drawn_from_the_whole_range() -> None:
     ],
 )
 def test_what_cannot_be_built_is_an_error(task: Brief, size: tuple[int, int]) -> None:
-    with pytest.raises(UsageError, match=f"no machine of {size[0]} to {size[1]} blocks was found"):
+    with pytest.raises(
+        UsageError, match=f"found no valid machine of {size[0]} to {size[1]} blocks"
+    ):
         random_machine(Random(0), task, size)
 
 
@@ -166,7 +168,7 @@ def test_edits_keep_what_the_task_requires() -> None:
 
 
 def test_no_legal_edit_is_an_error() -> None:
-    with pytest.raises(UsageError, match="no edit of this machine is legal"):
+    with pytest.raises(UsageError, match="this machine has no legal edit"):
         random_edit(Machine((ROOT,)), Random(0), brief())
 
 

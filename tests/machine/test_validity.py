@@ -71,7 +71,7 @@ def test_two_blocks_on_one_face_are_a_problem_of_its_own() -> None:
     codes = [problem[0] for problem in problems(build((15, 0, 0), (15, 0, 0)))]
     assert codes == ["face_occupied", "overlap"]
     assert problems(build((15, 0, 0), (15, 0, 0)))[0][2] == (
-        "blocks 1, 2 hang on the same face 0 of block 0 (Starting Block); a face carries one; "
+        "blocks 1, 2 share face 0 of block 0 (Starting Block); a face holds only one; "
         "free faces of block 0: 1, 2, 3, 4, 5"
     )
 
@@ -112,7 +112,7 @@ def test_the_exact_limit_is_legal(axis: str, first: int, second: int, limit: flo
             "size_limit",
             (3, 7),
             f"the machine is 17.2 m along {axis}, 0.2 m over the limit of 17.0 m; "
-            f"block 7 (Elastic Pad) reaches furthest to {axis}- and block 3 (Log) to {axis}+",
+            f"block 7 (Elastic Pad) extends furthest to {axis}- and block 3 (Log) to {axis}+",
         )
     ]
 
@@ -138,7 +138,7 @@ def test_task_validity_is_told_apart() -> None:
         {
             "code": "required_count",
             "blocks": [],
-            "message": "the task demands exactly 1 block of type 36 (Boulder); this has 0",
+            "message": "the task requires exactly 1 block of type 36 (Boulder); there are 0",
         }
     ]
     assert check(build((36, 0, 0)), BRIEF).task_valid

@@ -120,7 +120,7 @@ async def test_golden_record() -> None:
     assert candidates["blind_refinement/traj-2"]["reason"] == "ended in an earlier stage"
     assert candidates["blind_refinement/traj-3"]["reason"] == (
         "The machine is not valid:\n"
-        "- the task demands exactly 1 block of type 2 (Powered Wheel); this has 0"
+        "- the task requires exactly 1 block of type 2 (Powered Wheel); there are 0"
     )
     assert set(notes.of("evaluation")) == {
         "initial/traj-1",

@@ -1,7 +1,4 @@
-"""Owns the 3D information: what models are told about a machine's geometry (spec 1.7).
-
-The numbers come from frame.py and balance.py, the hierarchy from treetext.py.
-"""
+"""3D information: a machine's geometry as JSON data, and as text for models."""
 
 from __future__ import annotations
 
@@ -32,16 +29,16 @@ __all__ = [
 ]
 
 DRIVES = {"x+": "z+", "x-": "z+", "z+": "x-", "z-": "x+"}
-"""Facing of a powered wheel -> where it drives the machine; facing y+ or y- it does not (1.8)."""
+"""Facing of a powered wheel -> direction it drives the machine in; facing y+ or y-, it does not."""
 
 
 def describe(machine: Machine) -> dict[str, object]:
     """The 3D information as JSON data.
 
-    Metres with one decimal, halves rounded away from zero; y counts from the lowest corner of the
-    machine. `drives` has the powered wheels that touch the ground, with null for those that
-    face up or down; `pulls` the springs and winches, each pulling `from_block` along `direction`
-    and `to_block` the other way.
+    Metres with one decimal, halves rounded away from zero; y is measured from the lowest corner of
+    the machine. `drives` lists the powered wheels on the ground, with a null direction for those
+    that face up or down. `pulls` lists springs and winches: each pulls `from_block` along
+    `direction` and `to_block` the opposite way.
     """
     geometry = place(machine)
     frame = GroundFrame(geometry.lo[1])
@@ -53,7 +50,7 @@ def describe(machine: Machine) -> dict[str, object]:
         "support_polygon": [list(corner) for corner in support_polygon(geometry)],
         "stands": stands(geometry),
         "drives": [{"id": wheel, "direction": to} for wheel, to in _drives(geometry)],
-        "pulls": [_pull(placed) for placed in geometry.blocks if _pulling(placed)],
+        "pulls": [_pull(placed) for placed in geometry.blocks if _pulls(placed)],
         "auto_connections": [loop._asdict() for loop in geometry.auto_connections],
     }
 
@@ -87,7 +84,7 @@ def _block(geometry: Geometry, frame: GroundFrame, placed: Placed) -> dict[str, 
                 "position": list(frame.point(add(placed.at, face.offset))),
                 "facing": face.facing.name,
             }
-            for face in _free(geometry, placed)
+            for face in _free_faces(geometry, placed)
         ],
     }
 
@@ -103,7 +100,7 @@ def _direction(geometry: Geometry, parent: int, face: int) -> str:
     return library()[geometry[parent].type].faces[face].direction
 
 
-def _free(geometry: Geometry, placed: Placed) -> list[ShapeFace]:
+def _free_faces(geometry: Geometry, placed: Placed) -> list[ShapeFace]:
     faces = placed.shape.faces if placed.shape else ()
     return [faces[face] for face in geometry.free_faces(placed.id)]
 
@@ -116,7 +113,7 @@ def _drives(geometry: Geometry) -> list[tuple[int, str | None]]:
     ]
 
 
-def _pulling(placed: Placed) -> bool:
+def _pulls(placed: Placed) -> bool:
     return placed.two_ended and library()[placed.type].non_static
 
 
@@ -136,12 +133,12 @@ def describe_text(machine: Machine, *, short: bool = False) -> str:
 
     Args:
         machine: a file-valid machine.
-        short: leave out building points and the positions of free faces.
+        short: leave out building points, children, and the positions of free faces.
     """
     geometry = place(machine)
     frame = GroundFrame(geometry.lo[1])
-    lines = [_legend(short=short), *_whole(geometry, frame)]
-    lines += [_line(geometry, frame, placed, short=short) for placed in geometry.blocks]
+    lines = [_legend(short=short), *_summary_lines(geometry, frame)]
+    lines += [_block_line(geometry, frame, placed, short=short) for placed in geometry.blocks]
     return "\n".join(lines)
 
 
@@ -153,23 +150,23 @@ def _legend(*, short: bool) -> str:
     )
 
 
-def _whole(geometry: Geometry, frame: GroundFrame) -> list[str]:
-    """The lines on the machine as a whole."""
+def _summary_lines(geometry: Geometry, frame: GroundFrame) -> list[str]:
+    """Lines about the machine as a whole."""
     corners = " ".join(f"({x:g},{z:g})" for x, z in support_polygon(geometry))
     over = "over" if stands(geometry) else "NOT over"
     lines = [
-        f"Size {_numbers(geometry.size)}, mass {mass(geometry):g} kg, "
-        f"centre of mass {_numbers(frame.centre_of_mass(geometry))}, "
+        f"Size {_vector(geometry.size)}, mass {mass(geometry):g} kg, "
+        f"centre of mass {_vector(frame.centre_of_mass(geometry))}, "
         f"{over} the support polygon (x,z) {corners}."
     ]
     drives = [f"{wheel} to {to}" if to else f"{wheel} not" for wheel, to in _drives(geometry)]
     if drives:
         lines.append(f"Powered wheels on the ground drive the machine: {', '.join(drives)}.")
     for placed in geometry.blocks:
-        pull = span_of(placed) if _pulling(placed) else None
+        pull = span_of(placed) if _pulls(placed) else None
         if pull and pull.direction:
             near, far = placed.step.parents
-            to = _numbers(pull.direction)
+            to = _vector(pull.direction)
             lines.append(f"{placed.name} {placed.id} pulls {near} along {to}, {far} back.")
     loops = [
         f"{loop.block}.{loop.face_id} with {loop.partner}.{loop.partner_face}"
@@ -180,13 +177,13 @@ def _whole(geometry: Geometry, frame: GroundFrame) -> list[str]:
     return lines
 
 
-def _line(geometry: Geometry, frame: GroundFrame, placed: Placed, *, short: bool) -> str:
-    """One block in one line."""
+def _block_line(geometry: Geometry, frame: GroundFrame, placed: Placed, *, short: bool) -> str:
+    """The line of one block."""
     step = placed.step
     name = f"{placed.id} {placed.name}"
     if placed.far is not None and step.parent_b is not None:
         ends = f"{step.parent}.{step.face_id} to {step.parent_b}.{step.face_id_b}"
-        points = f" {_numbers(frame.point(placed.at))} to {_numbers(frame.point(placed.far))}"
+        points = f" {_vector(frame.point(placed.at))} to {_vector(frame.point(placed.far))}"
         length = f"length {span_of(placed).length:g}"
         return f"{name}: from {ends}{'' if short else points}, {length}"
     parts = []
@@ -194,22 +191,24 @@ def _line(geometry: Geometry, frame: GroundFrame, placed: Placed, *, short: bool
         where = _direction(geometry, step.parent, step.face_id)
         parts.append(f"on {step.parent}.{step.face_id} {where}")
     parts.append(f"faces {placed.facing}")
-    parts.append(f"centre {_numbers(frame.center(placed))}")
+    parts.append(f"centre {_vector(frame.center(placed))}")
     if not short:
-        parts.append(f"building point {_numbers(frame.point(placed.at))}")
+        parts.append(f"building point {_vector(frame.point(placed.at))}")
     if on_ground(geometry, placed):
         parts.append("on ground")
     carried = " ".join(f"{child}" for _, child in geometry.children_by_face(placed.id))
     if carried and not short:
         parts.append(f"carries {carried}")
-    free = _free(geometry, placed)
+    free = _free_faces(geometry, placed)
     if free:
-        parts.append(f"free {_ranges(free) if short else _positions(placed, frame, free)}")
+        parts.append(
+            f"free {_face_ranges(free) if short else _face_positions(placed, frame, free)}"
+        )
     return f"{name}: {', '.join(parts)}"
 
 
-def _positions(placed: Placed, frame: GroundFrame, free: Sequence[ShapeFace]) -> str:
-    """Free faces by facing; a coordinate that differs between ids is listed, one per id."""
+def _face_positions(placed: Placed, frame: GroundFrame, free: Sequence[ShapeFace]) -> str:
+    """Free faces by facing, with coordinates that differ between them listed one per id."""
     groups = []
     for facing, group in groupby(free, key=lambda face: face.facing.name):
         faces = list(group)
@@ -220,8 +219,8 @@ def _positions(placed: Placed, frame: GroundFrame, free: Sequence[ShapeFace]) ->
     return "; ".join(groups)
 
 
-def _ranges(free: Sequence[ShapeFace]) -> str:
-    """Face ids with runs drawn together: "0 2-5"."""
+def _face_ranges(free: Sequence[ShapeFace]) -> str:
+    """Face ids as ranges: "0 2-5"."""
     runs: list[list[int]] = []
     for face in free:
         if runs and runs[-1][-1] == face.id - 1:
@@ -231,5 +230,5 @@ def _ranges(free: Sequence[ShapeFace]) -> str:
     return " ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs)
 
 
-def _numbers(values: Sequence[float]) -> str:
+def _vector(values: Sequence[float]) -> str:
     return f"({','.join(f'{value:g}' for value in values)})"

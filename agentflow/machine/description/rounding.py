@@ -1,7 +1,4 @@
-"""Owns the numbers that models are told: shifted to the ground, rounded to one decimal.
-
-Which numbers are told, and in which words, is describe.py's.
-"""
+"""Numbers for models: relative to the ground and rounded."""
 
 from __future__ import annotations
 
@@ -16,27 +13,27 @@ from agentflow.machine.geometry.pose import UNITS, Units3
 
 @dataclass(frozen=True)
 class GroundFrame:
-    """Machine frame with y = 0 at the machine's lowest corner; metres, one decimal (spec 1.7)."""
+    """Machine frame with y = 0 at the machine's lowest corner; metres, one decimal."""
 
     ground: int
     """Height of the lowest corner in the machine frame, in units."""
 
     def point(self, at: Units3) -> Vec3:
-        """A point of the machine frame."""
-        return self._told((at[0], at[1] - self.ground, at[2]), UNITS)
+        """A point given in the machine frame, in units."""
+        return self._rounded((at[0], at[1] - self.ground, at[2]), UNITS)
 
     def center(self, placed: Placed) -> Vec3:
         """Centre of a block's box."""
         lo, hi = placed.lo, placed.hi
         twice = (lo[0] + hi[0], lo[1] + hi[1] - 2 * self.ground, lo[2] + hi[2])
-        return self._told(twice, HALF_UNITS)
+        return self._rounded(twice, HALF_UNITS)
 
     def centre_of_mass(self, geometry: Geometry) -> Vec3:
         """Centre of mass."""
         (x, y, z), scale = moments(geometry)
-        return self._told((x, y - self.ground * scale // UNITS, z), scale)
+        return self._rounded((x, y - self.ground * scale // UNITS, z), scale)
 
-    def _told(self, fraction: Units3, scale: int) -> Vec3:
+    def _rounded(self, fraction: Units3, scale: int) -> Vec3:
         x, y, z = (one_decimal(value, scale) for value in fraction)
         return (x, y, z)
 
@@ -49,17 +46,16 @@ def one_decimal(value: int, scale: int) -> float:
 
 @dataclass(frozen=True)
 class Span:
-    """A two-ended block between its parents a and b: how long, and where its ends pull to."""
+    """Length and direction of a two-ended block."""
 
     length: float
     """Metres, one decimal."""
     direction: Vec3 | None
-    """Unit vector from end a to end b, two decimals: where a is pulled to; b is pulled the other
-    way. None when both ends are at one point."""
+    """Unit vector from end a to end b, two decimals; None if the ends coincide."""
 
 
 def span_of(placed: Placed) -> Span:
-    """Length and pull of a two-ended block."""
+    """Length and direction of a two-ended block."""
     assert placed.far is not None
     along = [far - near for near, far in zip(placed.at, placed.far, strict=True)]
     square = sum(part * part for part in along)

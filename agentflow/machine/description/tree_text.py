@@ -1,7 +1,4 @@
-"""Owns the tree text: who hangs on whom, indented, by structure where there is a blueprint.
-
-Positions are describe.py's.
-"""
+"""Indented text of a machine's hierarchy, grouped by structure if there is a blueprint."""
 
 from __future__ import annotations
 
@@ -18,53 +15,53 @@ def tree_text(machine: Machine, groups: Mapping[str, Sequence[int]] | None = Non
 
     Args:
         machine: a file-valid machine.
-        groups: structure name -> ids of its blocks, in the order to show; blocks in none come
-            last. Within a structure a block is indented under its parent of the same structure.
+        groups: structure name -> ids of its blocks, in display order. Blocks are indented under
+            their parent in the same structure; blocks in no structure come last.
     """
     if not groups:
         return "\n".join(_forest(machine, range(len(machine))))
     lines: list[str] = []
     rest = set(range(len(machine)))
-    shown = {}
+    grouped = {}
     for name, ids in groups.items():
-        shown[name] = sorted(rest.intersection(ids))
+        grouped[name] = sorted(rest.intersection(ids))
         rest.difference_update(ids)
     if rest:
-        shown[OTHERS] = sorted(rest)
-    for name, members in shown.items():
+        grouped[OTHERS] = sorted(rest)
+    for name, members in grouped.items():
         lines += [f"{name}:", *(f"  {line}" for line in _forest(machine, members))]
     return "\n".join(lines)
 
 
 def _forest(machine: Machine, members: Sequence[int]) -> list[str]:
-    """Lines of these blocks, each under its parent where that is one of them."""
-    within = set(members)
-    below: dict[int, list[int]] = {}
+    """Lines of these blocks, each under its parent if that is one of them."""
+    members_set = set(members)
+    children_of: dict[int, list[int]] = {}
     for block_id in reversed(members):
         parent = machine[block_id].parent
-        below.setdefault(parent if parent in within else -1, []).append(block_id)
+        children_of.setdefault(parent if parent in members_set else -1, []).append(block_id)
     lines = []
-    stack = [(block_id, 0) for block_id in below.get(-1, ())]
+    stack = [(block_id, 0) for block_id in children_of.get(-1, ())]
     while stack:
         block_id, depth = stack.pop()
-        lines.append("  " * depth + _line(machine, machine[block_id], within))
-        stack += [(child, depth + 1) for child in below.get(block_id, ())]
+        lines.append("  " * depth + _line(machine, machine[block_id], members_set))
+        stack += [(child, depth + 1) for child in children_of.get(block_id, ())]
     return lines
 
 
-def _line(machine: Machine, step: Step, within: set[int]) -> str:
+def _line(machine: Machine, step: Step, members_set: set[int]) -> str:
     name = f"{step.id} {library()[step.type].name}"
     if step.parent < 0:
         return name
     if step.parent_b is not None and step.face_id_b is not None:
-        a = _place(machine, step.parent, step.face_id)
-        return f"{name} from {a} to {_place(machine, step.parent_b, step.face_id_b)}"
-    if step.parent in within:
+        a = _face(machine, step.parent, step.face_id)
+        return f"{name} from {a} to {_face(machine, step.parent_b, step.face_id_b)}"
+    if step.parent in members_set:
         return f"{name} on face {step.face_id} {_direction(machine, step.parent, step.face_id)}"
-    return f"{name} on {_place(machine, step.parent, step.face_id)}"
+    return f"{name} on {_face(machine, step.parent, step.face_id)}"
 
 
-def _place(machine: Machine, parent: int, face: int) -> str:
+def _face(machine: Machine, parent: int, face: int) -> str:
     name = library()[machine[parent].type].name
     return f"{parent} {name} face {face} {_direction(machine, parent, face)}"
 

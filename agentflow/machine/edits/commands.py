@@ -1,7 +1,4 @@
-"""Owns reading an edit script: its lines as Add, Remove and Move commands.
-
-Carrying them out is edits.py's.
-"""
+"""Parsing of edit scripts into Add, Remove and Move commands."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ GRAMMAR = (
     "Remove [id]",
     "Move [id] to [new_parent] in [new_face]",
 )
-"""The commands (spec 1.6), as models are told them."""
+"""The commands, as shown to models."""
 
 _NUMBER = r" ?\[? ?(-?[0-9]{1,9}) ?\]? ?"
 _END = f"to{_NUMBER}in{_NUMBER}"
@@ -28,23 +25,23 @@ _NUMBERING = re.compile(
 
 @dataclass(frozen=True)
 class Add:
-    """A new block on one face, or between two."""
+    """Adds a block on one face, or between two."""
 
     type: int
     ends: tuple[tuple[int, int], ...]
-    """(parent, face), once or twice."""
+    """One or two (parent, face) pairs."""
 
 
 @dataclass(frozen=True)
 class Remove:
-    """Takes a block away."""
+    """Removes a block."""
 
     id: int
 
 
 @dataclass(frozen=True)
 class Move:
-    """Hangs a block with all that it carries on another face."""
+    """Moves a block, with everything attached to it, to another face."""
 
     id: int
     parent: int
@@ -55,15 +52,15 @@ Command = Add | Remove | Move
 
 
 def script_lines(script: str) -> list[str]:
-    """The lines that must be commands: neither empty, nor a fence, nor a `//` comment."""
+    """The lines that should be commands: not empty, no code fence, no `//` comment."""
     lines = (line.strip() for line in script.splitlines())
     return [line for line in lines if line and not line.startswith(("```", "~~~", "//"))]
 
 
 def read_command(line: str) -> Command | None:
-    """The command on a line; None if it is none.
+    """The command on a line; None if the line is not a command.
 
-    Numbering, bullets, emphasis, a closing full stop and a `//` comment do not count.
+    Ignores numbering, bullets, emphasis, trailing punctuation and `//` comments.
     """
     plain = " ".join(line.partition("//")[0].replace("`", "").replace("*", "").split())
     numbering = _NUMBERING.match(plain)

@@ -1,7 +1,4 @@
-"""Owns the moves: all that can be done to a machine in one step, legal or not (spec 5.2).
-
-Drawing one of them is random.py's, judging what it makes validity.py's.
-"""
+"""Moves: every change that one step can make to a machine, legal or not."""
 
 from __future__ import annotations
 
@@ -17,11 +14,11 @@ from agentflow.machine.tree import Machine, Step, renumber
 __all__ = ["ACTUATION", "MOVES", "Addition", "Change", "Move", "Removal", "additions"]
 
 ACTUATION = {2: 40, 40: 2, 46: 60, 60: 46, 28: 5, 5: 28, 13: 19, 19: 13}
-"""Type -> the one of its kind without, or with, a drive of its own (spec 5.2)."""
+"""Type -> its unpowered, or powered, counterpart."""
 
 
 class Addition(NamedTuple):
-    """A new block on a face; a two-ended one from that face to a random one."""
+    """Adds a block on a face; a two-ended block runs from there to a random face."""
 
     machine: Machine
     type: int
@@ -29,7 +26,7 @@ class Addition(NamedTuple):
     face_id: int
 
     def apply(self, rng: Random) -> Machine | None:
-        """The machine with the block; None where a second end finds no other block."""
+        """The machine with the block; None if there is no other block for a second end."""
         steps = self.machine.steps
         step = Step(len(steps), self.type, self.parent, self.face_id)
         if library()[self.type].linear:
@@ -42,11 +39,11 @@ class Addition(NamedTuple):
 
 
 class Change(NamedTuple):
-    """Another type or another place for a block."""
+    """Changes the type or the place of a block."""
 
     machine: Machine
     step: Step
-    """What the block of this id becomes."""
+    """New step of the block with this id."""
 
     def apply(self, rng: Random) -> Machine:  # noqa: ARG002
         """The machine with the block changed."""
@@ -55,13 +52,13 @@ class Change(NamedTuple):
 
 
 class Removal(NamedTuple):
-    """A block that goes."""
+    """Removes a block."""
 
     machine: Machine
     id: int
 
     def apply(self, rng: Random) -> Machine:  # noqa: ARG002
-        """The machine without the block, its ids counted anew."""
+        """The machine without the block, renumbered."""
         return renumber(step for step in self.machine if step.id != self.id)[0]
 
 
@@ -69,7 +66,7 @@ Move = Addition | Change | Removal
 
 
 def additions(machine: Machine, types: Sequence[int]) -> list[Addition]:
-    """Every type on every free face, two-ended types on every face."""
+    """Every type on every free face, and two-ended types on every face."""
     faces = list(_faces(machine))
     taken = {(step.parent, step.face_id) for step in machine if not step.two_ended}
     free = [end for end in faces if end not in taken]
@@ -81,13 +78,13 @@ def additions(machine: Machine, types: Sequence[int]) -> list[Addition]:
 
 
 def removals(machine: Machine, types: Sequence[int]) -> list[Removal]:  # noqa: ARG001
-    """Every block but the root that carries nothing."""
+    """Removal of every block except the root that has nothing attached."""
     carrying = {parent for step in machine for parent in step.parents}
     return [Removal(machine, step.id) for step in machine.steps[1:] if step.id not in carrying]
 
 
 def swaps(machine: Machine, types: Sequence[int]) -> list[Change]:
-    """Every block but the root as every other type with as many ends."""
+    """Every block except the root, as every other type with as many ends."""
     return [
         Change(machine, replace(step, type=kind))
         for step in machine.steps[1:]
@@ -97,9 +94,11 @@ def swaps(machine: Machine, types: Sequence[int]) -> list[Change]:
 
 
 def reattachments(machine: Machine, types: Sequence[int]) -> list[Change]:  # noqa: ARG001
-    """Every standard block on every free face of every earlier block that is not its parent."""
+    """Every standard block on every free face of every earlier block except its parent."""
     return [
-        Change(machine, step) for step in _rehung(machine) if step.parent != machine[step.id].parent
+        Change(machine, step)
+        for step in _reattached_steps(machine)
+        if step.parent != machine[step.id].parent
     ]
 
 
@@ -112,13 +111,13 @@ def reorientations(machine: Machine, types: Sequence[int]) -> list[Change]:  # n
 
     return [
         Change(machine, step)
-        for step in _rehung(machine)
+        for step in _reattached_steps(machine)
         if step.parent == machine[step.id].parent and facing(step) != geometry[step.id].facing
     ]
 
 
 def actuations(machine: Machine, types: Sequence[int]) -> list[Change]:
-    """Every block that has a counterpart with or without a drive as that (`ACTUATION`)."""
+    """Every block as its powered or unpowered counterpart (`ACTUATION`)."""
     return [
         Change(machine, replace(step, type=ACTUATION[step.type]))
         for step in machine
@@ -134,16 +133,16 @@ MOVES: Mapping[str, Callable[[Machine, Sequence[int]], Sequence[Move]]] = {
     "re-orient": reorientations,
     "actuate": actuations,
 }
-"""Kind of edit -> all moves of that kind with these types, legal or not."""
+"""Kind of edit -> function that lists all moves of that kind, legal or not."""
 
 
 def _faces(machine: Machine) -> Iterator[tuple[int, int]]:
-    """(block id, face id) of all faces."""
+    """(block id, face id) of all open faces."""
     return ((step.id, face) for step in machine for face in library()[step.type].open_faces)
 
 
-def _rehung(machine: Machine) -> Iterator[Step]:
-    """Every standard block but the root on every free face of every earlier block."""
+def _reattached_steps(machine: Machine) -> Iterator[Step]:
+    """Every standard block except the root, on every free face of every earlier block."""
     taken = {(step.parent, step.face_id) for step in machine if not step.two_ended}
     free = [end for end in _faces(machine) if end not in taken]
     for step in machine.steps[1:]:

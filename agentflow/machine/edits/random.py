@@ -1,7 +1,4 @@
-"""Owns chance: random machines and random legal edits, for baselines, property tests, fuzzing.
-
-What can be done to a machine is moves.py's, what is legal validity.py's (spec 1.10).
-"""
+"""Random machines and random legal edits, for baselines, property tests and fuzzing."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from agentflow.machine.validity import check
 __all__ = ["random_edit", "random_machine"]
 
 MAX_TRIES = 1000
-"""Most machines that are begun before `random_machine` gives up."""
+"""Maximum number of machines that `random_machine` starts before it gives up."""
 
 _T = TypeVar("_T")
 _U = TypeVar("_U")
@@ -28,53 +25,52 @@ _U = TypeVar("_U")
 def random_machine(
     rng: Random, brief: Brief | None = None, size: tuple[int, int] = (5, 20)
 ) -> Machine:
-    """A random valid machine that has the blocks that the task requires, grown block by block.
+    """Grow a random valid machine, with the blocks that the task requires, block by block.
 
-    The number of blocks is uniform over `size`. A growth step is a type and a free face that it
-    hangs on (for a two-ended type any face), uniform over all that are legal; the second end of
-    a two-ended block is then uniform over the faces of all other blocks. A step that gives more
-    blocks of a type than the task requires is not legal; a machine that ends with fewer, or that
-    cannot grow on, is thrown away and another one grown.
+    The number of blocks is uniform over `size`. Each step draws a legal (type, free face) pair
+    uniformly; two-ended types may use any face, and their second end is uniform over the faces of
+    all other blocks. Steps that exceed a required number of blocks are not legal. Machines that end
+    with too few required blocks, or cannot grow further, are discarded.
 
     Args:
-        rng: where chance comes from.
-        brief: the task, for its block list, size limit and required blocks; without one the core
-            types and the standard building volume.
-        size: fewest and most blocks, the Starting Block included.
+        rng: random generator.
+        brief: the task, for its block list, size limit and required blocks; the core types and
+            the standard building volume if None.
+        size: minimum and maximum number of blocks, including the Starting Block.
 
     Raises:
-        UsageError: With these blocks no such machine was found.
+        UsageError: No such machine was found.
     """
-    types = _types(brief)
+    types = _allowed_types(brief)
     for _ in range(MAX_TRIES):
-        machine = _grown(rng, types, brief, rng.randint(*size))
+        machine = _grow(rng, types, brief, rng.randint(*size))
         if machine is not None and _complete(machine, brief):
             return machine
     raise UsageError(
-        f"no machine of {size[0]} to {size[1]} blocks was found that the task allows; "
+        f"found no valid machine of {size[0]} to {size[1]} blocks for this task; "
         f"allowed types: {', '.join(map(str, types)) or 'none'}"
     )
 
 
 def random_edit(machine: Machine, rng: Random, brief: Brief | None = None) -> Machine:
-    """A machine that is one random legal edit away (spec 5.2).
+    """Apply one random legal edit.
 
-    Uniform over the kinds of edit (`moves.MOVES`) that have a legal one, then uniform over the
-    legal edits of that kind. Legal is what leads to a valid machine and, where the given one has
-    the blocks that the task requires, keeps it so.
+    Draws a kind of edit (`moves.MOVES`) uniformly among those with a legal edit, then a legal edit
+    of that kind uniformly. An edit is legal if its result is valid and has the blocks that the task
+    requires, unless the given machine already lacks some.
 
     Args:
         machine: a valid machine.
-        rng: where chance comes from.
-        brief: the task; without one the core types and the standard building volume.
+        rng: random generator.
+        brief: the task; the core types and the standard building volume if None.
 
     Raises:
-        UsageError: No edit is legal.
+        UsageError: There is no legal edit.
     """
-    types, complete = _types(brief), _complete(machine, brief)
+    types, complete = _allowed_types(brief), _complete(machine, brief)
 
     def legal(move: Move) -> Machine | None:
-        edited = _valid(move, rng, brief)
+        edited = _apply_if_valid(move, rng, brief)
         return edited if edited and (_complete(edited, brief) or not complete) else None
 
     def of_kind(kind: str) -> Machine | None:
@@ -82,17 +78,17 @@ def random_edit(machine: Machine, rng: Random, brief: Brief | None = None) -> Ma
 
     edited = _draw(rng, tuple(MOVES), of_kind)
     if edited is None:
-        raise UsageError("no edit of this machine is legal")
+        raise UsageError("this machine has no legal edit")
     return edited
 
 
-def _grown(rng: Random, types: Sequence[int], brief: Brief | None, count: int) -> Machine | None:
-    """A machine of so many blocks; None where growth comes to an end before."""
+def _grow(rng: Random, types: Sequence[int], brief: Brief | None, count: int) -> Machine | None:
+    """Grow a machine of `count` blocks; None if it cannot grow that far."""
     required = {} if brief is None else brief.required
     machine: Machine | None = Machine((ROOT,)) if brief is None else brief.given
 
     def legal(addition: Addition) -> Machine | None:
-        return _valid(addition, rng, brief)
+        return _apply_if_valid(addition, rng, brief)
 
     while machine is not None and len(machine) < count:
         wanted = [kind for kind in types if machine.count(kind) < required.get(kind, count)]
@@ -100,16 +96,16 @@ def _grown(rng: Random, types: Sequence[int], brief: Brief | None, count: int) -
     return machine
 
 
-def _valid(move: Move, rng: Random, brief: Brief | None) -> Machine | None:
-    """The machine that a move makes, if it is valid."""
-    made = move.apply(rng)
-    return made if made is not None and check(made, brief).machine_valid else None
+def _apply_if_valid(move: Move, rng: Random, brief: Brief | None) -> Machine | None:
+    """The machine that a move makes; None if it is invalid."""
+    edited = move.apply(rng)
+    return edited if edited is not None and check(edited, brief).machine_valid else None
 
 
 def _draw(rng: Random, items: Sequence[_T], attempt: Callable[[_T], _U | None]) -> _U | None:
-    """What the first item in random order gives that succeeds; None if none does.
+    """Try items in random order and return the first result; None if all attempts fail.
 
-    Uniform over the items that succeed, without trying all of them.
+    The choice is uniform over the items that succeed.
     """
     left = list(items)
     while left:
@@ -121,12 +117,12 @@ def _draw(rng: Random, items: Sequence[_T], attempt: Callable[[_T], _U | None]) 
     return None
 
 
-def _types(brief: Brief | None) -> tuple[int, ...]:
+def _allowed_types(brief: Brief | None) -> tuple[int, ...]:
     allowed = library().core if brief is None else brief.blocks
     return tuple(sorted(set(allowed) - {STARTING_BLOCK}))
 
 
 def _complete(machine: Machine, brief: Brief | None) -> bool:
-    """Whether the machine has the blocks that the task requires."""
+    """Whether the machine has exactly the required blocks."""
     required = {} if brief is None else brief.required
     return all(machine.count(kind) == count for kind, count in required.items())

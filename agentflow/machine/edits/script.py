@@ -1,7 +1,4 @@
-"""Owns edits: carrying out a script of commands on a machine, all or nothing (spec 1.6).
-
-Reading the commands is commands.py's, judging space validity.py's.
-"""
+"""Edit scripts: apply a list of commands to a machine, all or nothing."""
 
 from __future__ import annotations
 
@@ -29,20 +26,20 @@ from agentflow.machine.validity import spatial_problems
 __all__ = ["EditOutcome", "StepVerdict", "apply_script"]
 
 _BAD_FORMAT = "not a command; the commands are: " + "; ".join(GRAMMAR)
-_EMPTY = "the script has no command; the commands are: " + "; ".join(GRAMMAR)
+_EMPTY = "the script has no commands; the commands are: " + "; ".join(GRAMMAR)
 
 
 @dataclass(frozen=True)
 class StepVerdict:
-    """What became of one line of a script."""
+    """The outcome of one line of a script."""
 
     text: str
     """The line as written."""
     verdict: Literal["Success", "Error", "Unverified"]
     code: str = ""
-    """Kind of the error (spec 1.12); "" otherwise."""
+    """Kind of error; "" if there is none."""
     reason: str = ""
-    """One sentence that a model can act on; "" where there is no error."""
+    """One sentence that a model can act on; "" if there is no error."""
 
     def to_json(self) -> dict[str, str]:
         """The verdict as JSON data."""
@@ -56,17 +53,17 @@ class StepVerdict:
 
 @dataclass(frozen=True)
 class EditOutcome:
-    """What became of a script."""
+    """The outcome of a script."""
 
     success: bool
     steps: tuple[StepVerdict, ...]
     machine: Machine
-    """The new machine; the given one when the script failed."""
+    """The edited machine; the given one if the script failed."""
     id_map: dict[int, int | None]
     """Id in the given machine -> id in `machine`; None for removed blocks."""
 
     def to_json(self) -> dict[str, object]:
-        """The outcome as JSON data with exactly the keys of spec 1.12."""
+        """The outcome as JSON data."""
         return {
             "outcome": "success" if self.success else "failure",
             "steps": [step.to_json() for step in self.steps],
@@ -76,17 +73,17 @@ class EditOutcome:
 
 
 def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> EditOutcome:
-    """Carry out a script on a file-valid machine. Never raises, whatever the script.
+    """Apply an edit script to a file-valid machine. Never raises.
 
-    The first command that fails stops it and leaves the machine as it was. Every command is
-    checked against the whole machine that it makes. On success removed blocks vanish, the others
-    keep their order, additions come last, and ids count 0, 1, 2, ... again.
+    The first command that fails stops the script and leaves the machine unchanged. The whole
+    machine is checked after every command. On success, blocks keep their order, additions come
+    last, and ids are renumbered 0, 1, 2, ...
 
     Args:
-        machine: what to change.
+        machine: machine to edit.
         script: one command per line; ids are those of `machine` throughout.
-        brief: the task, for its block list and size limit; without one the core types and the
-            standard building volume.
+        brief: the task, for its block list and size limit; the core types and the standard
+            building volume if None.
     """
     same: dict[int, int | None] = {step.id: step.id for step in machine}
     lines = script_lines(script)
@@ -108,7 +105,7 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
 
 
 class _Refused(Exception):
-    """A command that cannot be carried out."""
+    """A command that cannot be applied."""
 
     def __init__(self, code: str, reason: str) -> None:
         super().__init__(reason)
@@ -116,7 +113,7 @@ class _Refused(Exception):
 
 
 class _Draft:
-    """A machine while a script is at work on it: ids have gaps, additions count on at the end."""
+    """A machine being edited: ids may have gaps, and additions get new ids at the end."""
 
     def __init__(self, machine: Machine, brief: Brief | None) -> None:
         self.original = len(machine)
@@ -127,7 +124,7 @@ class _Draft:
         self.size_limit = SIZE_LIMIT if brief is None else brief.size_limit
 
     def apply(self, command: Command | None) -> None:
-        """Carry out one command; raises `_Refused`."""
+        """Apply one command; raise `_Refused` if that is impossible."""
         if isinstance(command, Add):
             self._add(command)
         elif isinstance(command, Remove):
@@ -138,7 +135,7 @@ class _Draft:
             raise _Refused("bad_format", _BAD_FORMAT)
 
     def finish(self) -> tuple[Machine, dict[int, int | None]]:
-        """The machine with its ids counted anew, and where the original ids went."""
+        """The renumbered machine, and the map from original to new ids."""
         edited, new_ids = renumber(self.steps.values())
         return edited, {old: new_ids.get(old) for old in range(self.original)}
 
@@ -148,45 +145,45 @@ class _Draft:
         if fault is not None:
             raise _Refused(*fault)
         for parent, face in command.ends:
-            self._demand_face(parent, face)
+            self._require_face(parent, face)
         if not two_ended:
-            self._demand_free(*command.ends[0])
+            self._require_free(*command.ends[0])
         if len(self.steps) >= MAX_BLOCKS:
-            raise _Refused("size_limit", f"a machine has at most {MAX_BLOCKS} blocks")
+            raise _Refused("size_limit", f"a machine can have at most {MAX_BLOCKS} blocks")
         added = Step(self.next_id, command.type, *(part for end in command.ends for part in end))
         self.next_id += 1
-        self._settle(added, f"with {library()[command.type].name} as new block {added.id}: ")
+        self._put(added, f"with {library()[command.type].name} as new block {added.id}: ")
 
     def _remove(self, command: Remove) -> None:
-        removed = self._demand_block(command.id, "removed")
+        removed = self._require_editable(command.id, "removed")
         carried = [step.id for step in self.steps.values() if removed.id in step.parents]
         if carried:
-            what = f"{block_label(removed.id, removed.type)} carries {comma_list(carried)}"
-            raise _Refused("has_children", f"{what}; what a block carries must be removed first")
+            what = f"{block_label(removed.id, removed.type)} still carries {comma_list(carried)}"
+            raise _Refused("has_children", f"{what}; remove the blocks it carries first")
         del self.steps[removed.id]
-        self._demand_space("")
+        self._require_space("")
 
     def _move(self, command: Move) -> None:
-        moved = self._demand_block(command.id, "moved")
+        moved = self._require_editable(command.id, "moved")
         if moved.two_ended:
             what = f"{block_label(moved.id, moved.type)} is two-ended and cannot be moved"
-            raise _Refused("two_ended", f"{what}; remove it and add another one")
-        self._demand_parent(command.parent)
+            raise _Refused("two_ended", f"{what}; remove it and add a new one")
+        self._require_parent(command.parent)
         if command.parent >= moved.id:
-            reason = f"new parent {command.parent} is not earlier than block {moved.id}"
-            raise _Refused("parent_not_earlier", f"{reason}; a parent has a smaller id")
-        self._demand_face(command.parent, command.face)
+            reason = f"new parent {command.parent} does not come before block {moved.id}"
+            raise _Refused("parent_not_earlier", f"{reason}; a parent must have a smaller id")
+        self._require_face(command.parent, command.face)
         if (command.parent, command.face) == (moved.parent, moved.face_id):
-            reason = f"block {moved.id} already hangs on face {command.face} of block"
-            raise _Refused("no_change", f"{reason} {command.parent}")
-        self._demand_free(command.parent, command.face)
-        self._settle(replace(moved, parent=command.parent, face_id=command.face), "")
+            reason = f"block {moved.id} is already on face {command.face} of block {command.parent}"
+            raise _Refused("no_change", reason)
+        self._require_free(command.parent, command.face)
+        self._put(replace(moved, parent=command.parent, face_id=command.face), "")
 
-    def _settle(self, step: Step, prefix: str) -> None:
+    def _put(self, step: Step, prefix: str) -> None:
         self.steps[step.id] = step
-        self._demand_space(prefix)
+        self._require_space(prefix)
 
-    def _demand_block(self, block_id: int, done: str) -> Step:
+    def _require_editable(self, block_id: int, done: str) -> Step:
         if block_id == 0:
             raise _Refused("starting_block", f"block 0, the Starting Block, cannot be {done}")
         if not 0 <= block_id < self.original:
@@ -194,22 +191,22 @@ class _Draft:
         if block_id < self.given:
             raise _Refused("given_altered", f"block {block_id} is given and cannot be {done}")
         if block_id not in self.steps:
-            raise _Refused("block_removed", f"block {block_id} is removed earlier in this script")
+            raise _Refused("block_removed", f"block {block_id} was removed earlier in this script")
         return self.steps[block_id]
 
-    def _demand_parent(self, parent: int) -> Step:
+    def _require_parent(self, parent: int) -> Step:
         if not 0 <= parent < self.original:
             raise _Refused("parent_not_found", self._absent(parent, "used as a parent"))
         if parent not in self.steps:
-            raise _Refused("parent_removed", f"block {parent} is removed earlier in this script")
+            raise _Refused("parent_removed", f"block {parent} was removed earlier in this script")
         return self.steps[parent]
 
-    def _demand_face(self, parent: int, face: int) -> None:
-        fault = face_problem(parent, self._demand_parent(parent).type, face)
+    def _require_face(self, parent: int, face: int) -> None:
+        fault = face_problem(parent, self._require_parent(parent).type, face)
         if fault is not None:
             raise _Refused("face_not_found", fault)
 
-    def _demand_free(self, parent: int, face: int) -> None:
+    def _require_free(self, parent: int, face: int) -> None:
         for step in self.steps.values():
             if (step.parent, step.face_id) == (parent, face) and not step.two_ended:
                 carrier = block_label(parent, self.steps[parent].type)
@@ -220,8 +217,8 @@ class _Draft:
                 )
                 raise _Refused("face_occupied", reason)
 
-    def _demand_space(self, prefix: str) -> None:
-        """Refuse when the machine as it is now does not fit, and say why."""
+    def _require_space(self, prefix: str) -> None:
+        """Refuse if the current machine is spatially invalid."""
         for problem in spatial_problems(self._geometry(), self.size_limit)[:1]:
             raise _Refused(problem.code, prefix + problem.message)
 
@@ -230,5 +227,7 @@ class _Draft:
 
     def _absent(self, block_id: int, use: str) -> str:
         if self.original <= block_id < self.next_id:
-            return f"block {block_id} is added by this script and cannot be {use} in it"
+            return (
+                f"block {block_id} is added by this script; it cannot be {use} in the same script"
+            )
         return f"block {block_id} does not exist; the blocks are 0 to {self.original - 1}"
