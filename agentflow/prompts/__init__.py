@@ -1,1 +1,1 @@
-"""Prompt sets: Jinja templates by role, and the renderer that never renders text twice."""
+"""Prompt sets: Jinja templates by role, rendered strictly and only once."""

@@ -1,4 +1,4 @@
-"""Owns how foreign text enters a prompt as data, and how long a prompt is. Knows no template."""
+"""Quote untrusted text in prompts, and estimate token counts."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from collections.abc import Mapping
 
 _PIECES = re.compile(r"[^\W\d_]+|\d{1,3}|[^\w\s]{1,3}|_|\n+", re.UNICODE)
 CL100K = 1.06
-"""Most tokens of cl100k_base per estimated token, over all prompts (benchmarks/prompts.py)."""
+"""Maximum cl100k_base tokens per estimated token over all prompts (benchmarks/prompts.py)."""
 _UNSAFE = {"`": "\\u0060", "\x85": "\\u0085", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
 
 def quote(text: str) -> str:
-    """Put "> " before every line, so that no line can open a heading or a fence of ours."""
+    """Put "> " before every line, so that no line can start a heading or a fence."""
     return "\n".join(f"> {line}".rstrip() for line in text.strip().splitlines())
 
 
 def guard(text: str) -> str:
-    """Put "> " before the lines that look like a heading or a fence; for tables and reports."""
+    """Put "> " before lines that look like a heading or a fence; for tables and reports."""
     lines = text.strip().splitlines()
     return "\n".join(
         f"> {line}" if line.lstrip().startswith(("#", "```", "~~~")) else line for line in lines
@@ -27,33 +27,31 @@ def guard(text: str) -> str:
 
 
 def clip(text: str, width: int, lines: int, first: int = 0) -> str:
-    """Keep the `first` and the newest lines of a text, `lines` in all.
-
-    Of each the first `width` characters are kept.
-    """
-    every = text.strip().splitlines()
-    kept = every if len(every) <= lines else [*every[:first], *every[len(every) - lines + first :]]
+    """Keep the `first` and the last lines of a text, `lines` in total, cut to `width` characters."""
+    kept = text.strip().splitlines()
+    if len(kept) > lines:
+        kept = [*kept[:first], *kept[len(kept) - lines + first :]]
     return "\n".join(line if len(line) <= width else f"{line[:width]} ..." for line in kept)
 
 
 def oneline(text: str) -> str:
-    """Join a text into one line, for a place behind a label."""
+    """Join a text into one line."""
     return " ".join(text.split())
 
 
 def as_json(data: Mapping[str, object]) -> str:
-    """Write an object as JSON, one key per line, that cannot end its fence or a line."""
+    """Write an object as JSON, one key per line, escaping characters that end fences or lines."""
     items = [f" {json.dumps(key)}: {json.dumps(data[key], ensure_ascii=False)}" for key in data]
     text = "{\n" + ",\n".join(items) + "\n}"
     return "".join(_UNSAFE.get(char, char) for char in text)
 
 
 def token_estimate(text: str) -> int:
-    """Estimate the tokens of a text without a tokenizer.
+    """Estimate the number of tokens of a text without a tokenizer.
 
-    Counts the pieces into which common byte-pair tokenizers first cut a text (words, groups of up
-    to three digits, runs of punctuation, line breaks); a word counts once per eight letters
-    begun, other scripts once per two letters. Not a bill: endpoints report what they counted.
+    Counts the pieces into which common byte-pair tokenizers first split a text: words, groups of up
+    to three digits, runs of punctuation, line breaks. A word counts one token per eight letters, or
+    per two letters in non-Latin scripts.
     """
     count = 0
     for piece in _PIECES.findall(text):

@@ -1,6 +1,6 @@
-"""Owns the embedded default model: rules and chance that answer every role's prompt in text.
+"""The built-in default model: answers every role's prompt with rules and random choices.
 
-No language model. It reads the prompt and nothing else; equal requests get equal replies.
+It is not a language model. It reads only the prompt, and equal requests get equal replies.
 """
 
 from __future__ import annotations
@@ -11,37 +11,37 @@ import random
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.procedural.designing import design, plan
 from agentflow.llm.procedural.inspecting import inspect, query
-from agentflow.llm.procedural.mechanisms import data
+from agentflow.llm.procedural.mechanisms import load_data
 from agentflow.llm.procedural.placing import place_cogs
-from agentflow.llm.procedural.reading import read_facts
+from agentflow.llm.procedural.reading import read_prompt
 from agentflow.llm.procedural.refining import refine
 
 _ANSWERS = {"machine_structure": plan, "First the rationale": design,
             "<Three-Dimensional Perception of the World>": inspect, "<Required Feedback>": query,
             "<Modification Steps>": refine, "Place cogs": place_cogs}  # fmt: skip
-"""Words of a demanded reply format -> who answers it."""
+"""Text in the requested reply format -> function that answers it."""
 
 
 class ProceduralClient:
-    """Answers prompts of every role without a language model (spec 4.1)."""
+    """Answers prompts of every role without a language model."""
 
     name = "procedural (no language model)"
 
     def __init__(self, seed: int) -> None:
-        """Every seed is another designer; the chance of a reply follows from it and the request."""
+        """Random choices depend on `seed` and the request."""
         self._seed = seed
 
     async def complete(self, request: Request) -> Reply:
-        """Answer one request; what cannot be read is answered with an apology."""
-        facts = read_facts(request.messages)
-        form = facts.parts["Your reply"]
-        told = [f"{message.role}\0{message.text}" for message in request.messages]
-        key = "\0".join([str(self._seed), str(request.sampling.seed), request.label, *told])
-        chance = random.Random(hashlib.sha256(key.encode(errors="replace")).digest())
-        answer = next((found for words, found in _ANSWERS.items() if words in form), None)
-        able = answer and (facts.shown or answer in (plan, design))
-        text = answer(facts, chance) if answer and able else str(data("replies.yaml")["apology"])
-        return Reply(text=text, model=self.name)
+        """Answer one request; prompts that cannot be read get an apology."""
+        prompt = read_prompt(request.messages)
+        reply_format = prompt.sections["Your reply"]
+        texts = [f"{message.role}\0{message.text}" for message in request.messages]
+        key = "\0".join([str(self._seed), str(request.sampling.seed), request.label, *texts])
+        rng = random.Random(hashlib.sha256(key.encode(errors="replace")).digest())
+        answer = next((found for words, found in _ANSWERS.items() if words in reply_format), None)
+        if answer is None or not (prompt.has_machine or answer in (plan, design)):
+            return Reply(text=str(load_data("replies.yaml")["apology"]), model=self.name)
+        return Reply(text=answer(prompt, rng), model=self.name)
 
     async def aclose(self) -> None:
         """Nothing to release."""

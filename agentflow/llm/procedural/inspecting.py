@@ -1,7 +1,4 @@
-"""Owns looking: the inspector's checks of a machine, and the querier's questions on a rollout.
-
-Changing the machine is refining.py's.
-"""
+"""Answers of the inspector (geometric checks) and the querier (queries on a rollout)."""
 
 from __future__ import annotations
 
@@ -10,8 +7,16 @@ import random
 import re
 from collections.abc import Iterator
 
-from agentflow.llm.procedural.mechanisms import JOINTS, LOADS, MOVERS, RIGID, WHEELS, clusters, data
-from agentflow.llm.procedural.reading import Facts
+from agentflow.llm.procedural.mechanisms import (
+    JOINTS,
+    LOADS,
+    MOVERS,
+    RIGID,
+    WHEELS,
+    load_data,
+    rigid_groups,
+)
+from agentflow.llm.procedural.reading import Prompt
 from agentflow.machine import Geometry, place
 from agentflow.machine.geometry.balance import centre_of_mass, stands, support_polygon
 
@@ -19,18 +24,18 @@ _NUMBER = r"(-?\d{1,6}\.?\d{0,6})"
 _BROKEN = re.compile(rf"block (\d{{1,6}}) \([^()\n]*\) off block (\d{{1,6}}) at {_NUMBER} s")
 
 
-def inspect(facts: Facts, chance: random.Random) -> str:  # noqa: ARG001
-    """A critique by geometry alone; nothing in it is left to chance."""
-    geometry = place(facts.machine)
+def inspect(prompt: Prompt, rng: random.Random) -> str:  # noqa: ARG001
+    """Write a critique from geometry alone, without random choices."""
+    geometry = place(prompt.machine)
     x, y, z = centre_of_mass(geometry)
     boxes = [block for block in geometry.blocks if not block.two_ended]
     reach = {word: max(boxes, key=lambda b: max(s * b.lo[axis], s * b.hi[axis]))
-             for word, (axis, s) in data("replies.yaml")["extremes"].items()}  # fmt: skip
+             for word, (axis, s) in load_data("replies.yaml")["extremes"].items()}  # fmt: skip
     defects = [f"- blocks {', '.join(map(str, blocks))} | structure none | {text}"
-               for blocks, text in _defects(geometry)]  # fmt: skip
+               for blocks, text in _find_defects(geometry)]  # fmt: skip
     names = [f"block {b.id} ({b.name}) facing {b.facing}" for b in geometry.blocks]
-    idle = [f"block {b} on block {geometry[b].step.parent}" for b in _idle(geometry)]
-    return str(data("replies.yaml")["inspection"]).format(
+    idle = [f"block {b} on block {geometry[b].step.parent}" for b in _idle_blocks(geometry)]
+    return str(load_data("replies.yaml")["inspection"]).format(
         world="\n".join(f"{word}: {block.id}" for word, block in reach.items()),
         moving="; ".join(names[b.id] for b in geometry.blocks if b.type in MOVERS) or "None.",
         special="; ".join(names[b.id] for b in geometry.blocks if b.type in LOADS) or "None.",
@@ -41,8 +46,8 @@ def inspect(facts: Facts, chance: random.Random) -> str:  # noqa: ARG001
     )
 
 
-def _defects(geometry: Geometry) -> Iterator[tuple[list[int], str]]:
-    """Every check that fails: the blocks, and what follows."""
+def _find_defects(geometry: Geometry) -> Iterator[tuple[list[int], str]]:
+    """Failed checks: block ids and the consequence."""
     blocks, depth = geometry.blocks, [z for _, z in support_polygon(geometry)]
     ground = [b.id for b in blocks if not b.two_ended and b.lo[1] == geometry.lo[1]]
     arms = [b.id for b in blocks if b.type in JOINTS]
@@ -57,28 +62,28 @@ def _defects(geometry: Geometry) -> Iterator[tuple[list[int], str]]:
         yield wheels, "too few wheels for a quick start"
     for arm in (arm for arm in arms if len(geometry.children(arm)) == 1):
         yield [arm], "unbalanced: its load hangs on one side only"
-    for block in _idle(geometry):
+    for block in _idle_blocks(geometry):
         yield [block], "useless: it bears nothing and stands on nothing"
 
 
-def _idle(geometry: Geometry) -> list[int]:
-    """Rigid blocks above the ground that stand still and carry nothing."""
+def _idle_blocks(geometry: Geometry) -> list[int]:
+    """Ids of static rigid blocks above the ground that carry nothing."""
     carried = {parent for block in geometry.blocks for parent in block.step.parents}
-    group, high = clusters(geometry), geometry.box_min[1] + 1.1
+    group, high = rigid_groups(geometry), geometry.box_min[1] + 1.1
     still = [b for b in geometry.blocks if b.type in RIGID and group[b.id] == 0]
     return [b.id for b in still if b.id not in carried and b.box_min[1] > high]
 
 
-def query(facts: Facts, chance: random.Random) -> str:
-    """Ask for what broke, around the moment; else for one moving block and the root."""
-    moving = [step.id for step in facts.machine if step.type in MOVERS]
-    asked = [(chance.choice(moving or [0]), 0.0, 1.0), (0, 0.0, 1.0)]
-    broken = _BROKEN.search(facts.parts["Simulation feedback"])
+def query(prompt: Prompt, rng: random.Random) -> str:
+    """Query the first broken connection around its time, else a moving block and the root."""
+    moving = [step.id for step in prompt.machine if step.type in MOVERS]
+    intervals = [(rng.choice(moving or [0]), 0.0, 1.0), (0, 0.0, 1.0)]
+    broken = _BROKEN.search(prompt.sections["Simulation feedback"])
     if broken:
         start, end = max(0.0, float(broken[3]) - 0.4), float(broken[3]) + 0.4
-        asked = [(int(block), round(start, 2), round(end, 2)) for block in broken.groups()[:2]]
+        intervals = [(int(block), round(start, 2), round(end, 2)) for block in broken.groups()[:2]]
     queries = [{"id": b, "duration": [start, end], "properties": ["position", "velocity"]}
-               for b, start, end in asked if b < len(facts.machine)]  # fmt: skip
+               for b, start, end in intervals if b < len(prompt.machine)]  # fmt: skip
     thought = "What broke shows the weak place." if broken else "Nothing is told to break."
-    shape = str(data("replies.yaml")["inquiry"])
-    return shape.format(thought=thought, queries=json.dumps(queries))
+    template = str(load_data("replies.yaml")["inquiry"])
+    return template.format(thought=thought, queries=json.dumps(queries))

@@ -1,6 +1,6 @@
-"""Owns how each part of a mechanism grows; mechanisms.yaml holds its words, types and ranges.
+"""Build the parts of a mechanism by the rules, types and ranges in mechanisms.yaml.
 
-No machine is stored: a part is a rule over drawn dimensions, and what does not fit is left out.
+Machines are not stored: dimensions are drawn at random, and blocks that do not fit are omitted.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 import yaml
 
-from agentflow.llm.procedural.reading import Facts
+from agentflow.llm.procedural.reading import Prompt
 from agentflow.machine import Brief, Geometry, Machine, Step, library, place, spatial_problems
 from agentflow.machine.blocks.library import BOULDER, CONTAINER, STARTING_BLOCK
 from agentflow.machine.geometry.placement import PlacedFace
@@ -28,71 +28,71 @@ MOVERS = (*JOINTS, SPRING, *WHEELS)
 
 
 @cache
-def data(name: str) -> Any:
-    """A data file beside this module; not to be changed by those who read it."""
+def load_data(name: str) -> Any:
+    """Load a YAML file of this package; do not modify the result."""
     return yaml.safe_load(Path(__file__).with_name(name).read_text("utf-8"))
 
 
 def purpose(brief: Brief) -> str:
-    """What a task is about, by the words of its objective; "stand" where nothing is known."""
-    told = data("mechanisms.yaml")["purposes"].items()
-    return next((name for name, words in told if words in brief.objective), "stand")
+    """Classify a task by words of its objective; "stand" if none match."""
+    purposes = load_data("mechanisms.yaml")["purposes"].items()
+    return next((name for name, words in purposes if words in brief.objective), "stand")
 
 
-def suited(brief: Brief) -> list[Any]:
-    """The mechanisms that serve a task and can be built from its blocks; at least one."""
-    book, blocks = data("mechanisms.yaml"), {*brief.blocks}
-    main = {name: {*part["slots"][0]} or blocks for name, part in book["parts"].items()}
-    able = [m for m in book["mechanisms"] if all(main[name] & blocks for name in m["parts"])]
+def suitable_mechanisms(brief: Brief) -> list[Any]:
+    """Mechanisms for a task that its blocks allow; at least one."""
+    content, blocks = load_data("mechanisms.yaml"), {*brief.blocks}
+    main = {name: {*part["slots"][0]} or blocks for name, part in content["parts"].items()}
+    able = [m for m in content["mechanisms"] if all(main[name] & blocks for name in m["parts"])]
     wanted = (purpose(brief), "drive", "stand")
     return next(filter(None, ([m for m in able if m["purpose"] == p] for p in wanted)))
 
 
-class Growth:
-    """A machine that only ever grows, and only validly: what does not fit is not added."""
+class Builder:
+    """Adds blocks to a machine; blocks that would make it invalid are not added."""
 
-    def __init__(self, facts: Facts, chance: random.Random) -> None:
-        """Start from the machine of a prompt, or from the root; only its types are added."""
-        self.machine = facts.machine
+    def __init__(self, prompt: Prompt, rng: random.Random) -> None:
+        """Start from the prompt's machine; only the prompt's types are added."""
+        self.machine = prompt.machine
         self.geometry = place(self.machine)
-        self.types, self.chance, self._brief = facts.types, chance, facts.brief
+        self.types, self.rng, self._brief = prompt.types, rng, prompt.brief
 
     def choose(self, *wanted: Sequence[int]) -> int | None:
-        """A usable type, by chance, of the first of these groups that has any."""
+        """A random allowed type from the first group that has one; None if none has."""
         usable = ([kind for kind in group if kind in self.types] for group in wanted)
         found = next(filter(None, usable), None)
-        return self.chance.choice(found) if found else None
+        return self.rng.choice(found) if found else None
 
     def add(self, kind: int | None, *ends: tuple[int, int]) -> int | None:
-        """Hang a type on (block, face), or between two such ends; its id, None if not valid."""
+        """Attach a block to (block, face), or between two of them; its id, None if invalid."""
         full = kind is None or self.machine.count(kind) == self._brief.required.get(kind)
         if kind is None or full or len(ends) != 1 + library()[kind].linear:
             return None
         step = Step(len(self.machine), kind, *(part for end in ends for part in end))
         geometry = place(Machine((*self.machine.steps, step)))
-        if spatial_problems(geometry, self._brief.size_limit) or locked(geometry):
+        if spatial_problems(geometry, self._brief.size_limit) or has_locked_joint(geometry):
             return None
         self.machine, self.geometry = Machine((*self.machine.steps, step)), geometry
         return step.id
 
     def chain(self, kind: int | None, at: int, towards: str, count: int = 1, skip: int = 0) -> int:
-        """Hang blocks in a row, each `skip` faces before its parent's far end; the last's id."""
+        """Attach blocks in a row, each `skip` faces before its parent's far end; the last id."""
         for _ in range(count):
-            back, faces = self.geometry[at].origin, free(self.geometry, at, towards)
+            back, faces = self.geometry[at].origin, open_faces(self.geometry, at, towards)
             faces.sort(key=lambda face: -dist(back, face.position))
             found = faces[min(skip, len(faces) - 1) :][:1]
             at = (self.add(kind, (at, found[0].face_id)) if found else None) or at
         return at
 
 
-def free(geometry: Geometry, block: int, towards: str = "") -> list[PlacedFace]:
-    """Free faces of a block, all or those that look `towards`."""
+def open_faces(geometry: Geometry, block: int, towards: str = "") -> list[PlacedFace]:
+    """Free faces of a block, all or those facing `towards`."""
     ids = geometry.free_faces(block)
     return [f for f in geometry[block].faces if f.face_id in ids and f.facing.startswith(towards)]
 
 
-def clusters(geometry: Geometry) -> tuple[int, ...]:
-    """For each block the block at which its rigid cluster begins; 0 for what stands still."""
+def rigid_groups(geometry: Geometry) -> tuple[int, ...]:
+    """For each block the first block of its rigid group; 0 for the static group."""
     first: list[int] = []
     for placed in geometry.blocks:
         begins = placed.step.parent < 0 or placed.two_ended or library()[placed.type].non_stable
@@ -100,26 +100,26 @@ def clusters(geometry: Geometry) -> tuple[int, ...]:
     return tuple(first)
 
 
-def locked(geometry: Geometry) -> bool:
-    """Whether a closed loop bridges a moving joint, which locks it."""
-    group = clusters(geometry) if geometry.auto_connections else ()
+def has_locked_joint(geometry: Geometry) -> bool:
+    """Whether a closed loop bridges a moving joint and so locks it."""
+    group = rigid_groups(geometry) if geometry.auto_connections else ()
     return any(group[loop.block] != group[loop.partner] for loop in geometry.auto_connections)
 
 
-def grow(g: Growth, part: Any, dims: Dims) -> None:
-    """Add a part to what stands, step by step as mechanisms.yaml says."""
+def build_part(g: Builder, part: Any, dims: Dims) -> None:
+    """Build a part step by step as mechanisms.yaml describes."""
     named: dict[str, list[int]] = {}
     for step in part["grow"]:
         if "rule" in step:
             RULES[step["rule"]](g, dims)
         else:
-            named[step.get("as", "")] = _rows(g, step, dims, named)
+            named[step.get("as", "")] = _build_rows(g, step, dims, named)
 
 
-def _rows(g: Growth, step: Any, dims: Dims, named: Mapping[str, list[int]]) -> list[int]:
-    """Rows of blocks of one type from each anchor to each side; the last of each row."""
+def _build_rows(g: Builder, step: Any, dims: Dims, named: Mapping[str, list[int]]) -> list[int]:
+    """Build rows of one type from each anchor to each side; the last id of each row."""
     kind, ends, skip = g.choose(*step["types"]), list[int](), step.get("skip", 0)
-    starts = named[step["from"]] if step["from"] in named else [_anchor(g, step["from"])]
+    starts = named[step["from"]] if step["from"] in named else [_find_anchor(g, step["from"])]
     for at, (side, count) in product(starts[: dims.get(step.get("most"))], step["to"].items()):
         towards = g.geometry[at].facing if side == "out" else side
         end = g.chain(kind, at, towards, dims.get(count, count), dims.get(skip, skip))
@@ -127,24 +127,24 @@ def _rows(g: Growth, step: Any, dims: Dims, named: Mapping[str, list[int]]) -> l
     return ends
 
 
-def _anchor(g: Growth, name: str) -> int:
-    """Where a part begins: the root, the pivot of an arm, or what reaches farthest to a side."""
+def _find_anchor(g: Builder, name: str) -> int:
+    """Where a part starts: the root, the arm's pivot, or the block that reaches farthest."""
     if name in ("root", "pivot"):
-        return _pivot(g) if name == "pivot" else 0
+        return _find_pivot(g) if name == "pivot" else 0
     axis, sign = "xyz".index(name[0]), 1 if name[1] == "+" else -1
     solid = [b for b in g.geometry.blocks if b.type in (STARTING_BLOCK, *RIGID, *SPARE)]
     return max(solid, key=lambda b: (sign * b.center[axis], -abs(b.center[0]))).id
 
 
-def _pivot(g: Growth) -> int:
-    """What the arm hangs on: the joint, or the spacer on its front."""
+def _find_pivot(g: Builder) -> int:
+    """The block that carries the arm: the joint, or the spacer on its front."""
     joint = max((step.id for step in g.machine if step.type in JOINTS), default=0)
     spacers = [b for b in g.geometry.children(joint) if g.geometry[b].facing == "x+" and joint]
     return max(spacers, default=joint)
 
 
-def _arm(g: Growth, dims: Dims) -> None:
-    pivot = _pivot(g)
+def _arm(g: Builder, dims: Dims) -> None:
+    pivot = _find_pivot(g)
     g.chain(g.choose(BEAMS, SPARE), pivot, "z+", int(g.machine[pivot].type == HINGE))
     arm = g.chain(g.choose(BEAMS, SPARE), pivot, "z-", dims["segments"])
     mouth = "z-" if dims["container"] > 1 else "y+"
@@ -152,32 +152,32 @@ def _arm(g: Growth, dims: Dims) -> None:
     g.chain(g.choose((BOULDER,)), box, "y+" if box == arm else mouth)
 
 
-def _springs(g: Growth, dims: Dims) -> None:
-    """From the lever's front end to whatever stands low and not behind."""
-    pivot, blocks = _pivot(g), g.geometry.blocks
+def _springs(g: Builder, dims: Dims) -> None:
+    """From the front end of the lever to low blocks that are not behind it."""
+    pivot, blocks = _find_pivot(g), g.geometry.blocks
     front = [b for b in g.geometry.children(pivot) if blocks[b].facing == "z+"]
     tops = [(b, f.face_id) for b in front for f in blocks[b].faces if f.facing != "y+"]
     near, low = [b for b in blocks[:pivot] if b.center[2] > -1], blocks[pivot].center[1] - 1.5
     feet = [(b.id, f.face_id) for b in near for f in b.faces if f.position[1] < low]
     for _ in range(dims["springs"] if tops and feet else 0):
-        g.add(g.choose((SPRING,)), g.chance.choice(tops), g.chance.choice(feet))
+        g.add(g.choose((SPRING,)), g.rng.choice(tops), g.rng.choice(feet))
 
 
-def _ties(g: Growth, dims: Dims) -> None:
-    """From the top of what stands to the top of what a joint moves, there to the nearest block."""
-    group, ends = clusters(g.geometry), [g.geometry[0]]
+def _ties(g: Builder, dims: Dims) -> None:
+    """From the highest static block to the highest block that a joint moves."""
+    group, ends = rigid_groups(g.geometry), [g.geometry[0]]
     for moved in (False, True):
         near = ends[-1].center
         blocks = [b for b in g.geometry.blocks if bool(group[b.id]) == moved and b.faces]
         ends += sorted(blocks, key=lambda b: (-b.box_max[1], dist(b.center, near)))[:1]
     for _ in range(dims["springs"] if len(ends) == 3 else 0):
-        g.add(g.choose((SPRING,)), *((b.id, g.chance.choice(b.faces).face_id) for b in ends[1:]))
+        g.add(g.choose((SPRING,)), *((b.id, g.rng.choice(b.faces).face_id) for b in ends[1:]))
 
 
-def _ropes(g: Growth, dims: Dims) -> None:
-    """Winches, each straight down from one block to another that a joint moves."""
-    group = clusters(g.geometry)
-    faces = [(b.id, f) for b in g.geometry.blocks for f in free(g.geometry, b.id, "y")]
+def _ropes(g: Builder, dims: Dims) -> None:
+    """Vertical winches from a block to a block below that a joint moves."""
+    group = rigid_groups(g.geometry)
+    faces = [(b.id, f) for b in g.geometry.blocks for f in open_faces(g.geometry, b.id, "y")]
     for (a, low), (b, high) in product(faces, faces):
         (x, y, z), (u, v, w) = low.position, high.position
         above = low.facing == "y-" and high.facing == "y+" and (x, z) == (u, w) and y > v
@@ -185,9 +185,9 @@ def _ropes(g: Growth, dims: Dims) -> None:
             g.add(g.choose((WINCH,)), (a, low.face_id), (b, high.face_id))
 
 
-def _wheels(g: Growth, dims: Dims) -> None:
-    """In pairs, those farthest from the root first."""
-    faces = [(b.id, f) for b in g.geometry.blocks for f in free(g.geometry, b.id, "x")]
+def _wheels(g: Builder, dims: Dims) -> None:
+    """In pairs, farthest from the root first."""
+    faces = [(b.id, f) for b in g.geometry.blocks for f in open_faces(g.geometry, b.id, "x")]
     spots = {(f.position, f.facing): (b, f.face_id) for b, f in faces if abs(f.position[1]) < 0.6}
     wheel, axles = g.choose(WHEELS), 0
     for (x, y, z), facing in sorted(spots, key=lambda spot: -hypot(*spot[0])):
@@ -196,12 +196,12 @@ def _wheels(g: Growth, dims: Dims) -> None:
             axles += bool(g.add(wheel, spots[(x, y, z), facing]) and g.add(wheel, twin))
 
 
-def _anything(g: Growth, dims: Dims) -> None:
+def _anything(g: Builder, dims: Dims) -> None:
     kinds = [kind for kind in sorted(g.types) if kind and not library()[kind].linear]
     for _ in range(dims["blocks"]):
-        spots = [(b.id, f.face_id) for b in g.geometry.blocks for f in free(g.geometry, b.id)]
-        g.add(g.choose(kinds), g.chance.choice(spots or [(0, 0)]))
+        spots = [(b.id, f.face_id) for b in g.geometry.blocks for f in open_faces(g.geometry, b.id)]
+        g.add(g.choose(kinds), g.rng.choice(spots or [(0, 0)]))
 
 
 RULES = {rule.__name__[1:]: rule for rule in (_arm, _springs, _ties, _ropes, _wheels, _anything)}
-"""What no row of blocks is, by the name in mechanisms.yaml."""
+"""Rules for parts that are not rows of blocks, by their name in mechanisms.yaml."""

@@ -1,7 +1,4 @@
-"""Owns what a prompt says: its sections by heading, and what most roles need of them.
-
-Nothing but the messages is looked at. What only one role needs is read by that role's module.
-"""
+"""Read a prompt: its sections by heading, the task, the block types, the current machine."""
 
 from __future__ import annotations
 
@@ -23,52 +20,52 @@ _COUNTS = ("no", "one", "two", "three", "four", "five", "six")
 
 
 @dataclass(frozen=True)
-class Facts:
-    """What one prompt says; empty where it says nothing."""
+class Prompt:
+    """The content of one prompt; empty where it has none."""
 
-    parts: Mapping[str, str]  # heading -> text below it, "" for a heading that it lacks
-    later: str  # what was said after the first answer
-    brief: Brief  # as much of it as validity needs
-    types: frozenset[int]  # that may be used now: the structure's, or all of the task's
-    machine: Machine  # the lone root where none is shown
-    shown: bool  # whether one is
-    coordinates: bool  # whether machines are written as positions and rotations
+    sections: Mapping[str, str]  # heading -> text below it, "" for a missing heading
+    later: str  # messages after the first reply
+    brief: Brief  # as much of the task as validity checks need
+    types: frozenset[int]  # allowed block types: the structure's, or all of the task's
+    machine: Machine  # the current machine, or only the root
+    has_machine: bool  # whether the prompt contains a machine
+    coordinates: bool  # whether machines are given as positions and rotations
 
-    def written(self, machine: Machine) -> str:
-        """A machine as the prompt writes its own."""
+    def format_machine(self, machine: Machine) -> str:
+        """Write a machine in the format of the prompt."""
         return json.dumps(to_coordinates(machine)) if self.coordinates else machine.to_text()
 
 
-def read_facts(messages: Sequence[Message]) -> Facts:
+def read_prompt(messages: Sequence[Message]) -> Prompt:
     """Read the prompt of any role."""
-    asked = next((message.text for message in messages if message.role == "user"), "")
-    pieces = _HEADING.split(asked)
-    parts = defaultdict(str, zip(map(str.strip, pieces[1::2]), pieces[2::2], strict=True))
-    now, shown = parts["Structure to build now"], parts["Current machine"]
-    coordinates = '"Position"' in (shown or parts["Your reply"])
-    machine = (read_coordinates if coordinates else read_machine)(shown, library()).machine
-    types = frozenset(map(int, _ROW.findall(parts["Blocks"]))) & frozenset(library())
-    listed = map(int, re.findall(r"[0-9]{1,6}", line(now, "Allowed types")))
-    return Facts(
-        parts=parts,
+    text = next((message.text for message in messages if message.role == "user"), "")
+    pieces = _HEADING.split(text)
+    sections = defaultdict(str, zip(map(str.strip, pieces[1::2]), pieces[2::2], strict=True))
+    structure, current = sections["Structure to build now"], sections["Current machine"]
+    coordinates = '"Position"' in (current or sections["Your reply"])
+    machine = (read_coordinates if coordinates else read_machine)(current, library()).machine
+    types = frozenset(map(int, _ROW.findall(sections["Blocks"]))) & frozenset(library())
+    listed = map(int, re.findall(r"[0-9]{1,6}", value_of(structure, "Allowed types")))
+    return Prompt(
+        sections=sections,
         later="\n".join(message.text for message in messages[2:]),
-        brief=_brief(parts["Task"], types),
-        types=types.intersection(listed) if now else types,
+        brief=_read_brief(sections["Task"], types),
+        types=types.intersection(listed) if structure else types,
         machine=machine or LONE_ROOT,
-        shown=machine is not None,
+        has_machine=machine is not None,
         coordinates=coordinates,
     )
 
 
-def line(text: str, key: str) -> str:
-    """What stands behind a key and a colon at the beginning of a line; "" where nothing does."""
+def value_of(text: str, key: str) -> str:
+    """The value of a line `key: value`; "" if there is none."""
     found = re.search(rf"^{key}:[ \t]*(.*)$", text, re.MULTILINE)
     return found[1].strip() if found else ""
 
 
-def _brief(task: str, types: frozenset[int]) -> Brief:
-    """The building volume is the same for all tasks."""
+def _read_brief(task: str, types: frozenset[int]) -> Brief:
+    """Read the task's name, objective and required blocks; size limits are the default ones."""
     found = [(int(kind), count) for count, kind in _REQUIRED.findall(task) if count in _COUNTS]
     required = {kind: _COUNTS.index(count) for kind, count in found if kind in types}
     objective = task.partition("Task:")[2].partition("\n")[2].partition("\n")[0]
-    return Brief(line(task, "Task"), objective, (), (), (), (0, *sorted(types - {0})), required)
+    return Brief(value_of(task, "Task"), objective, (), (), (), (0, *sorted(types - {0})), required)
