@@ -27,7 +27,7 @@ def guard(text: str) -> str:
 
 
 def clip(text: str, width: int, lines: int, first: int = 0) -> str:
-    """Keep the `first` and the last lines of a text, `lines` in total, cut to `width` characters."""
+    """Keep the `first` and the last lines of a text, `lines` in all, cut to `width` characters."""
     kept = text.strip().splitlines()
     if len(kept) > lines:
         kept = [*kept[:first], *kept[len(kept) - lines + first :]]
