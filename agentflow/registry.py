@@ -107,12 +107,18 @@ class Registry(Mapping[str, T]):
         return thing
 
 
-def subclass_of(base: type) -> Check:
-    """A check that refuses everything but subclasses of a class."""
-    name = f"{base.__module__}.{base.__qualname__}"
+def subclass_of(base: type, named_by: str = "") -> Check:
+    """A check that refuses everything but subclasses of a class.
 
-    def check(_: str, thing: Any) -> str:
-        is_one = isinstance(thing, type) and issubclass(thing, base)
-        return "" if is_one else f"is not a subclass of {name}"
+    Args:
+        base: The class.
+        named_by: Attribute that must hold the name under which a subclass is registered, if any.
+    """
+
+    def check(name: str, thing: Any) -> str:
+        if not (isinstance(thing, type) and issubclass(thing, base)):
+            return f"is not a subclass of {base.__module__}.{base.__qualname__}"
+        own_name = getattr(thing, named_by, None) if named_by else name
+        return "" if own_name == name else f"calls itself {own_name!r}"
 
     return check

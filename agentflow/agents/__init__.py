@@ -1,1 +1,1 @@
-"""Roles: a template pair, a typed input, a parser to a typed output, a retry rule each."""
+"""Roles that models play: each renders a prompt from a typed input and parses the reply."""

@@ -1,4 +1,4 @@
-"""Owns what a role is and how it is asked: render, call, parse, retry with the reason appended."""
+"""Roles and how to ask them: render, call, parse, retry with the problem appended."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import ClassVar, Generic, TypeVar
 
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Message, Reply, Request, Sampling
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
 
 In = TypeVar("In")
@@ -25,28 +27,29 @@ UNFINISHED: Mapping[str, tuple[str, str]] = {
         "A content filter stopped it. Put it in other words and send the whole format.",
     ),
 }
-"""Finish reason of a reply that is no whole answer -> code and problem."""
+"""Finish reason of an incomplete reply -> code and problem."""
 
 
 @dataclass(frozen=True)
 class Parsed(Generic[Out]):
-    """What a parser made of a reply: an output, or the problem that goes back to the model."""
+    """A parsed reply: an output, or the problem to send back to the model."""
 
     output: Out | None
     problem: str = ""
-    """One or two plain sentences that the model can act on; empty when there is an output."""
+    """One or two plain sentences that the model can act on; empty if there is an output."""
     code: str = ""
-    """Machine-readable kind of the problem, for counting: unparsable, overlap, ..."""
+    """Machine-readable kind of problem, for counting: unparsable, overlap, ..."""
     repaired: bool = False
+    """Whether damaged JSON was repaired."""
     parsed: bool = True
-    """Whether the reply had the demanded format at all."""
+    """Whether the reply had the required format at all."""
     spatial: bool | None = None
-    """Spatial validity of the machine in it; None where there is no machine to judge."""
+    """Whether its machine is spatially valid; None if it holds no machine."""
 
 
 @dataclass(frozen=True)
 class RoleAttempt(Generic[Out]):
-    """One call of a role and what came of it; recorded whatever it is."""
+    """One call of a role and its parsed reply, valid or not."""
 
     role: str
     label: str
@@ -56,24 +59,43 @@ class RoleAttempt(Generic[Out]):
 
 @dataclass(frozen=True)
 class RoleOutcome(Generic[Out]):
-    """All attempts of one question; `output` is None when every one failed (a recorded result)."""
+    """All attempts at one question; `output` is None if every attempt failed."""
 
     output: Out | None
     attempts: tuple[RoleAttempt[Out], ...]
 
 
 class Role(ABC, Generic[In, Out]):
-    """A template pair and a parser. Roles hold no state."""
+    """A pair of templates and a parser, without state. `agents.registry.ROLES` lists all roles."""
 
     name: ClassVar[str]
-    """Folder of its templates and value of `Request.role`."""
+    """Folder of its templates, value of `Request.role` and first part of its call labels."""
+    stage: ClassVar[str]
+    """Stage of a run in which it is asked: initial, blind_refinement or env_feedback."""
+    tokens: ClassVar[tuple[int, int]]
+    """Prompt and completion tokens of a typical call, without reasoning, for cost estimates.
+
+    Those of our roles are from runs/recorded-throwing, at four characters per token.
+    """
+    model_role: ClassVar[str] = ""
+    """Role whose model and sampling it uses; its own by default."""
+
+    @classmethod
+    @abstractmethod
+    def sample(cls, brief: Brief, machine: Machine) -> In:
+        """Its input for a task and a machine, as in its first question in a run."""
+
+    @classmethod
+    def stage_at(cls, place: str) -> str:  # noqa: ARG003
+        """Stage of a call by its place, the label without the role: "feedback/traj-1/..."."""
+        return cls.stage
 
     @abstractmethod
     def variables(self, given: In) -> Mapping[str, object]:
-        """What the templates may use."""
+        """Variables of the templates."""
 
     def images(self, given: In) -> tuple[str, ...]:  # noqa: ARG002
-        """PNG data URLs that go with the user prompt; most roles see none."""
+        """PNG data URLs to send with the user prompt."""
         return ()
 
     @abstractmethod
@@ -83,32 +105,32 @@ class Role(ABC, Generic[In, Out]):
 
 @dataclass(frozen=True)
 class AskContext:
-    """What every question needs beside its input: who answers, from which prompts, how."""
+    """Everything else that asking a role takes: client, prompts, sampling, retries."""
 
     client: Client
     prompts: PromptSet
     sampling: Sampling = field(default_factory=Sampling)
     max_retry: int = 5
-    """Most attempts per question."""
+    """Maximum number of attempts per question."""
     on_attempt: Callable[[RoleAttempt[object]], None] = lambda _attempt: None
 
 
 async def ask(role: Role[In, Out], given: In, context: AskContext, label: str) -> RoleOutcome[Out]:
-    """Ask a role until a reply gives an output, at most `context.max_retry` times.
+    """Ask a role until a reply parses, at most `context.max_retry` times.
 
-    A reply that does not is sent back within the conversation with the reason. Every attempt goes
-    to `context.on_attempt` before the next begins.
+    A reply that does not parse stays in the conversation, followed by the problem. Every attempt is
+    passed to `context.on_attempt` before the next one starts.
 
     Args:
-        role: whose prompts and parser to use.
-        given: the typed input.
+        role: its prompts and parser are used.
+        given: its typed input.
         context: model, prompts, sampling, number of attempts.
-        label: which question of the run this is; attempts are labelled `<label>/attempt-<i>`.
+        label: names the question within the run; attempts are labelled `<label>/attempt-<i>`.
 
     Raises:
         EndpointError: The endpoint cannot be used.
         BudgetSpentError: The budget has run out.
-        ReplayMissError: A replaying client has no record of the request.
+        ReplayMissError: The request was not recorded, and the client only replays.
     """
     system, user = context.prompts.render(role.name, role.variables(given))
     conversation = [
@@ -124,7 +146,7 @@ async def ask(role: Role[In, Out], given: In, context: AskContext, label: str) -
             sampling=context.sampling,
         )
         reply = await context.client.complete(request)
-        attempt = RoleAttempt(role.name, request.label, reply, _judge(role, given, reply))
+        attempt = RoleAttempt(role.name, request.label, reply, _parse(role, given, reply))
         context.on_attempt(attempt)
         attempts.append(attempt)
         if attempt.parsed.output is not None:
@@ -136,8 +158,8 @@ async def ask(role: Role[In, Out], given: In, context: AskContext, label: str) -
     return RoleOutcome(attempts[-1].parsed.output if attempts else None, tuple(attempts))
 
 
-def _judge(role: Role[In, Out], given: In, reply: Reply) -> Parsed[Out]:
-    """Parse a whole answer; say what is wrong with one that is not whole."""
+def _parse(role: Role[In, Out], given: In, reply: Reply) -> Parsed[Out]:
+    """Parse a complete reply; give the problem of an incomplete one."""
     finish = reply.finish if reply.finish != "stop" or reply.text.strip() else "empty"
     if finish != "stop":
         code, problem = UNFINISHED[finish]

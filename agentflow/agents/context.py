@@ -1,7 +1,4 @@
-"""Owns what every role's prompt says of a task and of a machine, as template variables.
-
-The wording around them is the templates'; which of them a role gets is the role's.
-"""
+"""Template variables that describe a task, a machine or a simulation report to a model."""
 
 from __future__ import annotations
 
@@ -18,12 +15,14 @@ from agentflow.prompts.render import block_functions
 
 ROOT_TYPE = 0
 EXAMPLE = 15
-"""Block type of the examples of formats, where the task allows it."""
+"""Block type used in examples of formats, if the task allows it."""
+SAMPLE_REPORT = "Score: 0.00\nBroken: none"
+"""A short simulation report, for sample inputs of roles."""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 
 def task_context(brief: Brief) -> dict[str, object]:
-    """Task, block table and what the rules about them need."""
+    """Task, block table and the values that the rules on blocks use."""
     kinds = [library()[kind] for kind in brief.blocks]
     linear = [kind for kind in kinds if kind.linear]
     plain = [kind.type for kind in kinds if not kind.linear and kind.type != ROOT_TYPE]
@@ -50,7 +49,7 @@ def task_context(brief: Brief) -> dict[str, object]:
 def machine_context(
     machine: Machine | None, *, spatial: bool, representation: Representation = "tree"
 ) -> dict[str, object]:
-    """The machine so far as JSON text, and its 3D information where wanted; "" for neither.
+    """The machine as JSON text and, if `spatial`, its 3D information; "" without a machine.
 
     `geometry_short` is the 3D information without building points and positions of faces.
     """
@@ -63,7 +62,7 @@ def machine_context(
 
 
 def report_context(score: float | None, feedback: str) -> dict[str, object]:
-    """The report of a simulation, beginning with its score; "" where there was none."""
+    """The report of a simulation, starting with its score; "" if there was none."""
     if score is None and not feedback:
         return {"report": ""}
     if feedback.startswith("Score:"):

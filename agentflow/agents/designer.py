@@ -1,7 +1,4 @@
-"""Owns the designer: a whole machine, or one structure of a blueprint added to a given machine.
-
-What makes a machine valid is agentflow.machine's; the order of structures is the workflow's.
-"""
+"""The designer: builds a whole machine, or adds one structure of a blueprint to a machine."""
 
 from __future__ import annotations
 
@@ -14,33 +11,38 @@ from typing import Any, ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, task_context
 from agentflow.agents.meta_designer import ROOT_TYPE, Blueprint, Structure
-from agentflow.agents.replies import Representation, machine_items, read_reply
-from agentflow.agents.verdicts import shortcoming, told
+from agentflow.agents.replies import (
+    Representation,
+    machine_items,
+    no_machine,
+    read_reply,
+    rejection,
+)
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
 MAX_RATIONALE = 4000
-"""Most characters of a rationale that are kept."""
+"""Maximum number of characters kept of a rationale."""
 _FENCE = re.compile(r"^[ \t]*```.*?(?:^[ \t]*```[ \t]*$|\Z)", re.MULTILINE | re.DOTALL)
 
 
 @dataclass(frozen=True)
 class DesignerInput:
-    """What the designer is asked to build."""
+    """What to build."""
 
     brief: Brief
     blueprint: Blueprint | None = None
     structure: str | None = None
-    """Name of the blueprint's structure to build; None asks for the whole machine."""
+    """Name of the blueprint's structure to build; None for the whole machine."""
     machine: Machine | None = None
     """The machine so far; the design must extend it."""
     last: bool = False
-    """Whether the machine is complete with this structure."""
+    """Whether this structure completes the machine."""
     spatial: bool = True
-    """Whether the 3D information of the machine so far is shown."""
+    """Whether to include 3D information on the machine so far."""
     representation: Representation = "tree"
     rationale: str = ""
-    """A plan by someone else that the design is to follow."""
+    """A plan from another run that the design should follow."""
 
     @property
     def part(self) -> Structure | None:
@@ -52,7 +54,7 @@ class DesignerInput:
 
 @dataclass(frozen=True)
 class Design:
-    """A valid machine and why it is as it is."""
+    """A valid machine and the rationale for it."""
 
     machine: Machine
     rationale: str
@@ -62,6 +64,13 @@ class Designer(Role[DesignerInput, Design]):
     """Builds machines from blocks."""
 
     name: ClassVar[str] = "designer"
+    stage: ClassVar[str] = "initial"
+    tokens: ClassVar[tuple[int, int]] = (3230, 220)
+
+    @classmethod
+    def sample(cls, brief: Brief, machine: Machine) -> DesignerInput:  # noqa: ARG003
+        """A whole machine for the task."""
+        return DesignerInput(brief)
 
     def variables(self, given: DesignerInput) -> Mapping[str, object]:
         """Task, blocks, blueprint, the structure to build and the machine so far."""
@@ -78,18 +87,15 @@ class Designer(Role[DesignerInput, Design]):
         }
 
     def parse(self, text: str, given: DesignerInput) -> Parsed[Design]:
-        """Read the last machine of the reply and check it against what was given."""
+        """Read the last machine of the reply and check it against the input."""
         report = read_reply(text, given.brief, given.representation, given.machine)
         machine, repaired = report.machine, report.repaired
         if machine is None:
-            code = report.problems[0].code if report.problems else "unparsable"
-            problem = "The reply holds no valid machine:\n" + told(report.problems)
-            parsed, spatial = report.file_valid, report.spatial_valid
-            return Parsed(None, problem, code, repaired, parsed=parsed, spatial=spatial)
+            return no_machine(report)
         refused = (
             _altered(machine, given)
             or _foreign(machine, given)
-            or shortcoming(machine, report, given.brief, complete=given.last or given.part is None)
+            or rejection(machine, report, given.brief, complete=given.last or given.part is None)
         )
         if refused:
             code, problem = refused
@@ -99,12 +105,12 @@ class Designer(Role[DesignerInput, Design]):
 
 
 def rationale_of(text: str) -> str:
-    """The prose of a reply: what stands outside its fences, bounded."""
+    """The prose of a reply: its text outside code fences, cut to `MAX_RATIONALE`."""
     return _FENCE.sub("", text).strip()[:MAX_RATIONALE]
 
 
 def _outline(blueprint: Blueprint | None, part: Structure | None) -> dict[str, Any] | None:
-    """The blueprint without the guidance of the structure that is built now: that is told apart."""
+    """The blueprint, without the guidance for the current structure, which is shown separately."""
     if blueprint is None:
         return None
     data = blueprint.to_json()

@@ -1,69 +1,66 @@
-"""Owns the edit history that a refiner is shown: what was tried, and what became of the score.
-
-Spec 5.3: the command, its verdict and reason, the score before and after; nothing of prompts.
-"""
+"""The edit history in a refiner's prompt: earlier edits with verdicts, scores before and after."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 LIMIT = 20
-"""Most entries kept (spec 5.3)."""
+"""Maximum number of entries kept."""
 MAX_LINES = 20
-"""Most lines shown of one script or reason."""
+"""Maximum number of lines shown of a script or reason."""
 MAX_WIDTH = 300
-"""Most characters shown of a line."""
+"""Maximum number of characters shown of a line."""
 SHORT_LIMIT, SHORT_LINES, SHORT_WIDTH = 4, 3, 100
-"""The same three where few tokens are to be had."""
+"""The same three limits for the short text, where tokens are scarce."""
 
 
 @dataclass(frozen=True)
 class EditRecord:
-    """One earlier modification of the machine or of one of its ancestors."""
+    """One earlier edit of the machine or of one of its ancestors."""
 
     script: str
-    """Its commands, or a description where a whole machine was sent."""
+    """Its commands, or a description if a whole machine was sent."""
     verdict: str
     """`Success` or `Error`."""
     reason: str = ""
-    """Why it failed; the verdicts step by step."""
+    """Why it failed: the verdict on each step."""
     before: float | None = None
-    """Score of the machine that it was applied to; None where there is none."""
+    """Score of the machine that was edited; None without a score."""
     after: float | None = None
-    """Score of the machine that it gave; None where there is none."""
+    """Score of the resulting machine; None without a score."""
     number: int = 0
-    """Counts from 1 in order of time; set when it enters a history."""
+    """Position in time, from 1; set when it is added to a history."""
 
 
 @dataclass(frozen=True)
 class History:
-    """Entries in order of time. Bounded: the newest stay, and always the best and the worst."""
+    """Edits in order of time. If there are too many, the newest, best and worst are kept."""
 
     entries: tuple[EditRecord, ...] = ()
     limit: int = LIMIT
-    """At least 3: the best, the worst and the newest."""
+    """Maximum number of entries, at least 3: the best, the worst and the newest."""
 
     def __post_init__(self) -> None:
         if self.limit < 3:
-            raise ValueError(f"a history needs a limit of at least 3, not {self.limit}")
+            raise ValueError(f"limit of a history must be at least 3, not {self.limit}")
 
     def add(self, entry: EditRecord) -> History:
-        """The history with one more entry, the oldest dispensable one gone if it is too long."""
+        """The history with one more entry; the oldest is dropped if there are too many."""
         number = self.entries[-1].number + 1 if self.entries else 1
         entries = (*self.entries, replace(entry, number=number))
         return replace(self, entries=_bounded(entries, self.limit))
 
     def to_text(self) -> str:
-        """One paragraph per entry, oldest first; "" for an empty history."""
+        """One paragraph per entry, oldest first; "" if empty."""
         return _text(self.entries, MAX_LINES, MAX_WIDTH)
 
     def to_short_text(self) -> str:
-        """The same of the best, the worst and the newest entries only, and less of each."""
+        """The same, shortened, for the best, the worst and the newest entries only."""
         return _text(_bounded(self.entries, SHORT_LIMIT), SHORT_LINES, SHORT_WIDTH)
 
 
 def _bounded(entries: tuple[EditRecord, ...], limit: int) -> tuple[EditRecord, ...]:
-    """As many entries, the oldest gone first, the best and the worst never."""
+    """At most `limit` entries: the oldest are dropped first, the best and the worst never."""
     kept = {item.number for item in _extremes(entries)}
     gone = [item.number for item in entries if item.number not in kept]
     gone = gone[: max(0, len(entries) - limit)]
@@ -76,7 +73,7 @@ def _text(entries: tuple[EditRecord, ...], lines: int, width: int) -> str:
 
 
 def _extremes(entries: tuple[EditRecord, ...]) -> tuple[EditRecord, ...]:
-    """The entries with the greatest and the least score after; the earlier one among equals."""
+    """The entries with the highest and the lowest score after; the earlier one if tied."""
     scored = [item for item in entries if item.after is not None]
     if not scored:
         return ()
@@ -88,7 +85,7 @@ def _after(entry: EditRecord) -> float:
 
 
 def _marks(entries: tuple[EditRecord, ...]) -> tuple[int, int]:
-    """Numbers of the best and the worst entry; 0 where the scores tell none apart."""
+    """Numbers of the best and the worst entry; 0 and 0 if all scores are equal."""
     extremes = _extremes(entries)
     if not extremes or _after(extremes[0]) == _after(extremes[1]):
         return 0, 0
@@ -98,12 +95,12 @@ def _marks(entries: tuple[EditRecord, ...]) -> tuple[int, int]:
 def _entry_text(entry: EditRecord, best: int, worst: int, lines: int, width: int) -> str:
     mark = {best: ", best so far", worst: ", worst so far"}.get(entry.number, "")
     head = f"{entry.number}. {entry.verdict}, score {_score(entry.before)} -> {_score(entry.after)}"
-    told = (line for text in (entry.script, entry.reason) for line in _cut(text, lines, width))
-    return "\n".join([head + mark, *told])
+    body = (line for text in (entry.script, entry.reason) for line in _cut(text, lines, width))
+    return "\n".join([head + mark, *body])
 
 
 def _cut(text: str, most: int, width: int) -> list[str]:
-    """The first lines of a text and of each the first characters, indented."""
+    """The first `most` lines of a text, each cut to `width` characters and indented."""
     lines = text.strip().splitlines()
     shown = [f"   {line.strip()[:width]}" for line in lines[:most]]
     return [*shown, "   ..."] if len(lines) > most else shown

@@ -1,7 +1,4 @@
-"""Owns the inspector: a critique of a machine without simulation, and a check of its bearings.
-
-Whether the true geometry agrees with it is world.py's.
-"""
+"""The inspector: criticises a machine before it is simulated."""
 
 from __future__ import annotations
 
@@ -13,19 +10,18 @@ from typing import Any, ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import machine_context, task_context
 from agentflow.agents.meta_designer import Blueprint
-from agentflow.agents.replies import Representation
-from agentflow.agents.sections import sections
-from agentflow.agents.world import ID_LIST, world_answers, world_score
+from agentflow.agents.orientation import ID_LIST, orientation_score, read_orientation
+from agentflow.agents.replies import Representation, find_sections
 from agentflow.machine.brief import Brief
 from agentflow.machine.description.geometry_info import tree_text
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
-WORLD = "Three-Dimensional Perception of the World"
+ORIENTATION = "Three-Dimensional Perception of the World"
 ANSWERS = "Question Answer"
 DEFECTS = "Summary of Design Defects"
 MAX_DEFECTS = 100
-"""Most lines of a summary that are read."""
+"""Maximum number of lines read from a summary."""
 _BULLET = re.compile(r"^\s*(?:[-*+]|\d{1,3}[.)])\s+")
 _IDS = re.compile(rf"\bblocks?\W{{0,4}}({ID_LIST.pattern})", re.IGNORECASE)
 _NUMBER = re.compile(r"\d{1,6}")
@@ -34,22 +30,22 @@ _NOTHING = frozenset({"", "none", "no defects", "no defect", "no defects found"}
 
 @dataclass(frozen=True)
 class InspectorInput:
-    """What the inspector looks at."""
+    """A machine to inspect."""
 
     brief: Brief
     machine: Machine
     blueprint: Blueprint | None = None
     groups: Mapping[str, Sequence[int]] = field(default_factory=dict)
-    """Structure -> ids of its blocks, where known; the tree is then shown by structure."""
+    """Structure -> ids of its blocks, if known; the tree is then grouped by structure."""
     spatial: bool = True
-    """Whether 3D information is shown."""
+    """Whether to include 3D information."""
     representation: Representation = "tree"
     """How the machine is written."""
 
 
 @dataclass(frozen=True)
 class Defect:
-    """One thing that is wrong."""
+    """One defect that the inspector found."""
 
     blocks: tuple[int, ...]
     """Ids of blocks of the machine, in the order named."""
@@ -59,14 +55,14 @@ class Defect:
 
 @dataclass(frozen=True)
 class Inspection:
-    """A critique."""
+    """A parsed critique."""
 
     text: str
-    """Answers and defects in the inspector's words, as a refiner is to read them."""
-    world: dict[str, Any]
-    """Its answers on the world: axis -> word, extreme -> block ids."""
-    world_score: float
-    """Share of those answers that are right, 0 to 1."""
+    """Answers and defects in the inspector's words, for the refiner."""
+    orientation: dict[str, Any]
+    """Answers on orientation: axis -> direction, extreme -> block ids."""
+    orientation_score: float
+    """Share of those answers that are correct, 0 to 1."""
     defects: tuple[Defect, ...]
 
 
@@ -74,6 +70,13 @@ class Inspector(Role[InspectorInput, Inspection]):
     """Criticises a machine before it is simulated."""
 
     name: ClassVar[str] = "inspector"
+    stage: ClassVar[str] = "blind_refinement"
+    tokens: ClassVar[tuple[int, int]] = (4010, 230)
+
+    @classmethod
+    def sample(cls, brief: Brief, machine: Machine) -> InspectorInput:
+        """The machine alone."""
+        return InspectorInput(brief, machine)
 
     def variables(self, given: InspectorInput) -> Mapping[str, object]:
         """Task, blocks, blueprint, machine, 3D information and tree."""
@@ -87,17 +90,17 @@ class Inspector(Role[InspectorInput, Inspection]):
         }
 
     def parse(self, text: str, given: InspectorInput) -> Parsed[Inspection]:
-        """Read the three sections; only the world may be missing (it then scores 0)."""
-        found = sections(text, (WORLD, ANSWERS, DEFECTS))
+        """Read the three sections; only that on orientation may be missing, and then scores 0."""
+        found = find_sections(text, (ORIENTATION, ANSWERS, DEFECTS))
         missing = [f"<{name}>" for name in (ANSWERS, DEFECTS) if name not in found]
         if missing:
             problem = f"The reply lacks the section {' and '.join(missing)}."
             return Parsed(None, problem, "missing_section", parsed=False)
-        answers = world_answers(found.get(WORLD, ""))
+        answers = read_orientation(found.get(ORIENTATION, ""))
         inspection = Inspection(
             text=f"{found[ANSWERS]}\n\nDefects:\n{found[DEFECTS] or 'none'}".strip(),
-            world=answers,
-            world_score=world_score(answers, place(given.machine)),
+            orientation=answers,
+            orientation_score=orientation_score(answers, place(given.machine)),
             defects=read_defects(found[DEFECTS], len(given.machine)),
         )
         return Parsed(inspection)
@@ -106,8 +109,8 @@ class Inspector(Role[InspectorInput, Inspection]):
 def read_defects(text: str, count: int) -> tuple[Defect, ...]:
     """Read one defect per line: `- blocks 3, 4 | structure NAME | what is wrong`.
 
-    Lines without bars are read for the words "block 3". Ids that the machine of `count` blocks
-    does not have are left out; a line that names no block is still a defect.
+    In lines without bars, block ids are found by the words "block 3". Ids that do not exist in a
+    machine of `count` blocks are dropped; a line that names no block is still a defect.
     """
     defects = []
     for line in text.splitlines()[:MAX_DEFECTS]:
@@ -116,12 +119,12 @@ def read_defects(text: str, count: int) -> tuple[Defect, ...]:
             continue
         parts = [part.strip() for part in words.split("|", 2)]
         if len(parts) == 3:
-            ids, structure, told = _NUMBER.findall(parts[0]), _structure(parts[1]), parts[2]
+            ids, structure, description = _NUMBER.findall(parts[0]), _structure(parts[1]), parts[2]
         else:
             named = [match[1] for match in _IDS.finditer(words)]
-            ids, structure, told = _NUMBER.findall(" ".join(named)), "", words
+            ids, structure, description = _NUMBER.findall(" ".join(named)), "", words
         blocks = dict.fromkeys(int(number) for number in ids if int(number) < count)
-        defects.append(Defect(tuple(blocks), structure, told))
+        defects.append(Defect(tuple(blocks), structure, description))
     return tuple(defects)
 
 

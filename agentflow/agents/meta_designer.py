@@ -1,7 +1,4 @@
-"""Owns the meta-designer: from a brief to a blueprint of structures in build order.
-
-Building the structures is the designer's.
-"""
+"""The meta-designer: plans a machine as a blueprint of structures in build order."""
 
 from __future__ import annotations
 
@@ -13,52 +10,53 @@ from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import task_context
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.json_text import found_json
+from agentflow.machine.tree import Machine
 
 MAX_TYPES = 3
-"""Most block types per structure, the root not counted (spec 4.2)."""
+"""Maximum number of block types per structure, not counting the root."""
 ROOT_TYPE = 0
 _KEYS = ("definition", "function_points", "design_structure", "build_order", "machine_structure")
 
 
 @dataclass(frozen=True)
 class MetaDesignerInput:
-    """What the meta-designer is asked about."""
+    """A task to plan for."""
 
     brief: Brief
     detailed: bool = False
-    """Whether the guidance is to tell the construction step by step."""
+    """Whether the guidance should describe the construction step by step."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """One functional part of a machine. All strings are the model's words."""
+    """One functional part of a machine, in the model's words."""
 
     name: str
     description: str
     function_points: tuple[str, ...]
-    """The function points of the blueprint that it serves."""
+    """Function points of the blueprint that it serves."""
     types: tuple[int, ...]
-    """Block types that it may use, ascending, without the root's."""
+    """Block types that it may use, ascending, without the root."""
     guidance: str
 
 
 @dataclass(frozen=True)
 class Blueprint:
-    """A plan: structures in the order in which they are built; at least one."""
+    """A plan: one or more structures in build order."""
 
     definition: str
     function_points: tuple[str, ...]
     structures: tuple[Structure, ...]
 
     def find(self, name: str) -> Structure:
-        """The structure of this name; KeyError where there is none."""
+        """The structure of this name; raises KeyError if there is none."""
         for structure in self.structures:
             if structure.name == name:
                 return structure
         raise KeyError(name)
 
     def to_json(self) -> dict[str, Any]:
-        """The blueprint in the notation that models read and write (spec 4.2)."""
+        """The blueprint in the notation that models read and write."""
         return {
             "definition": self.definition,
             "function_points": list(self.function_points),
@@ -82,9 +80,16 @@ class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
     """Splits a machine into structures, each with its block types and guidance."""
 
     name: ClassVar[str] = "meta_designer"
+    stage: ClassVar[str] = "initial"
+    tokens: ClassVar[tuple[int, int]] = (1250, 670)
+
+    @classmethod
+    def sample(cls, brief: Brief, machine: Machine) -> MetaDesignerInput:  # noqa: ARG003
+        """A plan for the task."""
+        return MetaDesignerInput(brief)
 
     def variables(self, given: MetaDesignerInput) -> Mapping[str, object]:
-        """Task and block table, and how detailed the plan is to be."""
+        """Task, block table and level of detail."""
         return {**task_context(given.brief), "detailed": given.detailed}
 
     def parse(self, text: str, given: MetaDesignerInput) -> Parsed[Blueprint]:
@@ -99,7 +104,7 @@ class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
 
 
 def read_blueprint(data: Mapping[str, Any], brief: Brief) -> Blueprint:
-    """Check decoded JSON and make it a blueprint; raises `_Refused` with the first problem."""
+    """Turn decoded JSON into a blueprint; raises `_Refused` with the first problem."""
     missing = [key for key in _KEYS if key not in data]
     if missing:
         raise _Refused("missing_key", f"The blueprint lacks the key {', '.join(missing)}.")
@@ -128,7 +133,7 @@ _NO_OBJECT = (
 
 
 class _Refused(Exception):
-    """A blueprint that cannot be built, with the reason for the model."""
+    """An unusable blueprint, with the problem to send back to the model."""
 
     def __init__(self, code: str, problem: str) -> None:
         super().__init__(problem)
@@ -136,7 +141,7 @@ class _Refused(Exception):
 
 
 def _object_in(text: str) -> tuple[dict[str, Any] | None, bool]:
-    """The object in a text that looks like a blueprint, else any; and whether it was repaired."""
+    """The object in a text that looks like a blueprint, else any, and whether it was repaired."""
     other: tuple[dict[str, Any] | None, bool] = (None, False)
     for value, repaired in found_json(text, dict):
         if "machine_structure" in value:
@@ -175,11 +180,11 @@ def _structure(
             "bad_structure", f"Structure {name!r} must be an object with type and guidance."
         )
     types = _types(name, part.get("type", part.get("block_id")), brief.blocks)
-    told = descriptions.get(_key(name), {})
+    described = descriptions.get(_key(name), {})
     return Structure(
         name=name,
-        description=_text(told.get("description", "")),
-        function_points=_strings(told.get("related_function_points", ())),
+        description=_text(described.get("description", "")),
+        function_points=_strings(described.get("related_function_points", ())),
         types=types,
         guidance=_text(part.get("guidance", "")),
     )
@@ -235,7 +240,7 @@ def _descriptions(value: object) -> dict[str, Mapping[str, Any]]:
 
 
 def _strings(value: object) -> tuple[str, ...]:
-    """A list of strings, or a lone one, as a tuple; empty ones dropped."""
+    """A list of strings or a single one as a tuple, without empty ones."""
     items = value if isinstance(value, list | tuple) else [value]
     return tuple(text for item in items if (text := _text(item)))
 
@@ -245,7 +250,7 @@ def _text(value: object) -> str:
 
 
 def _key(name: str) -> str:
-    """Names that differ only in case, spaces or underscores mean the same structure."""
+    """A name for comparison: case, spaces and underscores make no difference."""
     return " ".join(name.replace("_", " ").split()).casefold()
 
 

@@ -1,38 +1,43 @@
-"""Owns the placer: blocks added to what a task gives, in one call.
-
-What makes a machine valid is agentflow.machine's; how often it is asked is the workflow's.
-"""
+"""The placer: adds blocks to the structure that a task gives, in one call."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import block_rows, task_context
 from agentflow.agents.designer import Design, rationale_of
-from agentflow.agents.replies import machine_text, read_reply
-from agentflow.agents.verdicts import shortcoming, told
+from agentflow.agents.replies import machine_text, no_machine, read_reply, rejection
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
 
 
 @dataclass(frozen=True)
 class PlacerInput:
-    """The task, whose brief holds what is given."""
+    """A task; its brief holds the given structure."""
 
     brief: Brief
 
 
 class Placer(Role[PlacerInput, Design]):
-    """Places blocks on a given structure."""
+    """Adds blocks to a given structure."""
 
     name: ClassVar[str] = "placer"
+    stage: ClassVar[str] = "initial"
+    tokens: ClassVar[tuple[int, int]] = (3230, 220)
+    model_role: ClassVar[str] = "designer"
+
+    @classmethod
+    def sample(cls, brief: Brief, machine: Machine) -> PlacerInput:  # noqa: ARG003
+        """The structure that the task gives."""
+        return PlacerInput(brief)
 
     def variables(self, given: PlacerInput) -> Mapping[str, object]:
-        """Task, blocks (those that are given too, but for the root), the given steps."""
+        """Task, allowed and given block types without the root, the given steps."""
         brief, start = given.brief, given.brief.given
         kinds = {*brief.blocks, *(step.type for step in start.steps[1:])}
         return {
@@ -48,10 +53,8 @@ class Placer(Role[PlacerInput, Design]):
         report = read_reply(text, given.brief, "tree")
         machine, repaired = report.machine, report.repaired
         if machine is None:
-            code = report.problems[0].code if report.problems else "unparsable"
-            problem = "The reply holds no valid machine:\n" + told(report.problems)
-            return Parsed(None, problem, code, repaired, parsed=report.file_valid)
-        refused = shortcoming(machine, report, given.brief, complete=True)
+            return replace(no_machine(report), spatial=None)
+        refused = rejection(machine, report, given.brief, complete=True)
         if refused:
             code, problem = refused
             return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)

@@ -1,7 +1,4 @@
-"""Owns the environment querier: which recorded states are to be shown before a refinement.
-
-Whether a query can be answered is decided where it is answered; an invalid one stops no other.
-"""
+"""The querier: asks for recorded states of single blocks before a refinement."""
 
 from __future__ import annotations
 
@@ -10,9 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import machine_context, report_context, task_context
-from agentflow.agents.replies import Representation
-from agentflow.agents.sections import sections
+from agentflow.agents.context import SAMPLE_REPORT, machine_context, report_context, task_context
+from agentflow.agents.replies import Representation, find_sections
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.parse import extract_json
 from agentflow.machine.tree import Machine
@@ -24,23 +20,23 @@ _NOTHING = frozenset({"", "none", "no feedback required", "no queries"})
 
 @dataclass(frozen=True)
 class QuerierInput:
-    """What the querier looks at."""
+    """A simulated machine."""
 
     brief: Brief
     machine: Machine
     score: float | None = None
-    """None where there is none (the rollout failed for no fault of the machine)."""
+    """None if the rollout failed through no fault of the machine."""
     feedback: str = ""
     """The default feedback of the simulation."""
     spatial: bool = True
-    """Whether 3D information is shown."""
+    """Whether to include 3D information."""
     representation: Representation = "tree"
     """How the machine is written."""
 
 
 @dataclass(frozen=True)
 class Inquiry:
-    """What the querier wants to see; the queries are raw JSON items, as the model sent them."""
+    """The querier's queries, as raw JSON items. They are checked when they are answered."""
 
     thought: str
     queries: tuple[object, ...]
@@ -50,6 +46,13 @@ class Querier(Role[QuerierInput, Inquiry]):
     """Asks for recorded states of single blocks."""
 
     name: ClassVar[str] = "querier"
+    stage: ClassVar[str] = "env_feedback"
+    tokens: ClassVar[tuple[int, int]] = (2720, 60)
+
+    @classmethod
+    def sample(cls, brief: Brief, machine: Machine) -> QuerierInput:
+        """The machine and a short report."""
+        return QuerierInput(brief, machine, 0.0, SAMPLE_REPORT)
 
     def variables(self, given: QuerierInput) -> Mapping[str, object]:
         """Task, machine, 3D information and the report of the simulation."""
@@ -63,7 +66,7 @@ class Querier(Role[QuerierInput, Inquiry]):
 
     def parse(self, text: str, given: QuerierInput) -> Parsed[Inquiry]:  # noqa: ARG002
         """Read the thought and the list of queries, which may be empty."""
-        found = sections(text, (THOUGHT, QUERIES))
+        found = find_sections(text, (THOUGHT, QUERIES))
         if QUERIES not in found:
             problem = f"The reply lacks the section <{QUERIES}>."
             return Parsed(None, problem, "missing_section", parsed=False)

@@ -1,7 +1,4 @@
-"""Owns the refiner: from a machine and what is known of it to a better one.
-
-Applying the edit commands is agentflow.machine's; trying the result is the search's.
-"""
+"""The refiner: improves a machine, given everything known about it."""
 
 from __future__ import annotations
 
@@ -10,12 +7,16 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import machine_context, report_context, task_context
+from agentflow.agents.context import SAMPLE_REPORT, machine_context, report_context, task_context
 from agentflow.agents.history import History
 from agentflow.agents.meta_designer import Blueprint
-from agentflow.agents.replies import Representation, read_reply
-from agentflow.agents.sections import sections
-from agentflow.agents.verdicts import shortcoming, told
+from agentflow.agents.replies import (
+    Representation,
+    find_sections,
+    no_machine,
+    read_reply,
+    rejection,
+)
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.commands import script_lines
 from agentflow.machine.edits.script import StepVerdict, apply_script
@@ -27,16 +28,16 @@ DESCRIPTION = "Modification Description"
 PREDICTION = "Simulation Prediction After Modification"
 STEPS = "Modification Steps"
 MAX_LINES = 30
-"""Most verdicts told of a failing script."""
+"""Maximum number of verdicts shown for a failing script."""
 MAX_WIDTH = 200
-"""Most characters told of a line of a script."""
+"""Maximum number of characters shown of a line of a script."""
 GEOMETRIC = frozenset({"face_occupied", "overlap", "size_limit"})
-"""Codes of failing edits that are about space, not about form or bookkeeping."""
+"""Codes of failing edits that are about geometry, not about format or ids."""
 
 
 @dataclass(frozen=True)
 class RefinerInput:
-    """What the refiner works from; what is empty is not shown."""
+    """A machine and what is known about it; empty fields are left out of the prompt."""
 
     brief: Brief
     machine: Machine
@@ -44,7 +45,7 @@ class RefinerInput:
     critique: str = ""
     """An inspector's report."""
     history: History = field(default=History())
-    """The edits that led to the machine."""
+    """Edits that led to the machine."""
     score: float | None = None
     feedback: str = ""
     """The default feedback of the machine's simulation."""
@@ -53,18 +54,18 @@ class RefinerInput:
     earlier: tuple[str, ...] = ()
     """Verdicts on earlier replies to the same question."""
     spatial: bool = True
-    """Whether 3D information is shown."""
+    """Whether to include 3D information."""
     representation: Representation = "tree"
     """How whole machines are written; edit commands are the same in both."""
     format: Literal["steps", "whole_machine"] = "steps"
-    """Whether edit commands or a whole machine are asked for."""
+    """Whether to ask for edit commands or for a whole machine."""
     images: tuple[str, ...] = ()
-    """Views of the machine as it is built, as PNG data URLs."""
+    """Pictures of the machine as built, as PNG data URLs."""
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """A new machine, valid and different from the given one, and how it came about."""
+    """A valid machine that differs from the given one, and the reasoning behind it."""
 
     thought: str
     description: str
@@ -76,12 +77,24 @@ class Refinement:
 
 
 class Refiner(Role[RefinerInput, Refinement]):
-    """Changes a machine, by edit commands or as a whole."""
+    """Edits a machine by commands, or rewrites it as a whole."""
 
     name: ClassVar[str] = "refiner"
+    stage: ClassVar[str] = "env_feedback"
+    tokens: ClassVar[tuple[int, int]] = (4590, 80)
+
+    @classmethod
+    def sample(cls, brief: Brief, machine: Machine) -> RefinerInput:
+        """The machine and a short report."""
+        return RefinerInput(brief, machine, score=0.0, feedback=SAMPLE_REPORT)
+
+    @classmethod
+    def stage_at(cls, place: str) -> str:
+        """Blind refinement for "blind/...", the feedback loop for "feedback/..."."""
+        return "blind_refinement" if place.startswith("blind/") else cls.stage
 
     def variables(self, given: RefinerInput) -> Mapping[str, object]:
-        """Everything that is known of the machine and was not switched off."""
+        """Everything known about the machine that is not switched off."""
         return {
             **task_context(given.brief),
             **machine_context(
@@ -99,12 +112,12 @@ class Refiner(Role[RefinerInput, Refinement]):
         }
 
     def images(self, given: RefinerInput) -> tuple[str, ...]:
-        """Its views, if it was given any."""
+        """The views of the machine, if any."""
         return given.images
 
     def parse(self, text: str, given: RefinerInput) -> Parsed[Refinement]:
-        """Read the sections, make the new machine and check it."""
-        found = sections(text, (THOUGHT, DESCRIPTION, PREDICTION, STEPS))
+        """Read the sections, build the new machine and check it."""
+        found = find_sections(text, (THOUGHT, DESCRIPTION, PREDICTION, STEPS))
         if not found.get(STEPS):
             lack = "is empty" if STEPS in found else "is missing"
             problem = f"The section <{STEPS}> {lack}."
@@ -126,10 +139,7 @@ def _edited(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]
 def _whole(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
     report = read_reply(found[STEPS], given.brief, given.representation)
     if report.machine is None:
-        code = report.problems[0].code if report.problems else "unparsable"
-        problem = f"<{STEPS}> holds no valid machine:\n" + told(report.problems)
-        parsed, spatial = report.file_valid, report.spatial_valid
-        return Parsed(None, problem, code, report.repaired, parsed=parsed, spatial=spatial)
+        return no_machine(report, f"<{STEPS}>")
     return _checked(found, given, report.machine, "", (), repaired=report.repaired)
 
 
@@ -143,7 +153,7 @@ def _checked(
     repaired: bool,
 ) -> Parsed[Refinement]:
     report = check(machine, given.brief)
-    refused = shortcoming(machine, report, given.brief, complete=True)
+    refused = rejection(machine, report, given.brief, complete=True)
     if refused is None and machine == given.machine:
         refused = "no_change", "The new machine is the same as the current one."
     if refused is not None:
@@ -161,7 +171,7 @@ def _checked(
 
 
 def verdict_text(steps: Sequence[StepVerdict]) -> str:
-    """The verdicts as they are told, one line each and bounded: `Remove 7: Error (code: why)`."""
+    """One line per verdict: `Remove 7: Error (code: reason)`; later ones are only counted."""
     lines = [
         f"{step.text[:MAX_WIDTH] or '(no command)'}: {step.verdict}"
         + (f" ({step.code}: {step.reason})" if step.code else "")

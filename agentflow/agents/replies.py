@@ -1,22 +1,27 @@
-"""Owns how a whole machine is written in prompts and read from replies, in either representation.
-
-What the two representations are is agentflow.machine's.
-"""
+"""Reading replies: named sections, whole machines, and the problems that go back to the model."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from typing import Literal
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
+from agentflow.agents.base import Parsed
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
-from agentflow.machine.validity import Report, check
+from agentflow.machine.validity import Problem, Report, check
 
 Representation = Literal["tree", "coordinates"]
-"""Construction tree (spec 1.2), or absolute positions and rotations (1.3)."""
+"""How machines are written: construction tree, or absolute positions and rotations."""
+REQUIRED_COUNT = "required_count"
+"""Code of having more or fewer blocks of a type than the task requires."""
+MAX_PROBLEMS = 8
+"""Most problems listed at once; the first usually cause the others."""
+_TAG = re.compile(r"<(/?)([^<>\n]{1,80})>")
 
 
 def machine_items(machine: Machine, representation: Representation) -> Sequence[object]:
@@ -33,15 +38,14 @@ def machine_text(machine: Machine, representation: Representation) -> str:
 def read_reply(
     text: str, brief: Brief, representation: Representation, given: Machine | None = None
 ) -> Report:
-    """Judge the last machine of a reply; never raises, whatever the text.
+    """Read and check the last machine of a reply; never raises, whatever the text.
 
     Args:
         text: the reply or a section of it.
         brief: the task.
         representation: how the machine is written.
-        given: a machine that the reply may begin with. In coordinates what hangs on what is
-            inferred, and may be inferred differently where faces meet; blocks that are where the
-            given ones are keep the given connections.
+        given: a machine that the reply may begin with. Coordinates do not say which block a block
+            is attached to; blocks in the positions of given ones keep the given attachments.
     """
     if representation == "tree":
         return check(read_machine(text, brief.blocks, brief.given), brief)
@@ -50,13 +54,105 @@ def read_reply(
         return report
     whole = Machine((*given.steps, *report.machine.steps[len(given) :]))
     judged = check(whole, brief)
-    return report if judged.machine is None else _with(judged, report)
+    if judged.machine is None:
+        return report
+    return replace(judged, repaired=report.repaired, notes=report.notes)
 
 
 def _begins_with(machine: Machine, given: Machine) -> bool:
-    start = to_coordinates(machine)[: len(given)]
-    return start == to_coordinates(given)
+    return to_coordinates(machine)[: len(given)] == to_coordinates(given)
 
 
-def _with(judged: Report, read: Report) -> Report:
-    return Report(**{**vars(judged), "repaired": read.repaired, "notes": read.notes})
+def no_machine(report: Report, where: str = "The reply") -> Parsed[Any]:
+    """The result of parsing a reply that holds no valid machine."""
+    code = report.problems[0].code if report.problems else "unparsable"
+    problem = f"{where} holds no valid machine:\n" + problem_list(report.problems)
+    parsed, spatial = report.file_valid, report.spatial_valid
+    return Parsed(None, problem, code, report.repaired, parsed=parsed, spatial=spatial)
+
+
+def problem_list(problems: Sequence[Problem]) -> str:
+    """The first problems, one per line, then how many more there are."""
+    lines = [f"- {problem.message}" for problem in problems[:MAX_PROBLEMS]]
+    if len(problems) > MAX_PROBLEMS:
+        lines.append(f"- and {len(problems) - MAX_PROBLEMS} more")
+    return "\n".join(lines)
+
+
+def rejection(
+    machine: Machine, report: Report, brief: Brief, *, complete: bool
+) -> tuple[str, str] | None:
+    """Why a machine cannot be accepted, as (code, problem); None if it can.
+
+    Args:
+        machine: a file-valid machine.
+        report: its validity under the brief.
+        brief: the task.
+        complete: whether it must be task-valid. An incomplete machine must still not have more
+            blocks of a type than the task requires, because later steps cannot remove them.
+    """
+    if not report.machine_valid or (complete and not report.task_valid):
+        problems = [item for item in report.problems if complete or item.code != REQUIRED_COUNT]
+        return problems[0].code, "The machine is not valid:\n" + problem_list(problems)
+    for kind, most in sorted(brief.required.items()):
+        if machine.count(kind) > most:
+            return (
+                REQUIRED_COUNT,
+                f"The machine has {machine.count(kind)} blocks of type {kind}; "
+                f"the task wants exactly {most}.",
+            )
+    return None
+
+
+@dataclass(frozen=True)
+class _Tag:
+    name: str
+    closing: bool
+    start: int
+    end: int
+
+
+def find_sections(text: str, names: Iterable[str]) -> dict[str, str]:
+    """Find the named XML-like sections of a reply; never raises, linear in the text's length.
+
+    Tags may have any letter case, and spaces, underscores or hyphens between words. An unclosed
+    section ends at the next known tag or at the end of the text. If a name is repeated, the last
+    closed section counts, or else the last unclosed one. Text outside sections is ignored.
+
+    Args:
+        text: the whole reply.
+        names: the names to look for, as they should appear in the result.
+
+    Returns:
+        Name -> stripped content, for the names that were found.
+    """
+    known = {_key(name): name for name in names}
+    closed: dict[str, str] = {}
+    unclosed: dict[str, str] = {}
+    next_open: dict[str, int] = {}
+    next_close: dict[str, int] = {}
+    next_tag = len(text)
+    for tag in reversed(_tags(text, known)):
+        if tag.closing:
+            next_close[tag.name] = tag.start
+        else:
+            close = next_close.get(tag.name)
+            if close is not None and close < next_open.get(tag.name, len(text)):
+                closed.setdefault(tag.name, text[tag.end : close].strip())
+            else:
+                unclosed.setdefault(tag.name, text[tag.end : next_tag].strip())
+            next_open[tag.name] = tag.start
+        next_tag = tag.start
+    return {**unclosed, **closed}
+
+
+def _tags(text: str, known: dict[str, str]) -> list[_Tag]:
+    return [
+        _Tag(known[key], match[1] == "/", match.start(), match.end())
+        for match in _TAG.finditer(text)
+        if (key := _key(match[2])) in known
+    ]
+
+
+def _key(name: str) -> str:
+    return " ".join(re.split(r"[\s_-]+", name.strip().strip("/"))).strip().casefold()

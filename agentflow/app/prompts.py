@@ -2,44 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from difflib import unified_diff
-from types import MappingProxyType
 from typing import Any
 
-from agentflow.agents.base import Role
 from agentflow.agents.context import EXAMPLE
-from agentflow.agents.designer import Designer, DesignerInput
-from agentflow.agents.inspector import Inspector, InspectorInput
-from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
-from agentflow.agents.placer import Placer, PlacerInput
-from agentflow.agents.querier import Querier, QuerierInput
-from agentflow.agents.refiner import Refiner, RefinerInput
-from agentflow.errors import UnknownNameError, UsageError
+from agentflow.agents.registry import ROLES
+from agentflow.errors import UsageError
 from agentflow.machine import Machine, check
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.detect import read_for
 from agentflow.machine.tree import ROOT, Step
 from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
-
-REPORT = "Score: 0.00\nBroken: none"
-"""Stands for what a simulation reports."""
-Asked = tuple[Role[Any, Any], Any]
-
-SAMPLES: Mapping[str, Callable[[Brief, Machine], Asked]] = MappingProxyType(
-    {
-        "meta_designer": lambda brief, _: (MetaDesigner(), MetaDesignerInput(brief)),
-        "designer": lambda brief, _: (Designer(), DesignerInput(brief)),
-        "inspector": lambda brief, found: (Inspector(), InspectorInput(brief, found)),
-        "querier": lambda brief, found: (Querier(), QuerierInput(brief, found, 0.0, REPORT)),
-        "refiner": lambda brief, found: (
-            Refiner(),
-            RefinerInput(brief, found, score=0.0, feedback=REPORT),
-        ),
-        "placer": lambda brief, _: (Placer(), PlacerInput(brief)),
-    }
-)
-"""Role -> what it is asked first in a run, about a task and a machine."""
 
 
 def set_list() -> list[dict[str, Any]]:
@@ -64,10 +37,8 @@ def rendered(name: str, role: str, brief: Brief, source: str | None = None) -> d
         UnknownNameError: No such set or role.
         UsageError: The text holds no machine.
     """
-    if role not in SAMPLES:
-        raise UnknownNameError("role", role, SAMPLES)
-    asked, given = SAMPLES[role](brief, _machine(brief, source))
-    prompts = PromptSet(name)
+    asked, prompts = ROLES[role](), PromptSet(name)
+    given = asked.sample(brief, _machine(brief, source))
     system, user = prompts.render(asked.name, asked.variables(given))
     return {
         "set": name,

@@ -95,7 +95,7 @@ class WorkflowContext:
             model_role: Role whose model and sampling to use, if not its own.
             once: Whether one attempt is all; for searches, which own the attempts.
         """
-        own = self._contexts(model_role or role.name)
+        own = self._contexts(model_role or role.model_role or role.name)
         count = self._counts[stage]
         used = replace(own, on_attempt=lambda made: self._note(made, count, own.on_attempt))
         try:

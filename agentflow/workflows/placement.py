@@ -28,9 +28,7 @@ async def placement(run: WorkflowContext) -> WorkflowResult:
 
     async def place(attempt: int) -> Candidate:
         label = f"placer/traj-{attempt}"
-        outcome = await run.ask(
-            Placer(), PlacerInput(run.brief), label, stage=STAGE, model_role="designer", once=True
-        )
+        outcome = await run.ask(Placer(), PlacerInput(run.brief), label, stage=STAGE, once=True)
         first = first_attempt_of(outcome)
         if outcome is None or outcome.output is None:
             return Candidate(attempt, first=first, reason=failure_reason(outcome))

@@ -10,6 +10,8 @@ import pytest
 from agentflow.agents.base import AskContext, Parsed, Role, RoleAttempt, ask
 from agentflow.llm.messages import Reply, Sampling
 from agentflow.llm.scripted import ScriptedClient
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
 
 
@@ -17,6 +19,10 @@ class Number(Role[str, int]):
     """Wants a number; borrows the querier's templates."""
 
     name: ClassVar[str] = "querier"
+
+    @classmethod
+    def sample(cls, brief: Brief, machine: Machine) -> str:  # noqa: ARG003
+        return brief.name
 
     def variables(self, given: str) -> Mapping[str, object]:
         task = {

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from agentflow.agents.inspector import Defect, Inspector, InspectorInput, read_defects
 from tests.agents.fakes import FRAME, THROWING
-from tests.agents.test_world import LINES
+from tests.agents.test_orientation import LINES
 
 GIVEN = InspectorInput(THROWING, FRAME)
 REPLY = f"""Well.
@@ -26,8 +26,8 @@ REPLY = f"""Well.
 def test_good_reply() -> None:
     inspection = Inspector().parse(REPLY, GIVEN).output
     assert inspection is not None
-    assert inspection.world_score == 1.0
-    assert inspection.world["frontmost"] == [1]
+    assert inspection.orientation_score == 1.0
+    assert inspection.orientation["frontmost"] == [1]
     assert inspection.defects == (Defect((1, 2), "Base", "too long"), Defect((), "", "no boulder"))
     assert inspection.text == (
         "1. None.\n\nDefects:\n- blocks 1, 2 | structure Base | too long\n"
@@ -38,7 +38,7 @@ def test_good_reply() -> None:
 def test_world_may_be_missing() -> None:
     parsed = Inspector().parse(REPLY.replace("Three-Dimensional", "Flat"), GIVEN)
     assert parsed.output is not None
-    assert (parsed.output.world, parsed.output.world_score) == ({}, 0.0)
+    assert (parsed.output.orientation, parsed.output.orientation_score) == ({}, 0.0)
 
 
 @pytest.mark.parametrize(

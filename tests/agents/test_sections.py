@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.agents.sections import sections
+from agentflow.agents.replies import find_sections
 
 NAMES = ("Thought Process", "Modification Steps", "Three-Dimensional Perception of the World")
 
@@ -43,12 +43,12 @@ NAMES = ("Thought Process", "Modification Steps", "Three-Dimensional Perception 
     ],
 )
 def test_sections(text: str, expected: dict[str, str]) -> None:
-    assert sections(text, NAMES) == expected
+    assert find_sections(text, NAMES) == expected
 
 
 @given(st.lists(st.sampled_from(["<", ">", "/", "Thought Process", "thought_process", "a", "\n"])))
 def test_never_raises(pieces: list[str]) -> None:
-    found = sections("".join(pieces), NAMES)
+    found = find_sections("".join(pieces), NAMES)
     assert all("".join(pieces).find(content) >= 0 for content in found.values())
 
 
@@ -56,5 +56,5 @@ def test_never_raises(pieces: list[str]) -> None:
 def test_time_is_linear(unit: str) -> None:
     text = unit * (100_000 // len(unit))
     start = time.process_time()
-    sections(text, NAMES)
+    find_sections(text, NAMES)
     assert time.process_time() - start < 0.5

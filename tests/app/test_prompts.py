@@ -6,7 +6,8 @@ import json
 
 import pytest
 
-from agentflow.app.prompts import SAMPLES, difference, rendered, set_list
+from agentflow.agents.registry import ROLES
+from agentflow.app.prompts import difference, rendered, set_list
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
@@ -21,11 +22,11 @@ def test_the_list_names_every_set_with_its_hash() -> None:
     }
 
 
-def test_samples_are_of_every_role() -> None:
-    assert tuple(sorted(SAMPLES)) == PromptSet().roles
+def test_the_default_set_has_prompts_for_every_role() -> None:
+    assert tuple(sorted(ROLES)) == PromptSet().roles
 
 
-@pytest.mark.parametrize("role", SAMPLES)
+@pytest.mark.parametrize("role", ROLES)
 @pytest.mark.parametrize("name", prompt_sets())
 def test_a_prompt_and_its_length(role: str, name: str) -> None:
     found = rendered(name, role, BRIEF)

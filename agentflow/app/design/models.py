@@ -8,11 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agentflow.agents.designer import Designer
-from agentflow.agents.inspector import Inspector
-from agentflow.agents.meta_designer import MetaDesigner
-from agentflow.agents.querier import Querier
-from agentflow.agents.refiner import Refiner
+from agentflow.agents.registry import model_roles
 from agentflow.config.run import (
     PROCEDURAL,
     DesignConfig,
@@ -34,8 +30,6 @@ from agentflow.llm.wrappers.limits import Limiter
 from agentflow.llm.wrappers.prices import FREE
 from agentflow.llm.wrappers.record import ReplayClient
 from agentflow.llm.wrappers.tape import Tape
-
-ROLES = (MetaDesigner.name, Designer.name, Inspector.name, Querier.name, Refiner.name)
 
 
 def with_environment(document: Mapping[str, Any], environ: Mapping[str, str]) -> dict[str, Any]:
@@ -159,10 +153,11 @@ def answerers(model: ModelConfig) -> dict[str, Answerer]:
         UnknownNameError: There is no such role.
         ConfigError: A money budget, and a model without a price.
     """
+    roles = model_roles()
     for role in model.roles:
-        if role not in ROLES:
-            raise UnknownNameError("role in model.roles", role, ROLES)
-    found = {role: _answerer(model, model.roles.get(role)) for role in ROLES}
+        if role not in roles:
+            raise UnknownNameError("role in model.roles", role, roles)
+    found = {role: _answerer(model, model.roles.get(role)) for role in roles}
     for item in found.values():
         if (
             model.budget.money is not None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
+from agentflow.agents.registry import ROLES
 from agentflow.app.design.conduct import Plan
 from agentflow.config.run import PROCEDURAL, DesignConfig
 from agentflow.env.tasks.base import Task
@@ -15,20 +15,6 @@ from agentflow.workflows.settings import WorkflowSettings
 
 STRUCTURES = 4
 """Structures of a usual blueprint; measured: runs/recorded-throwing."""
-TOKENS: Mapping[str, tuple[int, int]] = MappingProxyType(
-    {
-        "meta_designer": (1250, 670),
-        "designer": (3230, 220),
-        "placer": (3230, 220),
-        "inspector": (4010, 230),
-        "querier": (2720, 60),
-        "refiner": (4590, 80),
-    }
-)
-"""Role -> prompt and completion tokens of a call, without reasoning; measured: runs/recorded-
-throwing, four characters to a token."""
-DESKS: Mapping[str, str] = MappingProxyType({"placer": "designer"})
-"""Role -> the role whose model answers for it, where that is another."""
 ROLLOUT_SECONDS = 0.2
 """Of a worker, for one trial in a window of 5 s; measured: 18 s for the 175 rollouts of
 `agentflow design --task throwing --seed 0` on two quiet cores."""
@@ -76,8 +62,8 @@ def estimate(plan: Plan) -> Estimate:
     config = plan.config
     calls = _calls(config.workflow, config.settings)
     rollouts = _rollouts(config.workflow, config.settings)
-    prompt = sum(count * TOKENS[role][0] for role, count in calls.items())
-    completion = sum(count * TOKENS[role][1] for role, count in calls.items())
+    prompt = sum(count * ROLES[role].tokens[0] for role, count in calls.items())
+    completion = sum(count * ROLES[role].tokens[1] for role, count in calls.items())
     return Estimate(
         sum(calls.values()),
         prompt,
@@ -136,7 +122,7 @@ def _seconds(task: Task, seed: int) -> float:
 def _money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
     spent = 0.0
     for role, count in calls.items():
-        own = config.model.roles.get(DESKS.get(role, role))
+        own = config.model.roles.get(ROLES[role].model_role or role)
         name = own.name if own else config.model.name
         price = config.model.prices.get(name)
         if count and name != PROCEDURAL:
@@ -147,5 +133,5 @@ def _money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
 
 
 def _cost(price: Price, role: str) -> float:
-    prompt, completion = TOKENS[role]
+    prompt, completion = ROLES[role].tokens
     return price.of(Usage(prompt=prompt, completion=completion))

@@ -13,22 +13,12 @@ from __future__ import annotations
 import sys
 from importlib.abc import Traversable
 from importlib.resources import files
-from typing import Any
 
 from agentflow.env.tasks.family import Family
 from agentflow.errors import ConfigError
 from agentflow.registry import Registry, subclass_of
 
 LEVELS = "levels"
-
-
-def _problem(name: str, thing: Any) -> str:
-    """Why an object cannot be the family of this name; "" if it can."""
-    if problem := subclass_of(Family)(name, thing):
-        return problem
-    own_name = getattr(thing, "family", None)
-    return "" if own_name == name else f"calls itself {own_name!r}"
-
 
 FAMILIES: Registry[type[Family]] = Registry(
     "task family",
@@ -46,7 +36,7 @@ FAMILIES: Registry[type[Family]] = Registry(
             "throwing",
         )
     },
-    _problem,
+    subclass_of(Family, named_by="family"),
 )
 
 

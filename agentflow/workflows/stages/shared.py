@@ -135,8 +135,8 @@ async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Bluep
         "inspection",
         label,
         machine=candidate.machine.digest,
-        world_score=found.world_score,
-        world=found.world,
+        world_score=found.orientation_score,
+        world=found.orientation,
         defects=[
             {"blocks": list(d.blocks), "structure": d.structure, "text": d.text}
             for d in found.defects

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.models import ROLES
+from agentflow.agents.registry import model_roles
 from agentflow.app.inspect.overview import run_details, run_list
 from agentflow.app.inspect.rescore import rescore
 from agentflow.errors import RunError
@@ -96,7 +96,7 @@ def test_one_run_with_what_it_holds() -> None:
     assert (found["blocks"], found["best_stage"]) == (len(result["machine"]), result["best_stage"])
     assert {role: spent["calls"] for role, spent in found["spent"].items()} == {
         "total": result["calls"],
-        **{role: calls[role] for role in ROLES if calls[role]},
+        **{role: calls[role] for role in model_roles() if calls[role]},
     }
     assert found["spent"]["total"]["money"] == 0.0
     assert found["failures"]["machines"] == result["rollouts"]

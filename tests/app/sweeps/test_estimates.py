@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from agentflow.agents.registry import ROLES
 from agentflow.app.design.conduct import Plan
-from agentflow.app.sweeps.estimates import TOKENS, Estimate, estimate, total
+from agentflow.app.sweeps.estimates import Estimate, estimate, total
 from agentflow.config.run import build, load
 from agentflow.metrics.usage import bill
 from agentflow.runs import read_calls, read_result
@@ -34,7 +35,7 @@ def test_tokens_of_a_call_are_those_of_the_recorded_run() -> None:
         characters = sum(len(message["text"]) for message in call["request"]["messages"])
         sizes.setdefault(call["request"]["role"], []).append(characters)
     for role, found in sizes.items():
-        assert TOKENS[role][0] == pytest.approx(sum(found) / len(found) / 4, rel=0.25)
+        assert ROLES[role].tokens[0] == pytest.approx(sum(found) / len(found) / 4, rel=0.25)
     assert set(sizes) == set(bill(read_calls(RECORDED)).roles)
 
 

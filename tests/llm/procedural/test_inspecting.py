@@ -35,7 +35,7 @@ async def test_it_knows_where_everything_is(task: str) -> None:
     for seed in range(3):
         machine = await designs(brief, await blueprint_of(brief, seed), seed, "t")
         assert machine is not None
-        assert (await inspected(task, machine)).world_score == 1.0
+        assert (await inspected(task, machine)).orientation_score == 1.0
 
 
 async def test_wheels_that_do_not_drive_forward_are_a_defect() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.agents.world import extreme_blocks, world_answers, world_score
+from agentflow.agents.orientation import extreme_blocks, orientation_score, read_orientation
 from agentflow.machine.geometry.placement import place
 from tests.agents.fakes import FRAME, THROWER
 
@@ -36,18 +36,18 @@ def test_extremes_of_a_thrower() -> None:
 
 
 def test_all_right() -> None:
-    assert world_score(world_answers(LINES), place(FRAME)) == 1.0
+    assert orientation_score(read_orientation(LINES), place(FRAME)) == 1.0
 
 
 def test_each_question_counts_a_ninth() -> None:
     wrong = LINES.replace("frontmost: 1", "frontmost: 2").replace("x+: right", "x+: left")
-    assert world_score(world_answers(wrong), place(FRAME)) == pytest.approx(7 / 9)
-    assert world_score({}, place(FRAME)) == 0.0
+    assert orientation_score(read_orientation(wrong), place(FRAME)) == pytest.approx(7 / 9)
+    assert orientation_score({}, place(FRAME)) == 0.0
 
 
 def test_one_wrong_block_among_several_is_wrong() -> None:
-    assert world_score({"leftmost": [0, 1]}, place(FRAME)) == pytest.approx(1 / 9)
-    assert world_score({"frontmost": [1, 2]}, place(FRAME)) == 0.0
+    assert orientation_score({"leftmost": [0, 1]}, place(FRAME)) == pytest.approx(1 / 9)
+    assert orientation_score({"frontmost": [1, 2]}, place(FRAME)) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -68,4 +68,4 @@ def test_one_wrong_block_among_several_is_wrong() -> None:
     ],
 )
 def test_answers(text: str, expected: dict[str, object]) -> None:
-    assert world_answers(text) == expected
+    assert read_orientation(text) == expected

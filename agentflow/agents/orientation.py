@@ -1,6 +1,6 @@
-"""Owns the check of what an inspector says of the world against the true geometry (spec 4.2).
+"""Checks an inspector's sense of orientation against the true geometry.
 
-The score measures a model's spatial grounding; it decides nothing.
+The score measures a model's spatial grounding and is recorded; nothing else depends on it.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import Any
 from agentflow.machine.geometry.placement import Geometry
 
 TIE = 1e-6
-"""Metres within which two blocks reach equally far."""
+"""Distance within which two blocks count as reaching equally far, m."""
 AXES: Mapping[str, str] = {"x+": "right", "y+": "up", "z+": "forward"}
-"""Axis -> the direction that it points in."""
+"""Axis -> direction in which it points."""
 DIRECTIONS: Mapping[str, str] = {
     **dict.fromkeys(("right", "rightward", "rightwards"), "right"),
     **dict.fromkeys(("left", "leftward", "leftwards"), "left"),
@@ -23,7 +23,7 @@ DIRECTIONS: Mapping[str, str] = {
     **dict.fromkeys(("forward", "forwards", "front", "ahead"), "forward"),
     **dict.fromkeys(("backward", "backwards", "back", "rear", "behind"), "backward"),
 }
-"""Word that a model uses -> direction."""
+"""Word in a reply -> direction."""
 EXTREMES: Mapping[str, tuple[int, int]] = {
     "frontmost": (2, 1),
     "rearmost": (2, -1),
@@ -32,7 +32,7 @@ EXTREMES: Mapping[str, tuple[int, int]] = {
     "topmost": (1, 1),
     "lowest": (1, -1),
 }
-"""Question -> axis index and sign of the direction in which the block reaches farthest."""
+"""Question -> axis index and sign of the direction in which to compare the blocks' reach."""
 _KEY = re.compile(
     r"(?<![\w+-])([xyz]\+|" + "|".join(EXTREMES) + r")[\"'*`_\])]{0,4} ?[:=]", re.IGNORECASE
 )
@@ -42,12 +42,12 @@ ID_LIST = re.compile(r"\d{1,6}(?:(?:, and |,| and |/) ?\d{1,6})*")
 _NUMBER = re.compile(r"\d{1,6}")
 
 
-def world_answers(text: str) -> dict[str, Any]:
-    """Read "key: value" pairs, one per line or in a JSON object.
+def read_orientation(text: str) -> dict[str, Any]:
+    """Read the answers: "key: value" pairs, one per line or in a JSON object.
 
     Returns:
-        Axis to direction, extreme to a list of block ids; only what was found, the first answer
-        where there are several.
+        Axis -> direction and extreme -> list of block ids, for the keys found; the first answer
+        counts if there are several.
     """
     keys = list(_KEY.finditer(text))
     answers: dict[str, Any] = {}
@@ -62,7 +62,7 @@ def world_answers(text: str) -> dict[str, Any]:
 
 
 def ids_in(text: str) -> list[int]:
-    """The first row of block ids in a text."""
+    """The first list of block ids in a text."""
     match = ID_LIST.search(text)
     return [int(number) for number in _NUMBER.findall(match[0])] if match else []
 
@@ -73,7 +73,7 @@ def _direction(text: str) -> str:
 
 
 def extreme_blocks(geometry: Geometry) -> dict[str, tuple[int, ...]]:
-    """For each extreme the ids of the blocks whose boxes reach farthest; ties are all listed."""
+    """Extreme -> ids of the blocks whose boxes reach farthest, including ties."""
     boxes = [block for block in geometry.blocks if not block.two_ended]
     found = {}
     for question, (axis, sign) in EXTREMES.items():
@@ -85,10 +85,10 @@ def extreme_blocks(geometry: Geometry) -> dict[str, tuple[int, ...]]:
     return found
 
 
-def world_score(answers: Mapping[str, Any], geometry: Geometry) -> float:
-    """Share of the nine questions answered rightly, 0 to 1.
+def orientation_score(answers: Mapping[str, Any], geometry: Geometry) -> float:
+    """Share of the nine questions answered correctly, 0 to 1.
 
-    An extreme is right when blocks are named and all of them reach farthest.
+    The answer for an extreme is correct if it names blocks and all of them reach farthest.
     """
     right: int = sum(answers.get(axis) == word for axis, word in AXES.items())
     for question, blocks in extreme_blocks(geometry).items():

@@ -1,0 +1,40 @@
+"""The registry of roles: ours by module, those of other distributions by entry point."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agentflow.agents.base import Role
+from agentflow.registry import Registry, subclass_of
+
+ROLES: Registry[type[Role[Any, Any]]] = Registry(
+    "role",
+    "agentflow.roles",
+    {
+        "meta_designer": "agentflow.agents.meta_designer:MetaDesigner",
+        "designer": "agentflow.agents.designer:Designer",
+        "inspector": "agentflow.agents.inspector:Inspector",
+        "querier": "agentflow.agents.querier:Querier",
+        "refiner": "agentflow.agents.refiner:Refiner",
+        "placer": "agentflow.agents.placer:Placer",
+    },
+    subclass_of(Role, named_by="name"),
+)
+
+
+def model_roles() -> tuple[str, ...]:
+    """Roles that can have their own model and sampling; the others use the model of one of these.
+
+    Raises:
+        ConfigError: A role from another distribution cannot be loaded.
+    """
+    return tuple(name for name, role in ROLES.items() if role.model_role in ("", name))
+
+
+def stage_of(label: str) -> str:
+    """Stage of a run that a call belongs to, by its label ("refiner/blind/traj-1/attempt-1").
+
+    "other" if the role is not installed, as in runs from another machine.
+    """
+    role, _, place = label.partition("/")
+    return ROLES[role].stage_at(place) if role in ROLES else "other"
