@@ -128,7 +128,9 @@ def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[Event,
     events = []
     for step in machine:
         kind = library()[step.type]
-        if not (kind.non_static and kind.rotation_axis == "Front") or step.parent < 0:
+        joint = kind.joint
+        turns = kind.non_static and (joint.kind, joint.axis) == ("revolute", "Front")
+        if not turns or step.parent < 0:
             continue
         relative = trace.angular_velocity[:, step.id] - trace.angular_velocity[:, step.parent]
         still = np.linalg.norm(relative, axis=1) < STALL_SPEED

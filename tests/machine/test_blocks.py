@@ -6,9 +6,9 @@ import pytest
 import agentflow.machine.blocks
 from agentflow.errors import UnknownNameError
 from agentflow.machine.blocks.library import library, load_library
-from agentflow.machine.blocks.types import Blade, Face
+from agentflow.machine.blocks.types import Blade, Face, JointType
 
-ENTRIES = json.loads(
+DOCUMENT = json.loads(
     Path(agentflow.machine.blocks.__file__).with_name("blocks.json").read_text(encoding="utf-8")
 )
 
@@ -27,8 +27,10 @@ def test_a_log() -> None:
 
 
 def test_special_numbers() -> None:
-    assert library()[5].swing == ("Up", "Down")
-    assert library()[5].angle_deg == (-90.0, 90.0)
+    assert library()[5].joint == JointType("revolute", "Right", (-90.0, 90.0))
+    assert library()[28].joint == JointType(
+        "revolute", "Up", (-90.0, 90.0), switch="steering_hinges", motor_sense=-1
+    )
     assert library()[14].thrust == 100.0
     assert library()[26].blade == Blade(23.07, 0.015, 30)
     assert library()[51].pitch_radius == 2.5
@@ -57,14 +59,22 @@ def test_an_unknown_type_names_the_nearest() -> None:
         ({"mass": 0}, r"block type 63 \(Log\): mass must be positive"),
         ({"faces": [{"id": 1, "position": [0, 0, 0], "direction": "Up"}]}, "face ids must count"),
         ({"faces": [{"id": 0, "position": [0, 0, 0], "direction": "Top"}]}, "face directions are"),
+        ({"flags": ["nonstatic"]}, "unknown flag nonstatic"),
+        ({"shape": "cone"}, "shape is 'cone'; expected one of box, cylinder, sphere, hinge"),
+        ({"joint": {"kind": "screw"}}, "joint kind is 'screw'; expected one of fixed, revolute"),
+        ({"joint": {"axis": "Top"}}, "joint axis is 'Top'; expected one of Front, Back"),
+        ({"connector": "rod"}, "two-ended blocks and only they have no size"),
+        ({"category": "Tool"}, "block type 63: wrong or missing field 'Tool'"),
+        ({"tooth": 3}, "block type 63: wrong or missing field .*tooth"),
+        ({"counterpart": 1}, "block types 63 and 1: counterparts must name each other"),
     ],
 )
 def test_a_wrong_entry_is_refused(change: dict[str, object], message: str) -> None:
-    entry = next(entry for entry in ENTRIES if entry["type"] == 63)
+    entry = next(entry for entry in DOCUMENT["blocks"] if entry["type"] == 63)
     with pytest.raises(ValueError, match=message):
-        load_library([{**entry, **change}])
+        load_library({**DOCUMENT, "blocks": [{**entry, **change}]})
 
 
 def test_a_type_defined_twice_is_refused() -> None:
     with pytest.raises(ValueError, match="block type 0 is defined twice"):
-        load_library([ENTRIES[0], ENTRIES[0]])
+        load_library({**DOCUMENT, "blocks": DOCUMENT["blocks"][:1] * 2})

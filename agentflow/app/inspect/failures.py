@@ -17,7 +17,6 @@ DRIVING = frozenset({"movement", "delivery"})
 """Families whose machines are to drive along z, so that powered wheels turn about x."""
 STAYING = frozenset({"gearing"})
 """Families whose machines turn in place."""
-CONTAINER = 30
 
 
 def count_failures(path: Path) -> dict[str, Any]:
@@ -62,9 +61,11 @@ def misfaced(machine: Machine, family: str) -> bool:
     """Whether a block of a machine faces the wrong way; the rule is `metrics.failures.FACING`."""
     geometry = place(machine)
     for block in geometry.blocks:
-        if block.type == CONTAINER and geometry.children(block.id) and block.facing != "y+":
+        kind = library()[block.type]
+        holds = kind.shape == "container" and geometry.children(block.id)
+        if holds and block.facing != "y+":
             return True
-        wheel = library()[block.type].powered_wheel
+        wheel = kind.powered_wheel
         if wheel and family in DRIVING and block.facing[0] != "x":
             return True
     return False

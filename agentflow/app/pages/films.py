@@ -17,7 +17,7 @@ from agentflow.env.physics.model import Color
 from agentflow.env.rollout import Broken, Event, Rollout, Trace
 from agentflow.env.scene import IDENTITY, Scene, Thing
 from agentflow.env.simulation.trials import SHOWN_TRIAL
-from agentflow.machine.blocks.library import POWERED_COG, library
+from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine
 from agentflow.report.film import Motion, packed
@@ -140,7 +140,7 @@ def _trials(
 def _marked(given: Machine) -> dict[int, tuple[str, Color]]:
     """Given block -> what it is and its colour; the root is no such block."""
     return {
-        step.id: GIVEN[0] if step.type == POWERED_COG else GIVEN[1]
+        step.id: GIVEN[0] if library()[step.type].non_static else GIVEN[1]
         for step in given
         if step.parent >= 0
     }

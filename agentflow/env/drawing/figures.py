@@ -18,12 +18,10 @@ from agentflow.env.physics.rotations import chain, inverse, rotate
 from agentflow.env.physics.vectors import add, product, turned, upright_to
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Quat, Thing, Vec3
-from agentflow.machine.blocks.library import CONTAINER
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.tree import Machine
 
 BROKEN: Color = (0.85, 0.1, 0.1, 1.0)
-CONTAINER_COLOR: Color = (0.52, 0.38, 0.22, 1.0)
 """Unlike the boulder's, which lies in it."""
 SPOKE: Color = (0.75, 0.72, 0.62, 1.0)
 SPOKE_WIDTH, SPOKE_RISE = 0.14, 0.02
@@ -96,14 +94,13 @@ class Figures:
         return Thing(f"block {block}", "cylinder", size, _vec3((a + b) / 2), along, color=color)
 
     def _solids(self, block: int, assembly: Assembly) -> Iterator[Thing]:
-        own = CONTAINER_COLOR if self._machine[block].type == CONTAINER else None
         back = inverse(self.rest.rotation[block])
         for part in (assembly.parts[index] for index in assembly.blocks[block]):
             for shape in part.shapes:
                 offset = np.add(part.centre, shape.offset) - self.rest.centre[block]
                 rotation = _quat(chain(back, np.asarray(shape.rotation)))
                 position = _vec3(rotate(back, offset))
-                name, color = f"block {block}", own or part.color
+                name, color = f"block {block}", part.color
                 yield Thing(name, shape.kind, shape.size, position, rotation, color=color)
                 if shape.kind == "cylinder":
                     yield Thing(name, "box", _spoke(shape), position, rotation, color=SPOKE)

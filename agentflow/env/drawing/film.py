@@ -19,7 +19,7 @@ from agentflow.env.drawing.stills import caption, shoot
 from agentflow.env.rollout import Array, Rollout, Trace
 from agentflow.env.scene import IDENTITY, Scene, Thing
 from agentflow.env.tasks.base import Task
-from agentflow.machine.blocks.library import BOULDER
+from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 GRID = 5.0
@@ -53,7 +53,7 @@ def save_film(
 
 def hero_of(machine: Machine) -> int:
     """The block whose path is marked: the boulder, or else the root."""
-    return next((step.id for step in machine if step.type == BOULDER), 0)
+    return next((step.id for step in machine if library()[step.type].joint.kind == "loose"), 0)
 
 
 def interval_of(trace: Trace) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import Engine
 from agentflow.env.rollout import Array
-from agentflow.machine.blocks.library import BOULDER, CONTAINER
+from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 INTERVALS, MORE = 3, 10
@@ -45,7 +45,8 @@ class Settling:
         self._free = [
             step.id
             for step in machine
-            if step.type != BOULDER or machine[step.parent].type != CONTAINER
+            if library()[step.type].joint.kind != "loose"
+            or machine[step.parent].type not in library().containers
         ]
         self._steps = self._slow = 0
         self._places: list[Array] = []

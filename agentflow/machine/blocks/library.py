@@ -1,8 +1,4 @@
-"""Owns the block library: the 35 block types as blocks.json describes them, loaded once.
-
-What a block type is, is blocktype.py's; where a block ends up in a machine geometry.py's; how it
-behaves the environment's.
-"""
+"""The block library: the 35 block types of blocks.json, loaded once."""
 
 from __future__ import annotations
 
@@ -10,20 +6,29 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from agentflow.errors import UnknownNameError
 from agentflow.machine.blocks.plates import plate_type
-from agentflow.machine.blocks.types import DIRECTIONS, Blade, BlockType, Face, Vec3
+from agentflow.machine.blocks.types import (
+    DIRECTIONS,
+    Blade,
+    BlockType,
+    Color,
+    Connector,
+    Face,
+    JointKind,
+    JointType,
+    ShapeKind,
+    Switch,
+    Vec3,
+)
 
 STARTING_BLOCK = 0
-DECOUPLER = 4
-BRACE = 7
-SUSPENSION = 16
-GRABBER = 27
-CONTAINER = 30
-BOULDER = 36
-POWERED_COG = 39
+"""Type of the first block of every machine that is not built on a plate."""
+GRABBER, CONTAINER, BOULDER = 27, 30, 36
+"""Types that rules of tasks name."""
+FLAGS = ("non_static", "non_stable", "powered_wheel")
 
 
 class Library(Mapping[int, BlockType]):
@@ -37,6 +42,10 @@ class Library(Mapping[int, BlockType]):
         self.core = tuple(key for key, block in self._types.items() if not block.extended)
         """Type ids that are legal where a task lists nothing else."""
         self.extended = tuple(key for key, block in self._types.items() if block.extended)
+        self.containers = frozenset(
+            key for key, block in self._types.items() if block.shape == "container"
+        )
+        """Type ids of blocks that may overlap with the blocks that they hold."""
 
     def __getitem__(self, block_type: int) -> BlockType:
         found = self._types.get(block_type)
@@ -83,66 +92,72 @@ def library() -> Library:
     return load_library(json.loads(text))
 
 
-def load_library(entries: list[dict[str, Any]]) -> Library:
-    """Build a library from the entries of blocks.json.
+def load_library(document: dict[str, Any]) -> Library:
+    """Build a library from the content of blocks.json.
+
+    Args:
+        document: `colors`, the colour of each category, and `blocks`, one entry per type. An entry
+            has the fields of `BlockType`, with `size_xyz` for the size, `set` ("core" or
+            "extended") and `flags` (names of the fields that are true).
 
     Raises:
-        ValueError: an entry is wrong; the message names the type and the field.
+        ValueError: An entry is wrong; the message names the type and the field.
     """
     types: dict[int, BlockType] = {}
-    for entry in entries:
-        block = _block_type(entry)
+    for entry in document["blocks"]:
+        block = _block_type(entry, document["colors"])
         if block.type in types:
             raise ValueError(f"block type {block.type} is defined twice")
         types[block.type] = block
+    pairs = {key: block.counterpart for key, block in types.items() if block.counterpart}
+    for key, other in pairs.items():
+        if pairs.get(other) != key:
+            raise ValueError(f"block types {key} and {other}: counterparts must name each other")
     return Library(types)
 
 
-def _block_type(entry: dict[str, Any]) -> BlockType:
+def _block_type(entry: dict[str, Any], colors: dict[str, Color]) -> BlockType:
     try:
-        flags = entry["flags"]
+        fields = {key: _READ.get(key, _as_is)(value) for key, value in entry.items()}
+        size, flags = fields.pop("size_xyz", None), fields.pop("flags")
+        fields |= {flag: flag in flags for flag in FLAGS}
         block = BlockType(
-            type=entry["type"],
-            name=entry["name"],
-            category=entry["category"],
-            size=_optional(entry, "size_xyz", _vec3),
-            mass=float(entry["mass"]),
-            faces=tuple(
-                Face(face["id"], _vec3(face["position"]), face["direction"])
-                for face in entry["faces"]
-            ),
-            non_static=flags["non_static"],
-            non_stable=flags["non_stable"],
-            linear=flags["linear"],
-            powered_wheel=flags["powered_wheel"],
-            linear_drag=float(entry["linear_drag"]),
-            angular_drag=float(entry["angular_drag"]),
-            extended=entry["set"] == "extended",
-            rotation_axis=entry.get("rotation_axis"),
-            swing=tuple(entry.get("swing", ())),
-            angle_deg=_optional(entry, "angle_deg", lambda pair: (float(pair[0]), float(pair[1]))),
-            grip_direction=entry.get("grip_direction"),
-            thrust=_optional(entry, "thrust", float),
-            blade=_optional(entry, "blade", lambda blade: Blade(**blade)),
-            pitch_radius=_optional(entry, "pitch_radius", float),
+            size=size,
+            color=tuple(fields.pop("color", colors[entry["category"]])),
+            extended=fields.pop("set") == "extended",
+            **fields,
         )
+        unknown = set(flags) - set(FLAGS)
     except (KeyError, TypeError) as error:
         raise ValueError(
             f"block type {entry.get('type')}: wrong or missing field {error}"
         ) from None
-    _check(block)
+    for fault in (*(f"unknown flag {flag}" for flag in unknown), *_faults(block)):
+        raise ValueError(f"block type {block.label}: {fault}")
     return block
 
 
-def _check(block: BlockType) -> None:
+def _faults(block: BlockType) -> Iterator[str]:
+    joint = block.joint
+    for what, value, allowed in (
+        ("shape", block.shape, get_args(ShapeKind)),
+        ("connector", block.connector, (None, *get_args(Connector))),
+        ("grip_direction", block.grip_direction, (None, *DIRECTIONS)),
+        ("joint kind", joint.kind, get_args(JointKind)),
+        ("joint axis", joint.axis, tuple(DIRECTIONS)),
+        ("joint switch", joint.switch, get_args(Switch)),
+        ("motor_sense", joint.motor_sense, (1, -1)),
+    ):
+        if value not in allowed:
+            yield f"{what} is {value!r}; expected one of {', '.join(map(str, allowed))}"
     if block.linear != (block.size is None):
-        raise ValueError(f"block type {block.label}: two-ended blocks and only they have no size")
+        yield "two-ended blocks and only they have no size"
     if [face.id for face in block.faces] != list(range(len(block.faces))):
-        raise ValueError(f"block type {block.label}: face ids must count 0, 1, 2, ...")
+        yield "face ids must count 0, 1, 2, ..."
     if any(face.direction not in DIRECTIONS for face in block.faces):
-        raise ValueError(f"block type {block.label}: face directions are {', '.join(DIRECTIONS)}")
+        yield f"face directions are {', '.join(DIRECTIONS)}"
     if block.mass <= 0:
-        raise ValueError(f"block type {block.label}: mass must be positive")
+        yield "mass must be positive"
 
 
 def _vec3(values: list[float]) -> Vec3:
@@ -150,5 +165,25 @@ def _vec3(values: list[float]) -> Vec3:
     return (float(x), float(y), float(z))
 
 
-def _optional(entry: dict[str, Any], key: str, convert: Callable[[Any], Any]) -> Any:
-    return convert(entry[key]) if key in entry else None
+def _joint(entry: dict[str, Any]) -> JointType:
+    stops = entry.get("stops_deg")
+    return JointType(**{**entry, "stops_deg": None if stops is None else tuple(map(float, stops))})
+
+
+def _faces(entries: list[dict[str, Any]]) -> tuple[Face, ...]:
+    return tuple(Face(face["id"], _vec3(face["position"]), face["direction"]) for face in entries)
+
+
+def _as_is(value: Any) -> Any:
+    return value
+
+
+_READ: dict[str, Callable[[Any], Any]] = {
+    "size_xyz": _vec3,
+    "faces": _faces,
+    "joint": _joint,
+    "blade": lambda blade: Blade(**blade),
+    "bsg": lambda settings: tuple(tuple(setting) for setting in settings),
+    **dict.fromkeys(("mass", "linear_drag", "angular_drag", "thrust", "pitch_radius"), float),
+}
+"""How fields of an entry become values, where they are not taken as they are."""

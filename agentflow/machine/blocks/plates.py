@@ -1,7 +1,4 @@
-"""Owns plates, the roots of gear trains: block types whose number says all about them.
-
-Where cogs go on a plate is the tree's to say, which cogs mesh gears.py's.
-"""
+"""Plates, the roots of gear trains: block types whose number encodes their size and holes."""
 
 from __future__ import annotations
 
@@ -13,13 +10,14 @@ from agentflow.errors import ConfigError
 from agentflow.machine.blocks.types import BlockType, Face
 
 GRID = 0.5
-"""Distance of neighbouring faces, m (spec 3.1)."""
+"""Distance of neighbouring faces, m."""
 THICKNESS = 0.5
-"""m; chosen."""
+"""m."""
 DENSITY = 1.0
-"""kg per square metre; chosen: a plate stays where it lies, whatever turns on it."""
+"""kg per square metre: heavy enough that cogs that turn on a plate do not move it."""
+COLOR = (0.56, 0.6, 0.62, 1.0)
 HOLE = 2.0
-"""Width of a hole, m; chosen."""
+"""Width of a hole, m."""
 SIZES, HOLES, PATTERNS = (5, 31), (0, 20), (0, 9)
 """Least and greatest width in whole m, number of holes, number of the pattern."""
 
@@ -37,11 +35,11 @@ class Plate:
     """Width along x and z, m."""
     holes: int = 0
     pattern: int = 0
-    """Which of ten arrangements of so many holes."""
+    """Which of ten arrangements of that many holes."""
 
     @property
     def type(self) -> int:
-        """The number that stands for it: size, then two digits of holes, one of the pattern."""
+        """Its type number: the size, two digits for the holes, one for the pattern."""
         return 1000 * self.size + 10 * self.holes + self.pattern
 
     @property
@@ -53,7 +51,7 @@ class Plate:
         """The face at a place, m from the plate's middle.
 
         Raises:
-            ConfigError: There is no face, or a hole.
+            ConfigError: The place is off the plate or over a hole.
         """
         column, line = self._grid(x, z)
         if not (0 <= column < self.row and 0 <= line < self.row):
@@ -94,7 +92,7 @@ class Plate:
 
     @property
     def closed(self) -> frozenset[int]:
-        """Faces that a hole takes away."""
+        """Faces that lie within a hole or on its rim."""
         return plate_type(self.type).closed
 
     def block(self) -> BlockType:
@@ -113,19 +111,15 @@ class Plate:
             size=(float(self.size), THICKNESS, float(self.size)),
             mass=DENSITY * self.size**2,
             faces=tuple(Face(i, (x, THICKNESS / 2, z), "Up") for i, (x, z) in enumerate(places)),
-            non_static=False,
-            non_stable=False,
-            linear=False,
-            powered_wheel=False,
-            linear_drag=0.0,
-            angular_drag=0.0,
+            color=COLOR,
+            shape="plate",
             extended=True,
             closed=frozenset(closed),
         )
 
 
 def plate_of(block_type: int) -> Plate | None:
-    """The plate that a number stands for; None for other types."""
+    """The plate with this type number; None if no plate has it."""
     size, rest = divmod(block_type, 1000)
     plate = Plate(size, *divmod(rest, 10))
     ranges = ((size, SIZES), (plate.holes, HOLES), (plate.pattern, PATTERNS))
@@ -137,7 +131,7 @@ def plate_type(block_type: int) -> BlockType:
     """The plate of this number as a block type.
 
     Raises:
-        KeyError: The number stands for no plate.
+        KeyError: No plate has this number.
     """
     plate = plate_of(block_type)
     if plate is None:

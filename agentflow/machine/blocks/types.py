@@ -1,17 +1,26 @@
-"""Owns what a block type is: size, mass, faces, what it can do, all in the block's own frame.
+"""Block types: size, mass, faces and behaviour of one kind of block, in the block's own frame.
 
-Which types there are is blocks.py's and, for plates, plates.py's.
+Every field is read from blocks.json. Numbers that were fitted to published rollouts (motor speed
+and torque, friction, strength) are in env/constants.json, by type id.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 Vec3 = tuple[float, float, float]
+Color = tuple[float, float, float, float]
+"""Red, green, blue, opacity, each from 0 to 1."""
+
+JointKind = Literal["fixed", "revolute", "prismatic", "spherical", "loose"]
+Switch = Literal["motors", "steering_hinges", "decouplers"]
+ShapeKind = Literal["box", "cylinder", "sphere", "hinge", "container", "caster", "plate"]
+Connector = Literal["rod", "spring", "rope"]
 
 ROOTS = ("Root", "Plate")
-"""Categories of what machines are built on."""
+"""Categories of the blocks that machines are built on."""
 DIRECTIONS: Mapping[str, tuple[int, int, int]] = {
     "Front": (0, 0, 1),
     "Back": (0, 0, -1),
@@ -40,8 +49,30 @@ class Blade:
 
     lift_angle_deg: float
     axial_drag: float
+    """kg s/m2."""
     speed_cap: float
     """m/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointType:
+    """How a block is connected to its parent."""
+
+    kind: JointKind = "fixed"
+    """`prismatic` is sprung by the suspension_* constants; `loose` only lies against its parent."""
+    axis: str = "Front"
+    """Direction about which a revolute joint turns, along which a prismatic one slides."""
+    stops_deg: tuple[float, float] | None = None
+    """Lowest and highest angle; None turns without end."""
+    switch: Switch = "motors"
+    """Schedule entry that starts its motor; `decouplers` opens the joint."""
+    motor_sense: int = 1
+    """1 or -1: sense in which its motor turns about the axis."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether the block can move against its parent while connected to it."""
+        return self.kind not in ("fixed", "loose")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,30 +85,41 @@ class BlockType:
     size: Vec3 | None
     """Full extent along the block's own x, y, z in metres; None for two-ended blocks."""
     mass: float
+    """kg."""
     faces: tuple[Face, ...]
     """`faces[i].id == i`."""
-    non_static: bool
+    color: Color
+    linear_drag: float = 0.0
+    """1/s: the block loses mass * drag * velocity."""
+    angular_drag: float = 0.0
+    """1/s, about its own centre."""
+    extended: bool = False
+    """Not one of the 27 core types: legal only where a task lists it."""
+    non_static: bool = False
     """Makes force or motion of its own."""
-    non_stable: bool
-    """Its connection to its parent moves."""
-    linear: bool
-    """Two-ended: hangs between two parents (brace, spring, winch)."""
-    powered_wheel: bool
-    linear_drag: float
-    """1/s."""
-    angular_drag: float
-    """1/s."""
-    extended: bool
-    """Outside the 27 core types: legal only where a task lists it."""
-    rotation_axis: str | None = None
-    swing: tuple[str, ...] = ()
-    angle_deg: tuple[float, float] | None = None
+    non_stable: bool = False
+    """Its connection to its parent moves or can end."""
+    powered_wheel: bool = False
+    """Facing x-, its motor turns the other way, so that wheels on both sides drive alike."""
+    shape: ShapeKind = "box"
+    """Its surface: cylinders lie about Front, hinges are flat plates across their axis, containers
+    are open on Front, casters are a fork with a wheel."""
+    joint: JointType = JointType()
+    """Its connection to its parent; two-ended blocks have a fixed one at each end."""
+    connector: Connector | None = None
+    """What a two-ended block has between its ends; None for all others."""
     grip_direction: str | None = None
+    """Side that grips what touches it."""
     thrust: float | None = None
-    """Newtons along its facing."""
+    """Newtons along its facing, while motors are on."""
     blade: Blade | None = None
+    """Makes it a propeller blade."""
     pitch_radius: float | None = None
     """Metres; cogs mesh where these circles touch."""
+    counterpart: int | None = None
+    """Type of the same size with a motor, or without one if this has a motor."""
+    bsg: tuple[tuple[str, str, str], ...] = ()
+    """Tag, key and value of its settings in Besiege's machine files."""
     closed: frozenset[int] = frozenset()
     """Ids of faces to which nothing can be attached."""
 
@@ -87,8 +129,13 @@ class BlockType:
         return f"{self.type} ({self.name})"
 
     @property
+    def linear(self) -> bool:
+        """Whether it is two-ended and hangs between two parents: brace, spring, winch."""
+        return self.connector is not None
+
+    @property
     def root(self) -> bool:
-        """Whether it is what machines are built on, and nothing else."""
+        """Whether machines are built on it; it is never attached to anything."""
         return self.category in ROOTS
 
     @property

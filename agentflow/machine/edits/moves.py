@@ -11,10 +11,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step, renumber
 
-__all__ = ["ACTUATION", "MOVES", "Addition", "Change", "Move", "Removal", "additions"]
-
-ACTUATION = {2: 40, 40: 2, 46: 60, 60: 46, 28: 5, 5: 28, 13: 19, 19: 13}
-"""Type -> its unpowered, or powered, counterpart."""
+__all__ = ["MOVES", "Addition", "Change", "Move", "Removal", "additions"]
 
 
 class Addition(NamedTuple):
@@ -117,11 +114,11 @@ def reorientations(machine: Machine, types: Sequence[int]) -> list[Change]:  # n
 
 
 def actuations(machine: Machine, types: Sequence[int]) -> list[Change]:
-    """Every block as its powered or unpowered counterpart (`ACTUATION`)."""
+    """Every block replaced by its counterpart with, or without, a motor."""
     return [
-        Change(machine, replace(step, type=ACTUATION[step.type]))
+        Change(machine, replace(step, type=other))
         for step in machine
-        if ACTUATION.get(step.type) in types
+        if (other := library()[step.type].counterpart) is not None and other in types
     ]
 
 

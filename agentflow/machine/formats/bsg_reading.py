@@ -24,7 +24,6 @@ from agentflow.machine.formats.xml_text import UnsafeXmlError, parse_xml
 from agentflow.machine.geometry.pose import Quat
 from agentflow.machine.problems import Problem, short_repr, type_problem
 
-WHEELS = (2, 46)
 START, END, END_TURN = "start-position", "end-position", "end-rotation"
 SCALE_TOLERANCE = 0.001
 
@@ -98,7 +97,8 @@ class _Reader:
             return
         self.spots.append(spot)
         flipped = block.findtext("./Data/Boolean[@key='flipped']", "False").strip() == "True"
-        if spot.type in WHEELS and flipped != (facing_of(spot.rotation) == "x-"):
+        wheel = library()[spot.type].powered_wheel
+        if wheel and flipped != (facing_of(spot.rotation) == "x-"):
             self.notes.append(
                 f"block {index} of the file ({_ids(block)}): a wheel's direction follows from its "
                 "facing here, its 'flipped' setting is not kept"

@@ -7,8 +7,8 @@ import uuid
 from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from agentflow.machine.blocks.library import STARTING_BLOCK
-from agentflow.machine.formats.bsg_reading import END, END_TURN, START, WHEELS, read_bsg
+from agentflow.machine.blocks.library import library
+from agentflow.machine.formats.bsg_reading import END, END_TURN, START, read_bsg
 from agentflow.machine.geometry.placement import Placed, place
 from agentflow.machine.geometry.pose import FACINGS, UNITS, to_metres
 from agentflow.machine.tree import Machine
@@ -18,7 +18,6 @@ __all__ = ["read_bsg", "to_bsg"]
 GROUND = 0.5
 """Height of the ground in the game's world, in metres."""
 
-_SPRING, _ROTATING, _BALLAST = 9, 22, 35
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -54,9 +53,8 @@ def _write_block(blocks: Element, placed: Placed, guid: str) -> None:
     _vector(transform, "Scale", (1.0, 1.0, 1.0))
     data = SubElement(block, "Data")
     for tag, key, value in _settings(placed):
-        SubElement(data, tag, key=key).text = value
-    if placed.type == _SPRING:
-        SubElement(SubElement(data, "StringArray", key="bmt-contract"), "String").text = "L"
+        entry = SubElement(data, tag, key=key)
+        (SubElement(entry, "String") if tag == "StringArray" else entry).text = value
     if placed.far is not None:
         (x, y, z), (u, v, w) = placed.at, placed.far
         reach = to_metres((u - x, v - y, w - z))
@@ -68,26 +66,9 @@ def _write_block(blocks: Element, placed: Placed, guid: str) -> None:
 
 def _settings(placed: Placed) -> list[tuple[str, str, str]]:
     """Tag, key and value of what the game keeps of a block, other than positions."""
-    if placed.type == STARTING_BLOCK:
-        return [("Integer", "bmt-version", "1")]
-    if placed.type in WHEELS:
-        flipped = [("Boolean", "flipped", "True")] if placed.facing == "x-" else []
-        return [
-            ("Boolean", "bmt-automatic", "True"),
-            ("Boolean", "bmt-auto-brake", "False"),
-            *flipped,
-        ]
-    if placed.type == _SPRING:
-        return [("Single", "bmt-slider", "10"), ("Boolean", "bmt-toggle", "False")]
-    if placed.type == _ROTATING:
-        return [
-            ("Integer", "bmt-version", "1"),
-            ("Single", "bmt-speed", "1"),
-            ("Single", "bmt-acceleration", "Infinity"),
-            ("Boolean", "bmt-auto-brake", "True"),
-            ("Boolean", "flipped", "False"),
-        ]
-    return [("Single", "bmt-mass", "3")] if placed.type == _BALLAST else []
+    block = library()[placed.type]
+    flipped = block.powered_wheel and placed.facing == "x-"
+    return [*block.bsg, *([("Boolean", "flipped", "True")] if flipped else [])]
 
 
 def _vector(parent: Element, tag: str, values: Iterable[float]) -> None:

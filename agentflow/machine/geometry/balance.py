@@ -6,7 +6,7 @@ masses are whole multiples of 0.05 kg, coordinates of 0.025 m (centres).
 
 from __future__ import annotations
 
-from agentflow.machine.blocks.library import BOULDER, library
+from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.geometry.pose import UNITS, Placed
 
@@ -16,7 +16,8 @@ Point = tuple[int, int]
 HALF_UNITS = 2 * UNITS
 """Half units per metre."""
 
-_ROUND = frozenset({"Wheel", "Gear"})
+_ROLLING = frozenset({"Wheel", "Gear", "Payload"})
+"""Categories whose round blocks stand on their rim or on one point, not on their box's corners."""
 
 
 def mass(geometry: Geometry) -> float:
@@ -84,9 +85,10 @@ def _footprint(placed: Placed) -> list[Point]:
     (x0, _, z0), (x1, _, z1) = placed.lo, placed.hi
     x, z = x0 + x1, z0 + z1
     block = library()[placed.type]
-    if placed.type == BOULDER:
+    shape = block.shape if block.category in _ROLLING else "box"
+    if shape == "sphere":
         return [(x, z)]
-    if block.rotation_axis and block.category in _ROUND:
+    if shape == "cylinder":
         along_x, along_z = [(2 * x0, z), (2 * x1, z)], [(x, 2 * z0), (x, 2 * z1)]
         axis = placed.facing[0]
         return along_x if axis == "x" else along_z if axis == "z" else along_x + along_z

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from agentflow.machine.blocks.library import BOULDER, BRACE, DECOUPLER, GRABBER, SUSPENSION, library
-from agentflow.machine.geometry.placement import Geometry, Placed
+from agentflow.machine.blocks.library import library
+from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.problems import Problem, block_label
 
 Piece = tuple[int, int]
@@ -36,25 +36,18 @@ def locked_joints(geometry: Geometry) -> list[Problem]:
     return sorted(found, key=lambda problem: problem.blocks)
 
 
-def _moves(placed: Placed) -> bool:
-    """Whether the block's connection to its parent is a joint; a loose boulder has none."""
-    loose = library()[placed.type].non_stable and placed.type not in (BOULDER, GRABBER, DECOUPLER)
-    return loose or placed.type == SUSPENSION
-
-
 def _joints(geometry: Geometry) -> Iterator[tuple[int, Bond]]:
     """What each moving joint holds together: its parent and itself."""
     for placed in geometry.blocks:
-        if not placed.two_ended and placed.step.parent >= 0 and _moves(placed):
+        if placed.step.parent >= 0 and library()[placed.type].joint.moves:
             yield placed.id, ((placed.step.parent, 0), (placed.id, 0))
 
 
 def _tree(geometry: Geometry) -> Iterator[Bond]:
     """The rigid connections of blocks to their parents, first ends of two-ended blocks included."""
     for placed in geometry.blocks:
-        parent, rigid = placed.step.parents[:1], placed.two_ended or not _moves(placed)
-        if parent and rigid and placed.type != BOULDER:
-            yield (parent[0], 0), (placed.id, 0)
+        if placed.step.parent >= 0 and library()[placed.type].joint.kind == "fixed":
+            yield (placed.step.parent, 0), (placed.id, 0)
 
 
 def _bridges(geometry: Geometry) -> Iterator[tuple[Bond, int]]:
@@ -62,7 +55,7 @@ def _bridges(geometry: Geometry) -> Iterator[tuple[Bond, int]]:
     for placed in geometry.blocks:
         if placed.two_ended:
             yield ((placed.step.parents[1], 0), (placed.id, 1)), placed.id
-            if placed.type == BRACE:
+            if library()[placed.type].connector == "rod":
                 yield ((placed.id, 0), (placed.id, 1)), placed.id
     for link in geometry.auto_connections:
         yield ((link.partner, 0), (link.block, 0)), link.block

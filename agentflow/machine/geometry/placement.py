@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from agentflow.machine.blocks.library import CONTAINER, library
+from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.geometry.pose import (
     FACINGS,
@@ -217,8 +217,9 @@ def overlapping(blocks: Iterable[Placed]) -> list[tuple[int, int]]:
     Touching is legal, and so is a container with its direct child. Boxes differ by whole units,
     so any intersection is far more than the 0.001 m that the rule allows.
     """
+    containers = library().containers
     boxes = [
-        (*lo, *hi, step.id, step.parent, step.type == CONTAINER)
+        (*lo, *hi, step.id, step.parent, step.type in containers)
         for step, _, lo, hi, turned, _ in blocks
         if turned is not None
     ]

@@ -11,7 +11,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.actors import Actors, Mesh
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.fittings import meshes
+from agentflow.env.physics.assembly.devices import cog_meshes
 from agentflow.env.physics.model import Assembly, Joint, JointKind, Part, Shape
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.rollout import Array
@@ -125,7 +125,7 @@ def test_which_cogs_mesh(
         Moved(blocks[2], (x, y, z), (0.0, 1.0, 0.0)),
         Moved(blocks[3], (x + apart, y + aside, z), (0.0, -1.0 if turned else 1.0, 0.0)),
     ]
-    found = meshes([*blocks[:2], *cogs], assembly.joints, 0.1)  # type: ignore[list-item]
+    found = cog_meshes([*blocks[:2], *cogs], assembly.joints, 0.1)  # type: ignore[list-item]
     assert [mesh.ratio for mesh in found] == ([] if ratio is None else [pytest.approx(ratio)])
 
 

@@ -53,7 +53,7 @@ def crowd(task: Task) -> list[Machine]:
     """Machines of twenty blocks of which the text has most to say."""
     brief = task.brief
     long = max(brief.blocks, key=lambda kind: len(library()[kind].name))
-    motors = [kind for kind in brief.blocks if library()[kind].rotation_axis == "Front"]
+    motors = [kind for kind in brief.blocks if library()[kind].shape == "cylinder"]
     given = getattr(task, "given", Machine((ROOT,)))
     need = [kind for kind, count in brief.required.items() for _ in range(count)]
     loud = {long, *motors, *({GRABBER} & set(brief.blocks))}

@@ -1,29 +1,24 @@
-"""Owns the translation of a construction tree into parts and joints (spec 2.2), for any engine.
-
-The look and feel of each block type is in blockforms.py; spanning trees are tree.py's.
-"""
+"""From a construction tree to parts, joints, springs and devices."""
 
 from __future__ import annotations
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.block_parts import caster_parts, drive_of, end_parts, kind_of, whole_part
-from agentflow.env.physics.fittings import WINCH, fit
+from agentflow.env.physics.assembly.devices import devices, spring
+from agentflow.env.physics.assembly.parts import block_parts, end_parts, joint_drive
+from agentflow.env.physics.assembly.shapes import direction_of
 from agentflow.env.physics.model import Assembly, Drive, Joint, Part, Pull, Strength
 from agentflow.env.physics.vectors import add
 from agentflow.env.scene import Vec3
-from agentflow.machine.blocks.library import BOULDER, library
+from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import BlockType
 from agentflow.machine.geometry.placement import Geometry, Placed
 from agentflow.machine.tree import Machine
-
-SPRING = 9
-CASTERS = frozenset({50, 86})
 
 
 def assemble(machine: Machine, geometry: Geometry, constants: Constants) -> Assembly:
     """Parts, joints and springs of a valid machine, standing on the ground at the world's middle.
 
-    The centre of the machine's box lies over x = z = 0 and its lowest point on y = 0 (spec 3).
+    The centre of the machine's box lies over x = z = 0 and its lowest point on y = 0.
 
     Args:
         machine: A machine-valid construction tree.
@@ -36,7 +31,10 @@ def assemble(machine: Machine, geometry: Geometry, constants: Constants) -> Asse
 
 
 class _Assembler:
-    """Collects parts and joints in id order; what closes loops comes last: trees prefer early."""
+    """Collects parts and joints in id order.
+
+    Joints that close loops come last, because spanning trees prefer early joints.
+    """
 
     def __init__(
         self, machine: Machine, geometry: Geometry, constants: Constants, shift: Vec3
@@ -55,15 +53,14 @@ class _Assembler:
             kind = library()[placed.type]
             if kind.linear:
                 self._two_ended(placed, kind)
-            elif kind.type in CASTERS:
-                self._caster(placed, kind)
             else:
                 self._standard(placed, kind)
         for link in self.geometry.auto_connections:
             self._auto_connection(link.block, link.partner, link.face_id)
+        joints = (*self.joints, *self.closing)
         return Assembly(
             parts=tuple(self.parts),
-            joints=(*self.joints, *self.closing),
+            joints=joints,
             pulls=tuple(self.pulls),
             blocks=tuple(self.blocks),
             origins=tuple(
@@ -72,9 +69,7 @@ class _Assembler:
             centres=tuple(add(b.center, self.shift) for b in self.geometry.blocks),
             rotations=tuple(b.quaternion for b in self.geometry.blocks),
             spans=tuple(self.spans),
-            actors=fit(
-                self.geometry.blocks, self.blocks, (*self.joints, *self.closing), self.constants
-            ),
+            actors=devices(self.geometry.blocks, self.blocks, joints, self.constants),
         )
 
     def _add(self, parts: list[Part]) -> tuple[int, ...]:
@@ -84,90 +79,59 @@ class _Assembler:
         return indices
 
     def _standard(self, placed: Placed, kind: BlockType) -> None:
-        (part,) = self._add([whole_part(placed, kind, self.constants, self.shift)])
-        parent = self.machine[placed.id].parent
-        if parent < 0 or kind.type == BOULDER:
+        first, *wheel = self._add(block_parts(placed, kind, self.constants, self.shift))
+        parent, joint = self.machine[placed.id].parent, kind.joint
+        if parent < 0 or joint.kind == "loose":
             return
-        joint_kind, axis = kind_of(kind.type)
-        self.joints.append(
-            Joint(
-                block=placed.id,
-                partner=parent,
-                a=self.blocks[parent][-1],
-                b=part,
-                kind=joint_kind,
-                pivot=add(placed.origin, self.shift),
-                axis=getattr(placed, axis),
-                drive=drive_of(placed, kind, self.constants),
-                strength=self._strength(kind.type),
-            )
-        )
-
-    def _caster(self, placed: Placed, kind: BlockType) -> None:
-        fork, wheel, hub = caster_parts(placed, kind, self.constants, self.shift)
-        first, second = self._add([fork, wheel])
-        parent = self.machine[placed.id].parent
-        pivot = add(placed.origin, self.shift)
         self.joints.append(
             Joint(
                 block=placed.id,
                 partner=parent,
                 a=self.blocks[parent][-1],
                 b=first,
-                kind="revolute",
-                pivot=pivot,
-                axis=placed.front,
-                drive=drive_of(placed, kind, self.constants),
+                kind=joint.kind,
+                pivot=add(placed.origin, self.shift),
+                axis=direction_of(placed, joint.axis),
+                drive=joint_drive(placed, kind, self.constants),
                 strength=self._strength(kind.type),
             )
         )
-        self.joints.append(
-            Joint(
-                placed.id,
-                placed.id,
-                first,
-                second,
-                kind="revolute",
-                pivot=hub,
-                axis=placed.right,
-                drive=Drive(friction=self.constants["axle_friction"]),
-            )
+        for second in wheel:
+            self.joints.append(self._axle(placed, first, second))
+
+    def _axle(self, placed: Placed, fork: int, wheel: int) -> Joint:
+        """The joint about which the wheel of a caster rolls."""
+        return Joint(
+            placed.id,
+            placed.id,
+            fork,
+            wheel,
+            kind="revolute",
+            pivot=self.parts[wheel].centre,
+            axis=placed.right,
+            drive=Drive(friction=self.constants["axle_friction"]),
         )
 
     def _two_ended(self, placed: Placed, kind: BlockType) -> None:
         step = self.machine[placed.id]
         ends = end_parts(placed, kind, self.constants, self.shift)
-        first, second = self._add(list(ends))
+        first, second = self._add(ends)
         self.spans.append((placed.id, first, second))
         strength = self._strength(kind.type)
+        closing = self.closing if kind.connector == "rod" else self.joints
         for partner, end, part, joints in (
             (step.parents[0], ends[0], first, self.joints),
-            (step.parents[1], ends[1], second, self._later(kind.type)),
+            # the second end of a brace closes a loop, that of a spring or a rope does not
+            (step.parents[1], ends[1], second, closing),
         ):
             carrier = self.blocks[partner][0]
             joints.append(
                 Joint(placed.id, partner, carrier, part, pivot=end.centre, strength=strength)
             )
-        if kind.type == SPRING:
-            self.pulls.append(self._pull(placed.id, kind.type, first, second))
-        elif kind.type != WINCH:
+        if kind.connector == "spring":
+            self.pulls.append(spring(placed, (first, second), self.constants))
+        elif kind.connector == "rod":
             self.joints.append(Joint(placed.id, placed.id, first, second, pivot=ends[1].centre))
-
-    def _later(self, block_type: int) -> list[Joint]:
-        """Where the joint of a second end goes: a brace closes a loop, a spring does not."""
-        return self.joints if block_type in (SPRING, WINCH) else self.closing
-
-    def _pull(self, block: int, block_type: int, a: int, b: int) -> Pull:
-        value = self.constants
-        return Pull(
-            block=block,
-            a=a,
-            b=b,
-            natural=value["spring_length"],
-            ramp=value["spring_ramp"],
-            force=value.of("spring_force", block_type),
-            damping=value["spring_damping"],
-        )
 
     def _auto_connection(self, block: int, partner: int, face_id: int) -> None:
         face = next(f for f in self.geometry.blocks[block].faces if f.face_id == face_id)

@@ -1,0 +1,119 @@
+"""Devices of a machine: thrusters, propeller blades, springs, winches, grabbers, meshing cogs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, radians, sin
+
+from agentflow.env.constants import Constants
+from agentflow.env.physics.actors import Actors, Grip, Lift, Mesh, Rope, Thrust
+from agentflow.env.physics.assembly.shapes import direction_of
+from agentflow.env.physics.model import Joint, Pull
+from agentflow.env.physics.vectors import add, length, scale, subtract
+from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.types import Blade
+from agentflow.machine.geometry.gears import meshing_pairs
+from agentflow.machine.geometry.placement import Placed
+
+
+def devices(
+    blocks: Sequence[Placed],
+    parts: Sequence[tuple[int, ...]],
+    joints: Sequence[Joint],
+    constants: Constants,
+) -> Actors:
+    """Everything in a machine that acts on its parts other than through joints and springs.
+
+    Args:
+        blocks: All blocks, by id.
+        parts: Part indices of each block.
+        joints: All joints of the assembly, in order.
+        constants: Numbers of winches, grabbers and cogs; thrust and blades are the library's.
+    """
+    known = [(block, library()[block.type], parts[block.id]) for block in blocks]
+    return Actors(
+        thrusts=tuple(
+            Thrust(block.id, own[0], scale(block.front, kind.thrust))
+            for block, kind, own in known
+            if kind.thrust is not None
+        ),
+        lifts=tuple(
+            _blade(block, kind.blade, own[0])
+            for block, kind, own in known
+            if kind.blade is not None
+        ),
+        ropes=tuple(
+            _rope(block, own, constants) for block, kind, own in known if kind.connector == "rope"
+        ),
+        grips=tuple(
+            _grip(block, kind.grip_direction, own[0], joints, constants)
+            for block, kind, own in known
+            if kind.grip_direction is not None
+        ),
+        meshes=cog_meshes(blocks, joints, constants["cog_tolerance"]),
+    )
+
+
+def cog_meshes(
+    blocks: Sequence[Placed], joints: Sequence[Joint], tolerance: float
+) -> tuple[Mesh, ...]:
+    """Pairs of joints whose blocks are cogs that mesh, with pitch circles that close, m."""
+    turning = {joint.block: i for i, joint in enumerate(joints) if joint.kind == "revolute"}
+    return tuple(
+        Mesh(turning[pair.a], turning[pair.b], pair.ratio)
+        for pair in meshing_pairs(blocks, tolerance)
+    )
+
+
+def spring(block: Placed, parts: tuple[int, ...], constants: Constants) -> Pull:
+    """A spring between the two parts of its block."""
+    return Pull(
+        block=block.id,
+        a=parts[0],
+        b=parts[1],
+        natural=constants["spring_length"],
+        ramp=constants["spring_ramp"],
+        force=constants.of("spring_force", block.type),
+        damping=constants["spring_damping"],
+    )
+
+
+def _rope(block: Placed, parts: tuple[int, ...], constants: Constants) -> Rope:
+    return Rope(
+        block=block.id,
+        a=parts[0],
+        b=parts[1],
+        speed=constants["winch_speed"],
+        shortest=constants["winch_shortest"],
+        stiffness=constants["winch_stiffness"],
+        damping=constants["winch_damping"],
+        force=constants["winch_force"],
+    )
+
+
+def _grip(
+    block: Placed, direction: str, part: int, joints: Sequence[Joint], constants: Constants
+) -> Grip:
+    """A grabber; it never grips what it is joined to."""
+    own = [joint for joint in joints if part in (joint.a, joint.b)]
+    return Grip(
+        block=block.id,
+        part=part,
+        front=direction_of(block, direction),
+        reach=length(subtract(block.center, block.origin)),
+        force=constants.of("strength_force", block.type),
+        joined=frozenset(end for joint in own for end in (joint.a, joint.b)),
+    )
+
+
+def _blade(block: Placed, blade: Blade, part: int) -> Lift:
+    """A propeller blade: its normal is its Up turned about its Front by the lift angle."""
+    angle = radians(blade.lift_angle_deg)
+    return Lift(
+        block=block.id,
+        part=part,
+        push=block.up,
+        normal=add(scale(block.up, cos(angle)), scale(block.right, -sin(angle))),
+        drag=blade.axial_drag,
+        speed_cap=blade.speed_cap,
+    )

@@ -1,0 +1,119 @@
+"""Collision shapes of a block that is one rigid piece."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+from agentflow.env.physics.model import Shape
+from agentflow.env.physics.vectors import add, cross, scale, upright_to
+from agentflow.env.scene import Vec3
+from agentflow.machine.blocks.plates import HOLE, plate_of
+from agentflow.machine.blocks.types import DIRECTIONS, BlockType
+from agentflow.machine.geometry.placement import Placed
+
+WALL = 0.2
+"""Thickness of a container's floor and walls, m."""
+HINGE_PLATE = 0.3
+"""Thickness of hinges across their swing, m: a full box would jam on its parent's neighbours."""
+
+
+def block_shapes(
+    placed: Placed, kind: BlockType, extents: Vec3, shrink: float
+) -> tuple[Shape, ...]:
+    """Shapes of a block that is one rigid piece, by the `shape` of its type.
+
+    Args:
+        placed: The block in its place.
+        kind: Its type.
+        extents: Its box in the machine frame, m.
+        shrink: How much smaller shapes are on each side, so that touching faces do not rub, m.
+    """
+    x, y, z = (side - 2 * shrink for side in extents)
+    small = (x, y, z)
+    match kind.shape:
+        case "sphere":
+            return (Shape("sphere", small),)
+        case "cylinder":
+            return (_cylinder(placed, kind, shrink),)
+        case "hinge":
+            return (_hinge(placed, kind, small),)
+        case "container":
+            return tuple(_container(placed, kind, shrink))
+        case "plate":
+            return tuple(_plate(kind, shrink, small[1]))
+    if kind.grip_direction is not None:  # juts out to meet what was placed against it
+        front = direction_of(placed, kind.grip_direction)
+        longer = extents_of(placed, scale(DIRECTIONS[kind.grip_direction], 2 * shrink))
+        return (Shape("box", add(small, longer), scale(front, shrink)),)
+    return (Shape("box", small),)
+
+
+def to_machine_frame(placed: Placed, local: Vec3) -> Vec3:
+    """A vector of the block's own frame in the machine frame."""
+    return add(
+        add(scale(placed.right, local[0]), scale(placed.up, local[1])),
+        scale(placed.front, local[2]),
+    )
+
+
+def extents_of(placed: Placed, size: Vec3) -> Vec3:
+    """Extents along the machine's axes of a box that lies along the block's own axes."""
+    x, y, z = to_machine_frame(placed, size)
+    return (abs(x), abs(y), abs(z))
+
+
+def direction_of(placed: Placed, word: str) -> Vec3:
+    """Unit vector of a direction word in the machine frame."""
+    return to_machine_frame(placed, DIRECTIONS[word])
+
+
+def _cylinder(placed: Placed, kind: BlockType, shrink: float) -> Shape:
+    assert kind.size is not None
+    width = kind.size[0] - 2 * shrink
+    size = (width, kind.size[2] - 2 * shrink, width)
+    return Shape("cylinder", size, rotation=upright_to(placed.front))
+
+
+def _hinge(placed: Placed, kind: BlockType, small: Vec3) -> Shape:
+    thin = cross(direction_of(placed, kind.joint.axis), placed.front)
+    x, y, z = (HINGE_PLATE if across else side for across, side in zip(thin, small, strict=True))
+    return Shape("box", (x, y, z))
+
+
+def _container(placed: Placed, kind: BlockType, shrink: float) -> Iterator[Shape]:
+    """Stem, floor under face 0 and four walls; open on Front."""
+    assert kind.size is not None
+    x, y, z = kind.size
+    floor = kind.faces[0].position[2]
+    x, y = x - 2 * shrink, y - 2 * shrink
+    tall = z - floor
+    boxes: tuple[tuple[Vec3, Vec3], ...] = (
+        (
+            (1.0 - 2 * shrink, 1.0 - 2 * shrink, floor - WALL - shrink),
+            (0, 0, (floor - WALL + shrink) / 2),
+        ),
+        ((x, y, WALL), (0, 0, floor - WALL / 2)),
+        ((WALL, y, tall), ((x - WALL) / 2, 0, floor + tall / 2)),
+        ((WALL, y, tall), ((WALL - x) / 2, 0, floor + tall / 2)),
+        ((x, WALL, tall), (0, (y - WALL) / 2, floor + tall / 2)),
+        ((x, WALL, tall), (0, (WALL - y) / 2, floor + tall / 2)),
+    )
+    for size, at in boxes:
+        place = to_machine_frame(placed, (at[0], at[1], at[2] - z / 2))
+        yield Shape("box", extents_of(placed, size), place)
+
+
+def _plate(kind: BlockType, shrink: float, thick: float) -> Iterator[Shape]:
+    """A plate cut along x at the rims of its holes, and along z within each strip."""
+    plate = plate_of(kind.type)
+    assert plate is not None
+    edge = plate.size / 2 - shrink
+    rims = {-edge, edge, *(z + rim for _, z in plate.centres for rim in (-HOLE / 2, HOLE / 2))}
+    for low, high in pairwise(sorted(rims)):
+        middle = (low + high) / 2
+        missing = [x for x, z in plate.centres if abs(z - middle) < HOLE / 2]
+        ends = [-edge, *(x + rim for x in sorted(missing) for rim in (-HOLE / 2, HOLE / 2)), edge]
+        for left, right in zip(ends[::2], ends[1::2], strict=True):
+            size = (right - left, thick, high - low)
+            yield Shape("box", size, ((left + right) / 2, 0.0, middle))
