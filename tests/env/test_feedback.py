@@ -44,8 +44,8 @@ def test_numbers_lose_the_sign_of_zero() -> None:
 
 def test_orientation_names_the_front_and_a_top_that_is_not_up() -> None:
     rotation = np.tile((0.0, 0.0, 0.0, 1.0), (4, 1, 1))
-    rotation[2] = (0.0, HALF, 0.0, HALF)  # spec 1.2: facing x+
-    rotation[3] = (-HALF, 0.0, 0.0, HALF)  # spec 1.2: facing y+, its Up is z-
+    rotation[2] = (0.0, HALF, 0.0, HALF)  # facing x+
+    rotation[3] = (-HALF, 0.0, 0.0, HALF)  # facing y+, its Up is z-
     assert orientation(make_trace(1, 4, rotation=rotation)) == [
         ("z+", 0.0, pytest.approx(0.2)),
         ("x+", pytest.approx(0.4), pytest.approx(0.4)),

@@ -1,7 +1,4 @@
-"""Owns what a task is: parameters, scene, schedule, score, feedback.
-
-One module per family builds on it; the rollout calls it; nothing here knows an engine.
-"""
+"""The task interface: parameters, scene, schedule, referee and feedback of one level."""
 
 from __future__ import annotations
 
@@ -17,37 +14,37 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
 Body = int | str
-"""A block id, a thing's name, or "ground"."""
+"""A block id, the name of a scene object, or "ground"."""
 
 
 class World(Protocol):
-    """What a referee may look at after each step. Game frame."""
+    """What a referee can read after each step. Game frame."""
 
     @property
     def time(self) -> float:
         """Seconds since t = 0."""
 
     def centre(self, body: Body) -> Vec3:
-        """Centre of a block or a thing, m."""
+        """Centre of a block or scene object, m."""
 
     def origin(self, block: int) -> Vec3:
         """Building point of a block, m."""
 
     def rotation(self, body: Body) -> Quat:
-        """Orientation of a block or a thing."""
+        """Orientation of a block or scene object."""
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing is in contact with in this step."""
+        """Bodies in contact with a block or scene object in this step."""
 
 
 class Referee(Protocol):
-    """Watches one rollout step by step and gives its verdict at the end."""
+    """Observes one rollout step by step and scores it at the end."""
 
     def start(self, world: World) -> None:
-        """Called once at t = 0, when everything has settled."""
+        """Called once at t = 0, after settling."""
 
     def watch(self, world: World) -> None:
-        """Called after every step from then on."""
+        """Called after every later step."""
 
     def verdict(self, trace: Trace) -> Verdict:
         """Score, terms and events of the whole window."""
@@ -55,7 +52,7 @@ class Referee(Protocol):
 
 @dataclass(frozen=True)
 class Schedule:
-    """Seconds since t = 0 at which actuators start."""
+    """Start times of actuators, in seconds since t = 0."""
 
     motors: float = 0.0
     """Wheels, rotating and steering blocks, powered cogs, flying blocks."""
@@ -63,11 +60,11 @@ class Schedule:
     """Springs and winches."""
     steering_hinges: float = 0.0
     more: tuple[tuple[float, str, float], ...] = ()
-    """Further switches: seconds, entry and level as `Engine.switch` takes them, or `decouplers`,
-    which let go. At equal times they come last."""
+    """Additional switches: seconds, entry and level as for `Engine.switch`, or `decouplers` to
+    release them. They are applied after the others at the same time."""
 
     def switches(self) -> tuple[tuple[float, str, float], ...]:
-        """All switches as seconds, entry and level, in order."""
+        """All switches as (seconds, entry, level), in order of time."""
         starts = (
             (self.motors, "motors", 1.0),
             (self.springs, "springs", 1.0),
@@ -78,14 +75,14 @@ class Schedule:
 
 
 class Parameters(BaseModel):
-    """Base of a family's knobs: frozen, ranged, unknown keys refused."""
+    """Base class of knob groups: frozen, range-checked, no unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 @dataclass(frozen=True)
 class Task(ABC):
-    """One level of a family, ready to be simulated. Stateless: a referee holds the state."""
+    """One level of a family, ready to simulate. Stateless: the referee holds the state."""
 
     family: ClassVar[str]
     name: str
@@ -99,34 +96,34 @@ class Task(ABC):
     @property
     @abstractmethod
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
+        """Description for designers, and the constraints that validation checks."""
 
     @abstractmethod
     def scene(self, machine: Machine | None = None) -> Scene:
         """Everything but the machine.
 
         Args:
-            machine: What is going to stand there, for things whose place depends on it; None shows
-                the level without one.
+            machine: The machine to simulate, for objects placed relative to it; None gives the
+                level without a machine.
         """
 
-    def trials(self, seed: int) -> tuple[Task, ...]:  # noqa: ARG002 - for those that have any
-        """The rollouts that one try of a machine takes: this one, or variations of it.
+    def trials(self, seed: int) -> tuple[Task, ...]:  # noqa: ARG002 - used by trial families
+        """The rollouts needed to evaluate a machine once: this task, or variations of it.
 
-        Every verdict of a variation has the terms that `trials.joined` counts, and a variation is
-        its own only trial.
+        The verdict of a variation has the terms `success`, `outcome` and `miss`; the only trial of
+        a variation is itself.
 
         Args:
-            seed: Of the variations.
+            seed: Random seed of the variations.
         """
         return (self,)
 
     @abstractmethod
     def referee(self, machine: Machine) -> Referee:
-        """A fresh observer for one rollout of this machine."""
+        """A new referee for one rollout of this machine."""
 
     @abstractmethod
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """The default feedback of spec 3.2."""
+        """The feedback that designers receive after a rollout."""

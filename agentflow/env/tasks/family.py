@@ -1,7 +1,4 @@
-"""Owns what families share: wind, start times, walls, and the sentences that tell them.
-
-What a family asks for beyond that is its own module's.
-"""
+"""What task families share: common knobs, walls, repeated trials, and their sentences."""
 
 from __future__ import annotations
 
@@ -19,11 +16,11 @@ WOOD = (0.71, 0.53, 0.34, 1.0)
 
 
 class Wind(Parameters):
-    """Steady wind, as the velocity of the air."""
+    """A steady wind."""
 
-    speed: float = knob(0, -20, 20, "m/s", "head wind: blows towards z-")
-    down: float = knob(0, -20, 20, "m/s", "blows towards the ground")
-    cross: float = knob(0, -20, 20, "m/s", "blows towards x+")
+    speed: float = knob(0, -20, 20, "m/s", "head wind, towards z-")
+    down: float = knob(0, -20, 20, "m/s", "downward wind, towards y-")
+    cross: float = knob(0, -20, 20, "m/s", "cross wind, towards x+")
 
     @property
     def velocity(self) -> Vec3:
@@ -31,7 +28,7 @@ class Wind(Parameters):
         return (self.cross, 0.0 - self.down, 0.0 - self.speed)
 
     def sentences(self) -> tuple[str, ...]:
-        """What designers are told; () in still air."""
+        """Description for designers; () in still air."""
         named = (
             (self.speed, "z-", "z+"),
             (self.down, "y- (downward)", "y+ (upward)"),
@@ -46,13 +43,13 @@ class Wind(Parameters):
 class StartTimes(Parameters):
     """When actuators start."""
 
-    motors: float = knob(0, 0, 60, "s", "start of wheels, rotating and steering blocks")
-    springs: float = knob(0, 0, 60, "s", "start of springs")
-    steering_hinges: float = knob(0, 0, 60, "s", "start of the steering hinges' swing")
+    motors: float = knob(0, 0, 60, "s", "start time of wheels, rotating and steering blocks")
+    springs: float = knob(0, 0, 60, "s", "start time of springs and winches")
+    steering_hinges: float = knob(0, 0, 60, "s", "start time of steering hinges")
 
 
 class CommonKnobs(Parameters):
-    """What every family can change."""
+    """Knobs that every family has."""
 
     window: float = knob(5, 1, 60, "s", "length of the scored window")
     schedule: StartTimes = StartTimes()
@@ -60,7 +57,7 @@ class CommonKnobs(Parameters):
 
 
 _TURNING = {2: "wheels", 46: "wheels", 22: "rotating blocks", 13: "steering blocks"}
-"""What turns by its own motor, by block type."""
+"""Block types that turn under their own power."""
 _STARTS = {
     9: "At t = {springs:g} s springs start to contract.",
     28: "At t = {steering_hinges:g} s steering hinges swing to their Left, once.",
@@ -70,26 +67,26 @@ _STARTS = {
     26: "Propellers have no motor: they push when what they hang on turns them through the air.",
     27: "Grabbers grip what their Front first touches, also before t = 0, and never let go.",
 }
-"""What is told of other block types where a task allows them."""
+"""Sentence about each other block type, used where a task allows it."""
 
 
 def schedule_sentences(
     schedule: Schedule, window: float, blocks: Collection[int]
 ) -> tuple[str, ...]:
-    """The control schedule (spec 3) in words.
+    """Describe the control schedule.
 
     Args:
         schedule: Start times.
         window: Length of the scored window, s.
-        blocks: Types that the task allows.
+        blocks: Block types that the task allows.
     """
     turning = list(dict.fromkeys(name for kind, name in _TURNING.items() if kind in blocks))
-    told = " and ".join(filter(None, (", ".join(turning[:-1]), *turning[-1:])))
+    names = " and ".join(filter(None, (", ".join(turning[:-1]), *turning[-1:])))
     times = vars(schedule)
     return (
         "Before t = 0 the machine settles with power off until it rests: motors hold still, "
         "springs exert nothing.",
-        *([f"At t = {schedule.motors:g} s {told} start to turn and never stop."] if told else []),
+        *([f"At t = {schedule.motors:g} s {names} start to turn and never stop."] if names else []),
         *(text.format(**times) for kind, text in _STARTS.items() if kind in blocks),
         f"The window ends at t = {window:g} s; nothing can be switched or steered in between.",
     )
@@ -100,55 +97,55 @@ GROUND = (
     "The machine stands with the centre of its bounding box over x = z = 0 and its lowest point "
     "on the ground.",
 )
-"""Sentences that open every scene."""
+"""First sentences of most scenes."""
 
 
 def wall(
     name: str, x: float, z: float, size: Vec3, friction: float | None = None, base: float = 0.0
 ) -> Thing:
-    """A box that stands on height `base` with its centre over (x, z); size is full extents, m."""
+    """A box of full extents `size` that stands at height `base`, centred over (x, z); m."""
     position = (x, base + size[1] / 2, z)
     return Thing(name, "box", size, position, friction=friction, color=WOOD)
 
 
 @dataclass(frozen=True)
 class Family(Task):
-    """A task whose parameters hold at least the common knobs; the registry builds these."""
+    """A task whose parameters include the common knobs."""
 
     knobs: ClassVar[type[CommonKnobs]]
     parameters: CommonKnobs
 
     @classmethod
     def schedule_of(cls, knobs: CommonKnobs) -> Schedule:
-        """The start times as the rollout takes them."""
+        """The control schedule that these knobs describe."""
         times = knobs.schedule
         return Schedule(times.motors, times.springs, times.steering_hinges)
 
 
 @dataclass(frozen=True)
 class TrialFamily(Family):
-    """A task of several trials, each the level with other numbers."""
+    """A task of several trials, each a random variation of the level."""
 
     count: ClassVar[int] = 10
-    """Trials of one try (spec 3)."""
+    """Trials per evaluation."""
     trial: int = 0
-    """Which trial this is, from 1; 0 is the whole task."""
+    """Number of this trial, from 1; 0 is the whole task."""
 
     @abstractmethod
-    def varied(self, chance: random.Random) -> CommonKnobs:
-        """The knobs of one trial."""
+    def vary_knobs(self, rng: random.Random) -> CommonKnobs:
+        """Draw the knobs of one trial."""
 
     def trials(self, seed: int) -> tuple[Task, ...]:
         """The trials of this seed, the same for every machine."""
         if self.trial:
             return (self,)
-        chance = random.Random(f"{seed}/trials/{self.family}")
+        rng = random.Random(f"{seed}/trials/{self.family}")
         return tuple(
-            replace(self, parameters=self.varied(chance), trial=index)
+            replace(self, parameters=self.vary_knobs(rng), trial=index)
             for index in range(1, self.count + 1)
         )
 
 
-def within(chance: random.Random, value: float, share: float) -> float:
-    """A value changed by at most a share of itself, to the millimetre or its like."""
-    return round(value * chance.uniform(1.0 - share, 1.0 + share), 3)
+def vary(rng: random.Random, value: float, share: float) -> float:
+    """Scale a value by a random factor of 1 - share to 1 + share; rounded to 3 decimals."""
+    return round(value * rng.uniform(1.0 - share, 1.0 + share), 3)

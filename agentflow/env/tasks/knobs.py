@@ -1,7 +1,4 @@
-"""Owns knobs: ranged numbers, their names and ranges, and how values are read and refused.
-
-Which knobs there are is the families'.
-"""
+"""Knobs: named, range-checked level parameters, and how their values are read."""
 
 from __future__ import annotations
 
@@ -19,21 +16,21 @@ from agentflow.errors import ConfigError
 
 P = TypeVar("P", bound=Parameters)
 
-SHOWN = 6
-"""Knobs named to whoever asks for one that is none; the nearest come first."""
+SUGGESTIONS = 6
+"""Most knobs that an error message suggests; the closest names come first."""
 
 
 def knob(default: float, low: float, high: float, unit: str, help: str) -> Any:
-    """A ranged number: its default, bounds (both legal), unit and one line of help."""
+    """A number with a default, inclusive bounds, a unit and one line of help."""
     return Field(default, ge=low, le=high, description=help, json_schema_extra={"unit": unit})
 
 
 @dataclass(frozen=True)
 class Knob:
-    """One thing about a level that can be set."""
+    """A level parameter that users can set."""
 
     name: str
-    """Dotted, as `--set` takes it."""
+    """Dotted, as in `--set`."""
     default: Any
     low: float | None
     high: float | None
@@ -42,7 +39,7 @@ class Knob:
 
     @property
     def range(self) -> str:
-        """Range and unit in words: "0 to 5 m", or what else it may be."""
+        """Range and unit ("0 to 5 m"), or the allowed values."""
         if self.low is None or self.high is None:
             return self.unit
         return f"{self.low:g} to {self.high:g} {self.unit}".strip()
@@ -75,15 +72,15 @@ def read_knobs(kind: type[P], values: Mapping[str, Any], source: str) -> P:
     """Validate nested values.
 
     Raises:
-        ConfigError: naming the first unknown or out-of-range knob and the legal range.
+        ConfigError: A knob is unknown or out of range; the message names it and its range.
     """
     try:
-        found = kind.model_validate(dict(values))
+        knobs = kind.model_validate(dict(values))
     except ValidationError as error:
         raise ConfigError(_explain(kind, error, source)) from None
-    if name := truth_for_number(values, found.model_dump()):
+    if name := truth_for_number(values, knobs.model_dump()):
         raise ConfigError(f"{name} of {source}: expected a number, not true or false")
-    return found
+    return knobs
 
 
 def _explain(kind: type[Parameters], error: ValidationError, source: str) -> str:
@@ -92,30 +89,30 @@ def _explain(kind: type[Parameters], error: ValidationError, source: str) -> str
     known = {item.name: item for item in knobs_of(kind)}
     found = known.get(name)
     if found is None or first["type"] == "extra_forbidden":
-        near = get_close_matches(name, known, n=SHOWN, cutoff=0.5)
-        first_ones = [*near, *(item for item in known if item not in near)][:SHOWN]
-        shown = ", ".join(f"{item} ({known[item].range})" for item in first_ones)
-        rest = ", ..." if len(known) > SHOWN else ""
-        return f"unknown knob {name!r} of {source}; known: {shown}{rest}"
+        near = get_close_matches(name, known, n=SUGGESTIONS, cutoff=0.5)
+        names = [*near, *(item for item in known if item not in near)][:SUGGESTIONS]
+        listed = ", ".join(f"{item} ({known[item].range})" for item in names)
+        rest = ", ..." if len(known) > SUGGESTIONS else ""
+        return f"unknown knob {name!r} of {source}; known: {listed}{rest}"
     return f"{name} of {source} must be {found.range}, not {first['input']!r}"
 
 
-def nested(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Dotted keys as nested mappings: {"wall.height": 2} -> {"wall": {"height": 2}}."""
+def nest_keys(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn dotted keys into nested mappings: {"wall.height": 2} -> {"wall": {"height": 2}}."""
     tree: dict[str, Any] = {}
     for key, value in values.items():
         branch: Any = value
         for part in reversed(key.split(".")):
             branch = {part: branch}
-        tree = merged(tree, branch)
+        tree = deep_merge(tree, branch)
     return tree
 
 
-def merged(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
-    """`base` with the values of `top` laid over it, mapping by mapping."""
+def deep_merge(base: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge nested mappings; values of `top` win."""
     result = dict(base)
     for key, value in top.items():
         under = result.get(key)
         both = isinstance(under, Mapping) and isinstance(value, Mapping)
-        result[key] = merged(under, value) if both else value  # type: ignore[arg-type]
+        result[key] = deep_merge(under, value) if both else value  # type: ignore[arg-type]
     return result

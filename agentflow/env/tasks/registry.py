@@ -1,7 +1,4 @@
-"""Owns which tasks exist: the families, their levels as data, and how a name becomes a task.
-
-Which families there are is families.py's; a new level is one file in a family's levels/.
-"""
+"""Levels by name, and tasks made from them."""
 
 from __future__ import annotations
 
@@ -16,27 +13,21 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from agentflow.config.yaml import NOT_YAML, first_fault, in_words, read_yaml
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.discovery import FAMILIES, level_files
-from agentflow.env.tasks.knobs import (
-    Knob,
-    knobs_of,
-    merged,
-    nested,
-    read_knobs,
-)
+from agentflow.env.tasks.knobs import Knob, deep_merge, knobs_of, nest_keys, read_knobs
 from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
 
 
 class LevelFile(BaseModel):
-    """One level as written in YAML."""
+    """Contents of a level's YAML file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     family: str
     title: str
     good: float
-    """What a good score is, in the family's unit."""
+    """A good score, in the family's unit."""
     note: str = ""
-    """Why numbers differ from the published scene, where they do."""
+    """What makes the level hard, or why its numbers were chosen."""
     parameters: dict[str, Any] = {}
     """Knobs that differ from the family's defaults."""
 
@@ -46,15 +37,15 @@ class Level:
     """A named set of parameters."""
 
     name: str
-    """As users write it: "throwing", "throwing/3", or the path of an own file."""
+    """As users write it: "throwing", "throwing/3", or the path of a YAML file."""
     number: int
-    """1 to 5; 0 for an own file."""
+    """1 to 5; 0 for a level read from a path."""
     file: LevelFile
 
 
 @cache
 def _levels(name: str) -> dict[str, Level]:
-    """The levels of a family by name, easy ones first."""
+    """Levels of a family by name, easiest first."""
     levels = {}
     for entry in level_files(name):
         number = int(entry.name.removesuffix(".yaml").rpartition("-")[2])
@@ -82,16 +73,19 @@ def _read(text: str, source: str) -> LevelFile:
 
 
 def task_names() -> tuple[str, ...]:
-    """Every level of every family; a family's first level bears the family's name alone."""
+    """Every level of every family; a family's first level has the family's name."""
     return tuple(level for name in FAMILIES for level in _levels(name))
 
 
 def get_level(name: str) -> Level:
-    """The level of this name: "throwing", "throwing/1" or the path of a YAML file.
+    """Find a level.
+
+    Args:
+        name: "throwing", "throwing/1" or the path of a YAML file.
 
     Raises:
-        UnknownNameError: no such level.
-        ConfigError: the file at the path is not a level.
+        UnknownNameError: There is no such level.
+        ConfigError: The file cannot be read or is not a level.
     """
     if name.endswith((".yaml", ".yml")):
         try:
@@ -99,7 +93,7 @@ def get_level(name: str) -> Level:
         except OSError as error:
             raise ConfigError(f"cannot read the level {name}: {error.strerror}") from None
         except UnicodeDecodeError:
-            raise ConfigError(f"the level {name} is no text in UTF-8") from None
+            raise ConfigError(f"the level {name} is not UTF-8 text") from None
         return Level(name, 0, _read(text, name))
     kind = name.partition("/")[0]
     level = _levels(kind).get(name.removesuffix("/1")) if kind in FAMILIES else None
@@ -109,25 +103,26 @@ def get_level(name: str) -> Level:
 
 
 def get_task(name: str, overrides: Mapping[str, object] | None = None) -> Task:
-    """A task that is ready to be simulated.
+    """Create a task.
 
     Args:
-        name: as for `get_level`.
-        overrides: dotted knobs laid over the level's, e.g. {"wind.speed": 8}; numbers may be text.
+        name: As for `get_level`.
+        overrides: Dotted knobs that replace the level's, e.g. {"wind.speed": 8}; numbers may be
+            strings.
 
     Raises:
-        UnknownNameError: no such level or family.
-        ConfigError: an unknown or out-of-range knob; the message names the range.
+        UnknownNameError: There is no such level or family.
+        ConfigError: A knob is unknown or out of range; the message names the range.
     """
     level = get_level(name)
     kind = FAMILIES[level.file.family]
-    values = merged(level.file.parameters, nested(overrides or {}))
+    values = deep_merge(level.file.parameters, nest_keys(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
     return kind(level.name, level.number, knobs, knobs.window, kind.schedule_of(knobs))
 
 
 def knob_table(task: Task) -> tuple[tuple[Knob, Any], ...]:
-    """Every knob of a task with its value, in the family's order."""
+    """All knobs of a task with their values, in the family's order."""
     return tuple(
         (item, _value(task.parameters, item.name)) for item in knobs_of(type(task.parameters))
     )

@@ -217,7 +217,7 @@ def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
         ("b", "throwing", score, ""),
         ("a", "throwing", None, "all overlapped"),
     ]
-    assert data["cards"][0]["asked"]["title"] == "walled yard"
+    assert data["cards"][0]["asked"]["title"] == "walled arena"
     assert data["cards"][0]["about"] == "hierarchical, procedural (no language model), seed 0"
     assert data["cards"][0]["picture"].startswith("data:image/png;base64,")
 

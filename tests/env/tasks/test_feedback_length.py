@@ -19,7 +19,7 @@ from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import FakeWorld, make_rollout, make_trace
 
 LIMIT = 1190
-"""Tokens, less what the count may miss of the 1,200 of spec 3.2."""
+"""Tokens: the limit of 1,200, less the error of the count."""
 BLOCKS = 20
 LONGEST = ("movement/5", "throwing/4", "delivery/5", "jumping", "lifting", "flying/5", "gearing")
 """The level of each family whose text is the longest; picking has 131 samples to thin as well."""

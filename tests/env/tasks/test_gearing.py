@@ -97,7 +97,8 @@ def test_two_targets_must_turn_together() -> None:
     [
         (
             {"distance": 20},
-            "no given cog can stand there: x = 0, z = -10 m is not on a plate 9 m wide",
+            "source and targets do not fit on the plate: x = 0, z = -10 m is not on "
+            "a plate 9 m wide",
         ),
         ({"plate.holes": 20}, "plate.holes must be 0 to "),
         (

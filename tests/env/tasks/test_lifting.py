@@ -8,7 +8,7 @@ from agentflow.env.rollout import Verdict
 from agentflow.env.scene import Vec3
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Body
-from agentflow.env.tasks.families.lifting import OBJECT, Lifting, LiftingKnobs, highest
+from agentflow.env.tasks.families.lifting import OBJECT, Lifting, LiftingKnobs, highest_point_under
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
 from agentflow.machine.tree import ROOT, Machine, Step
@@ -132,7 +132,7 @@ def test_a_throw_that_is_in_the_air_for_over_a_second_is_no_lift_however_late_it
 def test_the_highest_point_is_looked_for_under_the_object(
     machine: Machine, x: float, z: float, top: float
 ) -> None:
-    assert highest(machine, x, z, 0.5) == pytest.approx(top)
+    assert highest_point_under(machine, x, z, 0.5) == pytest.approx(top)
 
 
 def test_the_object_stands_on_the_machine_and_on_the_ground_without_one() -> None:

@@ -15,7 +15,7 @@ from benchmarks.shelf import DIGITS, FOLDER, Reference, families, here, load, re
 
 ALL = tuple((shelf.platform, item) for shelf in map(read, families()) for item in shelf.references)
 SHARE = 1 / 3
-"""Of the good score, which a reference reaches (spec 3.1)."""
+"""Share of the good score that a reference machine reaches."""
 ELSEWHERE = 0.05
 """How far a score may be off on another platform."""
 IDLE = 0.02

@@ -170,7 +170,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
-        (b"\xb0\xff", "the level {} is no text in UTF-8"),
+        (b"\xb0\xff", "the level {} is not UTF-8 text"),
         (b"just text", "{} must be a mapping with family, title, good and parameters"),
         (b"[\n" * 5000, "{} is not YAML: maximum recursion depth exceeded"),
         (b"family: gearng\ntitle: t\ngood: 1\n", "unknown task family 'gearng'; known: gearing, "),

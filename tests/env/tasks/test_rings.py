@@ -8,16 +8,16 @@ import pytest
 
 from agentflow.env.drawing.raster import corners_of
 from agentflow.env.scene import Vec3
-from agentflow.env.tasks.features.rings import SIDES, Passage, Ring
+from agentflow.env.tasks.features.rings import SIDES, Ring, RingProgress
 
 NEAR, FAR = Ring((0.0, 7.0, 14.0), 4.0), Ring((0.0, 7.0, 22.0), 4.0)
 
 
-def fly(*places: Vec3) -> Passage:
-    passage = Passage((NEAR, FAR))
+def fly(*places: Vec3) -> RingProgress:
+    progress = RingProgress((NEAR, FAR))
     for place in places:
-        passage.watch(place)
-    return passage
+        progress.move_to(place)
+    return progress
 
 
 def test_the_body_leaves_the_opening_free() -> None:
@@ -31,8 +31,8 @@ def test_the_body_leaves_the_opening_free() -> None:
 
 
 def test_both_rings_passed_in_order_score_twenty() -> None:
-    passage = fly((0.0, 7.0, 0.0), (0.0, 9.0, 13.0), (0.0, 9.0, 15.0), (0.0, 7.0, 23.0))
-    assert (passage.passed, passage.closest, passage.score) == (2, inf, 20.0)
+    progress = fly((0.0, 7.0, 0.0), (0.0, 9.0, 13.0), (0.0, 9.0, 15.0), (0.0, 7.0, 23.0))
+    assert (progress.passed, progress.closest, progress.score) == (2, inf, 20.0)
 
 
 def test_one_long_step_may_pass_both() -> None:
@@ -40,10 +40,10 @@ def test_one_long_step_may_pass_both() -> None:
 
 
 def test_coming_close_to_the_next_ring_counts_half_a_point_less_per_metre() -> None:
-    passage = fly((0.0, 7.0, 0.0), (0.0, 7.0, 10.0))
-    assert (passage.passed, passage.closest, passage.score) == (0, 4.0, 8.0)
-    passage = fly((0.0, 7.0, 0.0), (0.0, 7.0, 16.0), (0.0, 13.0, 22.0))
-    assert (passage.passed, passage.closest, passage.score) == (1, 6.0, 17.0)
+    progress = fly((0.0, 7.0, 0.0), (0.0, 7.0, 10.0))
+    assert (progress.passed, progress.closest, progress.score) == (0, 4.0, 8.0)
+    progress = fly((0.0, 7.0, 0.0), (0.0, 7.0, 16.0), (0.0, 13.0, 22.0))
+    assert (progress.passed, progress.closest, progress.score) == (1, 6.0, 17.0)
 
 
 def test_far_away_nothing_is_earned() -> None:

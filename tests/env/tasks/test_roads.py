@@ -13,10 +13,10 @@ from agentflow.env.tasks.features.roads import (
     LEAP,
     Curve,
     Road,
-    Stretch,
+    Segment,
+    centre_line,
     road_sentences,
     road_walls,
-    track,
 )
 from agentflow.env.tasks.registry import get_task
 
@@ -43,9 +43,9 @@ ARC = pi / 2 * 15
 def test_places_on_the_line_are_as_far_along_as_they_lie(
     curve: Curve, along: float, place: tuple[float, float]
 ) -> None:
-    line = track(ROAD, curve)
-    assert line.along(*place, near=along) == pytest.approx(along)
-    assert line.along(*place, near=along - 10) == pytest.approx(along)
+    line = centre_line(ROAD, curve)
+    assert line.distance_along(*place, near=along) == pytest.approx(along)
+    assert line.distance_along(*place, near=along - 10) == pytest.approx(along)
 
 
 @given(
@@ -56,50 +56,50 @@ def test_places_on_the_line_are_as_far_along_as_they_lie(
 def test_who_drives_beside_the_line_is_as_far_as_on_it(
     along: float, aside: float, curve: Curve
 ) -> None:
-    line = track(ROAD, curve)
+    line = centre_line(ROAD, curve)
     rest = along
-    for stretch in line.stretches:
-        if rest <= stretch.length:
+    for segment in line.segments:
+        if rest <= segment.length:
             break
-        rest -= stretch.length
-    x, z, _ = stretch.place(rest, aside)
-    assert line.along(x, z, near=along) == pytest.approx(along, abs=1e-6)
+        rest -= segment.length
+    x, z, _ = segment.position_at(rest, aside)
+    assert line.distance_along(x, z, near=along) == pytest.approx(along, abs=1e-6)
 
 
 def test_a_straight_road_has_the_distance_along_z_to_the_last_bit() -> None:
-    line = track(Road(), Curve())
-    assert line.along(3.3, 45.123456789, near=0.0) == 45.123456789
-    assert line.along(-3.3, -7.1, near=0.0) == -7.1
+    line = centre_line(Road(), Curve())
+    assert line.distance_along(3.3, 45.123456789, near=0.0) == 45.123456789
+    assert line.distance_along(-3.3, -7.1, near=0.0) == -7.1
 
 
 def test_nobody_gains_by_leaping_over_to_the_way_back() -> None:
-    line = track(ROAD, HALF_TURN)
+    line = centre_line(ROAD, HALF_TURN)
     here = 5.0
     for x in range(39):  # straight across, from one side of the half circle to the other
-        here = line.along(float(x), 5.0, near=here)
+        here = line.distance_along(float(x), 5.0, near=here)
     assert here < 15.0 + LEAP
 
 
 def test_a_left_turn_is_the_mirror_image_of_a_right_turn() -> None:
-    right = Stretch(0.0, 0.0, 0.0, 10.0, radians(60))
-    left = Stretch(0.0, 0.0, 0.0, 10.0, -radians(60))
+    right = Segment(0.0, 0.0, 0.0, 10.0, radians(60))
+    left = Segment(0.0, 0.0, 0.0, 10.0, -radians(60))
     for along, aside in ((0.0, 0.0), (4.0, 2.0), (10.0, -3.0)):
-        x, z, heading = right.place(along, aside)
-        assert left.place(along, -aside) == pytest.approx((-x, z, -heading))
-        assert right.along(x, z) == pytest.approx(along)
-        assert left.along(-x, z) == pytest.approx(along)
+        x, z, heading = right.position_at(along, aside)
+        assert left.position_at(along, -aside) == pytest.approx((-x, z, -heading))
+        assert right.distance_along(x, z) == pytest.approx(along)
+        assert left.distance_along(-x, z) == pytest.approx(along)
 
 
 @pytest.mark.parametrize("curve", [CORNER, HALF_TURN])
 def test_walls_keep_their_distance_from_the_line_all_the_way(curve: Curve) -> None:
     walls = [thing for thing in road_walls(ROAD, curve) if thing.name != "wall back"]
-    line = track(ROAD, curve)
-    for stretch in line.stretches:
+    line = centre_line(ROAD, curve)
+    for segment in line.segments:
         for step in range(1, 20):
             for side in (-1, 1):
-                x, z, _ = stretch.place(stretch.length * step / 20, side * 9.4)
+                x, z, _ = segment.position_at(segment.length * step / 20, side * 9.4)
                 assert not any(_within(x, z, wall) for wall in walls)
-                x, z, _ = stretch.place(stretch.length * step / 20, side * 10)
+                x, z, _ = segment.position_at(segment.length * step / 20, side * 10)
                 assert any(_within(x, z, wall) for wall in walls)
 
 

@@ -1,8 +1,4 @@
-"""Owns the delivery family: move the cargo as far as possible along the road.
-
-The cargo, the rule that only a cargo that the machine touches earns anything, the score and the
-default feedback; roads are roads.py's, simulation is rollout.py's.
-"""
+"""The delivery family: move a cargo ball as far as possible along the road."""
 
 from __future__ import annotations
 
@@ -29,51 +25,51 @@ from agentflow.env.tasks.features.obstacles import (
     ramp_things,
 )
 from agentflow.env.tasks.features.roads import (
+    CentreLine,
     Curve,
     Road,
-    Track,
+    centre_line,
     road_sentences,
     road_walls,
-    track,
-    way_of,
+    scoring_direction,
 )
-from agentflow.env.tasks.features.rough import Roughness, rough_sentences, slabs
+from agentflow.env.tasks.features.terrain import Roughness, slabs, terrain_sentences
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import SIZE_LIMIT, Brief
 from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 2, 9, 15, 16, 22, 27, 35, 41, 63)
 CARGO = "cargo"
-PAINT = (0.83, 0.42, 0.2, 1.0)
+COLOR = (0.83, 0.42, 0.2, 1.0)
 FLIGHT = 0.2
-"""Seconds off the ground after which coming down is a landing."""
+"""Shortest time in the air before a landing, s."""
 ROUNDING = 1e-6
-"""Seconds by which summed steps may miss a sample."""
+"""Tolerance for the rounding error of summed time steps, s."""
 
 
 class Cargo(Parameters):
-    """The ball that is to be moved."""
+    """The ball to move."""
 
     mass: float = knob(2, 0.5, 50, "kg", "mass")
     diameter: float = knob(3, 1, 5, "m", "diameter")
-    at: float = knob(15, 12, 100, "m", "how far along the road from z = 0 it lies")
+    at: float = knob(15, 12, 100, "m", "distance along the road from z = 0")
 
 
 class DeliveryRoad(Road):
-    """The road, narrower than that of movement."""
+    """The road; narrower than in movement."""
 
     half_width: float = knob(10, 9, 50, "m", "distance of the side walls' centres from x = 0")
 
 
 class DeliveryCurve(Curve):
-    """The turn, which is wider than that of movement."""
+    """The turns; wider than in movement."""
 
-    at: float = knob(15, 10, 200, "m", "z at which it begins")
-    inner_radius: float = knob(9, 1, 50, "m", "of the centre of the inner wall")
+    at: float = knob(15, 10, 200, "m", "z where the first turn starts")
+    inner_radius: float = knob(9, 1, 50, "m", "radius of the inner wall's centre line")
 
 
 class DeliveryKnobs(CommonKnobs):
-    """What can be set about a delivery level."""
+    """Knobs of a delivery level."""
 
     window: float = knob(10, 1, 60, "s", "length of the scored window")
     cargo: Cargo = Cargo()
@@ -87,11 +83,11 @@ class DeliveryKnobs(CommonKnobs):
 
 @dataclass(frozen=True)
 class Delivery(Family):
-    """Score: how far the cargo's centre gets along z+ (on a road that turns, along its centre
-    line) from where it is when the machine first touches it after t = 0, m.
+    """Score: greatest distance of the cargo's centre along z+ (along the centre line of a road
+    that turns) from where the machine first touches it after t = 0, m.
 
-    What has come to rest is there where it was at t = 0; what rolls on from settling, or is blown
-    along, earns nothing by that before it is touched. A cargo that is never touched scores 0.
+    Motion before that touch, by wind or left over from settling, scores nothing. A cargo that is
+    never touched scores 0.
     """
 
     family: ClassVar[str] = "delivery"
@@ -100,8 +96,8 @@ class Delivery(Family):
 
     @property
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
-        knobs, way = self.parameters, way_of(self.parameters.curve)
+        """Description for designers, and the constraints that validation checks."""
+        knobs, way = self.parameters, scoring_direction(self.parameters.curve)
         cargo, (x, z) = knobs.cargo, self._cargo_place
         return Brief(
             name=self.name,
@@ -115,7 +111,7 @@ class Delivery(Family):
                 *beam_sentences(knobs.beam),
                 *ramp_sentences(knobs.ramp),
                 *self._cone_sentences(),
-                *rough_sentences(knobs.terrain),
+                *terrain_sentences(knobs.terrain),
                 *knobs.wind.sentences(),
             ),
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
@@ -132,14 +128,14 @@ class Delivery(Family):
 
     @property
     def _size_limit(self) -> tuple[float, float, float]:
-        """No machine may start within the beam."""
+        """The building volume, shortened so that no machine starts inside the beam."""
         x, y, z = SIZE_LIMIT
         beam = self.parameters.beam
         free = 2 * beam.at - beam.thickness if beam.clearance else z
         return x, y, min(z, free)
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
-        """The walls, the cargo, what lies across and on the road, wind."""
+        """Walls, obstacles, cargo and wind."""
         knobs = self.parameters
         width = 2 * knobs.road.half_width - knobs.road.wall_thickness
         things = (
@@ -155,7 +151,7 @@ class Delivery(Family):
     @property
     def _cargo_place(self) -> tuple[float, float]:
         knobs = self.parameters
-        return track(knobs.road, knobs.curve).place(knobs.cargo.at)
+        return centre_line(knobs.road, knobs.curve).position_at(knobs.cargo.at)
 
     def _cone(self) -> tuple[Thing, ...]:
         cone = self.parameters.cone
@@ -168,9 +164,9 @@ class Delivery(Family):
     @property
     def _cone_place(self) -> tuple[float, float]:
         knobs = self.parameters
-        last = track(knobs.road, knobs.curve).stretches[-1]
+        last = centre_line(knobs.road, knobs.curve).segments[-1]
         begin = knobs.curve.at if not knobs.curve.angle else 0.0
-        x, z, _ = last.place(begin + knobs.cone.further)
+        x, z, _ = last.position_at(begin + knobs.cone.further)
         return x, z
 
     def _cone_sentences(self) -> tuple[str, ...]:
@@ -184,22 +180,23 @@ class Delivery(Family):
         )
 
     def referee(self, machine: Machine) -> DeliveryReferee:  # noqa: ARG002
-        """A fresh observer of the cargo."""
+        """A new referee that observes the cargo."""
         knobs = self.parameters
-        return DeliveryReferee(track(knobs.road, knobs.curve), knobs.cargo.at)
+        return DeliveryReferee(centre_line(knobs.road, knobs.curve), knobs.cargo.at)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """How far the cargo got, how high, and how far it was from the machine (spec 3.2)."""
+        """Distance and height of the cargo, and its distance from the machine."""
         terms = verdict.terms
         cargo = trace.thing_position[:, trace.things.index(CARGO)]
-        gaps = _gaps(trace, cargo)
+        gaps = _machine_distances(trace, cargo)
         index = terms["landing_index"]
+        direction = scoring_direction(self.parameters.curve)
         lines = (
-            _touched(terms),
+            _touch_line(terms),
             f"Cargo: greatest distance {number(_term(terms, 'distance'))} m "
-            f"{way_of(self.parameters.curve)} at {number(_term(terms, 'time'))} s, greatest "
+            f"{direction} at {number(_term(terms, 'time'))} s, greatest "
             f"horizontal distance {number(_term(terms, 'reach'))} m, greatest height "
             f"{number(_term(terms, 'height'))} m, landing index "
             f"{'none' if index is None else index}",
@@ -211,32 +208,32 @@ class Delivery(Family):
 
 
 class DeliveryReferee:
-    """Follows the cargo's centre and contacts step by step."""
+    """Tracks the cargo's centre and contacts step by step."""
 
-    def __init__(self, line: Track, at: float) -> None:
+    def __init__(self, line: CentreLine, at: float) -> None:
         self._line, self._at = line, at
         self._touched: float | None = None
-        """When the machine first touched the cargo."""
+        """Time at which the machine first touched the cargo, s."""
         self._here = self._first = self._best = self._best_time = 0.0
         self._origin = (0.0, 0.0)
         self._height = self._reach = 0.0
         self._aloft: float | None = None
-        """Since when the cargo has touched neither ground nor anything else of the scene."""
+        """Time since which the cargo has touched neither the ground nor a scene object, s."""
         self._landing: float | None = None
 
     def start(self, world: World) -> None:
-        """Remember where the cargo rests."""
+        """Record where the cargo rests."""
         x, _, z = world.centre(CARGO)
-        self._here, self._origin = self._line.along(x, z, self._at), (x, z)
+        self._here, self._origin = self._line.distance_along(x, z, self._at), (x, z)
         self.watch(world)
 
     def watch(self, world: World) -> None:
-        """Keep the greatest distance so far."""
+        """Update the greatest distance."""
         x, y, z = world.centre(CARGO)
-        self._here = self._line.along(x, z, self._here)
+        self._here = self._line.distance_along(x, z, self._here)
         self._height = max(self._height, y)
         touching = world.touching(CARGO)
-        self._fly(world.time, any(isinstance(body, str) for body in touching))
+        self._note_landing(world.time, any(isinstance(body, str) for body in touching))
         if self._touched is None:
             if not any(isinstance(body, int) for body in touching):
                 return
@@ -245,8 +242,8 @@ class DeliveryReferee:
         if self._here - self._first > self._best:
             self._best, self._best_time = self._here - self._first, world.time
 
-    def _fly(self, time: float, down: bool) -> None:
-        """Take note of the first landing."""
+    def _note_landing(self, time: float, down: bool) -> None:
+        """Record the first landing."""
         if not down:
             self._aloft = time if self._aloft is None else self._aloft
             return
@@ -255,7 +252,7 @@ class DeliveryReferee:
         self._aloft = None
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
-        """Score, terms and events; a term is None where it does not apply."""
+        """Score, terms and events; terms that do not apply are None."""
         touched = self._touched
         landing = self._landing
         interval = constants()["sample_interval"]
@@ -289,10 +286,10 @@ def _rounded(value: float) -> str:
 def _ball(cargo: Cargo, x: float, z: float) -> Thing:
     size = (cargo.diameter, cargo.diameter, cargo.diameter)
     place = (x, cargo.diameter / 2, z)
-    return Thing(CARGO, "sphere", size, place, mass=cargo.mass, color=PAINT)
+    return Thing(CARGO, "sphere", size, place, mass=cargo.mass, color=COLOR)
 
 
-def _touched(terms: Mapping[str, Any]) -> str:
+def _touch_line(terms: Mapping[str, Any]) -> str:
     if terms["touched"] is None:
         return "Result: the machine never touched the cargo"
     return f"Result: the machine first touched the cargo at {number(terms['touched'])} s"
@@ -302,8 +299,8 @@ def _term(terms: Mapping[str, Any], name: str) -> float:
     return float(terms[name] or 0.0)
 
 
-def _gaps(trace: Trace, cargo: Array) -> Array:
-    """(T,) metres from the cargo's centre (T, 3) to that of the nearest block."""
+def _machine_distances(trace: Trace, cargo: Array) -> Array:
+    """(T,) distances in metres from the cargo's centre (T, 3) to the nearest block's centre."""
     away = np.linalg.norm(trace.centre - cargo[:, None], axis=2)
     gaps: Array = away.min(axis=1)
     return gaps

@@ -1,8 +1,4 @@
-"""Owns the flying family: climb as high as possible, or fly through hoops in order.
-
-Where hoops stand, gusts, both scores and the default feedback; hoops and what passes them are
-rings.py's, the platform platforms.py's, simulation rollout.py's.
-"""
+"""The flying family: climb as high as possible, or fly through hoops in order."""
 
 from __future__ import annotations
 
@@ -20,45 +16,45 @@ from agentflow.env.scene import Gust, Scene
 from agentflow.env.tasks.base import Parameters, World
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.platforms import Platform
-from agentflow.env.tasks.features.rings import CLOSE, EACH, Passage, Ring
+from agentflow.env.tasks.features.rings import CLOSE, EACH, Ring, RingProgress
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 2, 7, 9, 15, 16, 22, 26, 35, 41, 55, 63)
 FLYING_BLOCK = 14
-"""Only where marks are to be passed: one alone would climb for ever."""
+"""Allowed only in mode `marks`: in mode `altitude`, one block alone would climb forever."""
 COST = 1.0
-"""Points that each metre from the next hoop's centre costs (spec 3)."""
+"""Points lost per metre from the next hoop's centre."""
 WAVES = ((0.5, 2.0), (0.3, 1.1), (0.2, 0.6))
 """Share of the swing and period (s) of each wave of the gusts."""
 
 
 class Gusts(Parameters):
-    """How the wind's speed swings about its mean."""
+    """Variation of the wind's speed about its mean."""
 
-    swing: float = knob(0, 0, 1, "", "how far it swings, as a share of the mean")
-    seed: int = knob(5, 0, 1_000_000, "", "of the gusts")
+    swing: float = knob(0, 0, 1, "", "amplitude, as a share of the mean speed")
+    seed: int = knob(5, 0, 1_000_000, "", "random seed of the gusts")
 
 
 class Hoops(Parameters):
-    """Upright hoops across the way, one behind the other."""
+    """A row of upright hoops."""
 
-    count: int = knob(3, 1, 10, "", "how many there are")
+    count: int = knob(3, 1, 10, "", "number of hoops")
     radius: float = knob(4, 1, 10, "m", "inner radius")
-    spacing: float = knob(25, 10, 100, "m", "from one to the next; the first as far from z = 0")
-    low: float = knob(10, 5, 50, "m", "least height of a centre")
-    high: float = knob(20, 5, 50, "m", "greatest height of a centre")
-    seed: int = knob(4, 0, 1_000_000, "", "of the heights")
+    spacing: float = knob(25, 10, 100, "m", "distance between hoops, and of the first from z = 0")
+    low: float = knob(10, 5, 50, "m", "minimum height of a centre")
+    high: float = knob(20, 5, 50, "m", "maximum height of a centre")
+    seed: int = knob(4, 0, 1_000_000, "", "random seed of the heights")
 
 
 class FlyingKnobs(CommonKnobs):
-    """What can be set about a flying level."""
+    """Knobs of a flying level."""
 
     window: float = knob(10, 1, 60, "s", "length of the scored window")
     mode: Literal["altitude", "marks"] = Field(
         "altitude",
-        description="altitude, or marks: hoops to be passed in order",
+        description="altitude: climb; marks: pass the hoops in order",
         json_schema_extra={"unit": "altitude or marks"},
     )
     platform: Platform = Platform()
@@ -68,11 +64,11 @@ class FlyingKnobs(CommonKnobs):
 
 @dataclass(frozen=True)
 class Flying(Family):
-    """Score: greatest height of the root's centre above its place at t = 0, m; or marks.
+    """Score: greatest height of the root's centre above its position at t = 0, m.
 
-    Marks: 10 for every hoop that the root's centre passes in order, from z- to z+ within the inner
-    radius, plus max(0, 10 - its closest distance in metres to the next hoop's centre since the
-    last one was passed).
+    In mode `marks`: 10 for every hoop that the root's centre passes in order, from z- to z+ within
+    the inner radius, plus max(0, 10 - its closest distance in metres to the next hoop's centre
+    since the last one was passed).
     """
 
     family: ClassVar[str] = "flying"
@@ -81,12 +77,12 @@ class Flying(Family):
 
     @property
     def marks(self) -> tuple[Ring, ...]:
-        """The hoops in order; () where altitude counts."""
+        """The hoops in order; () in mode `altitude`."""
         return hoops_of(self.parameters.hoops) if self.parameters.mode == "marks" else ()
 
     @property
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
+        """Description for designers, and the constraints that validation checks."""
         knobs = self.parameters
         blocks = tuple(sorted((*BLOCKS, FLYING_BLOCK))) if self.marks else BLOCKS
         return Brief(
@@ -107,7 +103,7 @@ class Flying(Family):
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
-        """Platform, hoops, wind."""
+        """Platform, hoops and wind."""
         knobs = self.parameters
         things = [*knobs.platform.things()]
         for index, hoop in enumerate(self.marks, start=1):
@@ -116,13 +112,13 @@ class Flying(Family):
         return Scene(tuple(things), knobs.wind.velocity, gusts, knobs.platform.start)
 
     def referee(self, machine: Machine) -> FlightReferee:  # noqa: ARG002 - the root is block 0
-        """A fresh observer of the root."""
+        """A new referee that observes the root."""
         return FlightReferee(self.marks)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """Heights, marks and the root's path (spec 3.2)."""
+        """Heights, hoops passed and path of the root."""
         terms = verdict.terms
         rise = np.diff(trace.centre[:, 0, 1]) / np.diff(trace.times)
         climb = float(rise.max()) if len(rise) else 0.0
@@ -140,33 +136,33 @@ class Flying(Family):
 
 
 class FlightReferee:
-    """Follows the root's centre step by step."""
+    """Tracks the root's centre step by step."""
 
     def __init__(self, marks: tuple[Ring, ...]) -> None:
         self._total = len(marks)
-        self._passage = Passage(marks, COST)
+        self._progress = RingProgress(marks, COST)
         self._start = self._last = (0.0, 0.0, 0.0)
         self._height = self._time = 0.0
         self._passed: list[float] = []
-        """When each hoop was passed, s."""
+        """Time at which each hoop was passed, s."""
 
     def start(self, world: World) -> None:
-        """Remember where the root rests."""
+        """Record where the root rests."""
         self._start = self._last = world.centre(0)
-        self._passage.watch(self._start)
+        self._progress.move_to(self._start)
 
     def watch(self, world: World) -> None:
-        """Keep the greatest height, the hoops passed and the closest way to the next."""
-        place = self._last = world.centre(0)
-        if place[1] - self._start[1] > self._height:
-            self._height, self._time = place[1] - self._start[1], world.time
-        self._passage.watch(place)
-        self._passed += [world.time] * (self._passage.passed - len(self._passed))
+        """Update the greatest height and the hoops passed."""
+        position = self._last = world.centre(0)
+        if position[1] - self._start[1] > self._height:
+            self._height, self._time = position[1] - self._start[1], world.time
+        self._progress.move_to(position)
+        self._passed += [world.time] * (self._progress.passed - len(self._passed))
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
-        """Score, terms and events; what marks tell is None where altitude counts."""
-        passed, total = self._passage.passed, self._total
-        near = None if passed == total else self._passage.closest
+        """Score, terms and events; terms about hoops are None in mode `altitude`."""
+        passed, total = self._progress.passed, self._total
+        near = None if passed == total else self._progress.closest
         result = f"passed: {passed} of {total}"
         if near is not None:
             result += f", closest to the centre of hoop {passed + 1}: {number(near)} m"
@@ -183,26 +179,26 @@ class FlightReferee:
             Event(time, "hoop_passed", (0,), f"the Starting Block passes hoop {index}")
             for index, time in enumerate(self._passed, start=1)
         )
-        return Verdict(self._passage.score if total else self._height, terms, events)
+        return Verdict(self._progress.score if total else self._height, terms, events)
 
 
 def hoops_of(knobs: Hoops) -> tuple[Ring, ...]:
-    """The hoops: evenly along z, at heights by chance."""
-    chance = random.Random(f"{knobs.seed}/hoops")
+    """The hoops: evenly spaced along z, at random heights."""
+    rng = random.Random(f"{knobs.seed}/hoops")
     low, high = sorted((knobs.low, knobs.high))
     return tuple(
-        Ring((0.0, round(chance.uniform(low, high), 1), index * knobs.spacing), knobs.radius)
+        Ring((0.0, round(rng.uniform(low, high), 1), index * knobs.spacing), knobs.radius)
         for index in range(1, knobs.count + 1)
     )
 
 
 def gusts_of(knobs: Gusts) -> tuple[Gust, ...]:
-    """Waves whose shares add up to the swing; their phases are the seed's."""
+    """Waves with random phases whose amplitudes add up to the swing."""
     if not knobs.swing:
         return ()
-    chance = random.Random(f"{knobs.seed}/gusts")
+    rng = random.Random(f"{knobs.seed}/gusts")
     return tuple(
-        Gust(knobs.swing * share, period, round(chance.uniform(0, 2 * pi), 3))
+        Gust(knobs.swing * share, period, round(rng.uniform(0, 2 * pi), 3))
         for share, period in WAVES
     )
 

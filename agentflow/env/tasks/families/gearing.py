@@ -1,8 +1,4 @@
-"""Owns the gearing family: place cogs on a plate so that a target cog turns as asked.
-
-The given plate and cogs, the words and the default feedback; the score is turning.py's, which cogs
-mesh is machine/gears.py's, how they turn the engine's.
-"""
+"""The gearing family: place cogs on a plate so that target cogs turn as required."""
 
 from __future__ import annotations
 
@@ -18,7 +14,7 @@ from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import CommonKnobs, Family
-from agentflow.env.tasks.features.turning import HOLD, LEAST, SOURCE, GearingReferee, Sense
+from agentflow.env.tasks.features.turning import HOLD, MIN_SPEED, SOURCE, GearingReferee, Sense
 from agentflow.env.tasks.knobs import knob
 from agentflow.errors import ConfigError
 from agentflow.machine.blocks.library import library
@@ -46,19 +42,19 @@ class PlateKnobs(Parameters):
 
 
 class Targets(Parameters):
-    """Which cogs are to turn, and how."""
+    """Which cogs must turn, and in which direction."""
 
     count: int = knob(1, 1, 2, "", "number of target cogs")
-    spread: int = knob(8, 2, 24, "m", "distance of two targets from each other, along x")
-    turn: Sense = _sense("sense of the first target, with or against the source")
-    second: Sense = _sense("sense of the second target")
+    spread: int = knob(8, 2, 24, "m", "distance between two targets, along x")
+    turn: Sense = _sense("direction of the first target, with or against the source")
+    second: Sense = _sense("direction of the second target")
 
 
 class GearingKnobs(CommonKnobs):
-    """What can be set about a gearing level."""
+    """Knobs of a gearing level."""
 
     plate: PlateKnobs = PlateKnobs()
-    distance: int = knob(4, 2, 28, "m", "from the source to the targets along z")
+    distance: int = knob(4, 2, 28, "m", "distance from the source to the targets, along z")
     target: Targets = Targets()
 
     @property
@@ -69,7 +65,7 @@ class GearingKnobs(CommonKnobs):
 
     @property
     def source(self) -> tuple[float, float]:
-        """x and z of the driven cog, m; the targets lie as far on the other side of the middle."""
+        """x and z of the driven cog, m; the targets are as far beyond the plate's middle."""
         return 0.0, -round(self.distance / 2 / GRID) * GRID
 
     @property
@@ -83,12 +79,12 @@ class GearingKnobs(CommonKnobs):
 
     @property
     def senses(self) -> tuple[Sense, ...]:
-        """How each target is to turn."""
+        """Required direction of each target."""
         return (self.target.turn, self.target.second)[: self.target.count]
 
     @property
     def faces(self) -> tuple[int, ...]:
-        """Faces of the plate on which source and targets stand."""
+        """Plate faces that carry source and targets."""
         return tuple(self.base.face(x, z) for x, z in (self.source, *self.targets))
 
     @model_validator(mode="after")
@@ -102,13 +98,13 @@ class GearingKnobs(CommonKnobs):
         try:
             _ = self.faces
         except ConfigError as problem:
-            raise ConfigError(f"no given cog can stand there: {problem}") from None
+            raise ConfigError(f"source and targets do not fit on the plate: {problem}") from None
         return self
 
 
 @dataclass(frozen=True)
 class Gearing(Family):
-    """Score: 1 if every target turns at least 0.5 rad/s as asked for one second, else 0."""
+    """Score: 1 if every target turns as required, at 0.5 rad/s or more, for one second; else 0."""
 
     family: ClassVar[str] = "gearing"
     knobs: ClassVar[type[CommonKnobs]] = GearingKnobs
@@ -116,7 +112,7 @@ class Gearing(Family):
 
     @property
     def given(self) -> Machine:
-        """Plate, source and targets: what every machine begins with."""
+        """Plate, source and targets: the start of every machine."""
         knobs = self.parameters
         kinds = (POWERED, *(MEDIUM for _ in knobs.targets))
         cogs = zip(kinds, knobs.faces, strict=True)
@@ -129,7 +125,7 @@ class Gearing(Family):
 
     @property
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
+        """Description for designers, and the constraints that validation checks."""
         knobs = self.parameters
         return Brief(
             name=self.name,
@@ -146,8 +142,8 @@ class Gearing(Family):
                 f"The window ends at t = {self.window:g} s.",
             ),
             score=(
-                f"Score: 1 if {_asked(knobs)}, at least {LEAST:g} rad/s fast for {HOLD:g} s on end "
-                f"{'at the same time ' * (knobs.target.count > 1)}within {self.window:g} s; "
+                f"Score: 1 if {_goal(knobs)}, at least {MIN_SPEED:g} rad/s fast for {HOLD:g} s on "
+                f"end {'at the same time ' * (knobs.target.count > 1)}within {self.window:g} s; "
                 "else 0.",
                 "The speed is taken against the plate, every 0.1 s.",
             ),
@@ -156,17 +152,17 @@ class Gearing(Family):
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same
-        """Flat ground, wind."""
+        """Flat ground and wind."""
         return Scene((), self.parameters.wind.velocity)
 
     def referee(self, machine: Machine) -> GearingReferee:  # noqa: ARG002 - ids are given
-        """A fresh observer of source and targets."""
+        """A new referee that observes source and targets."""
         return GearingReferee(self.parameters.senses)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """Speed of every cog, which pairs mesh, which are locked (spec 3.2)."""
+        """Speed of every cog, meshing pairs and locked cogs."""
         cogs = [step.id for step in machine if library()[step.type].pitch_radius is not None]
         pairs = meshing_pairs(place(machine).blocks, constants()["cog_tolerance"])
         found = gear_trains(cogs, pairs)
@@ -201,13 +197,13 @@ def _locked(found: Sequence[GearTrain]) -> str:
 
 
 def _train_of(cog: int, found: Sequence[GearTrain]) -> str:
-    """Ids of the cogs that are coupled to one, itself left out."""
+    """Ids of the other cogs in a cog's train."""
     train = next(train for train in found if cog in train.speeds)
     return ", ".join(str(other) for other in train.speeds if other != cog) or "none"
 
 
-def _asked(knobs: GearingKnobs) -> str:
-    """What the targets are to do, in words."""
+def _goal(knobs: GearingKnobs) -> str:
+    """What the targets must do, in words."""
     parts = [
         f"block {SOURCE + i} (target) turns {SENSES[sense]} the source"
         for i, sense in enumerate(knobs.senses, start=1)
@@ -218,7 +214,7 @@ def _asked(knobs: GearingKnobs) -> str:
 def _plate_sentences(plate: Plate) -> tuple[str, ...]:
     row = plate.row
     x, z = plate.place(0)
-    told = (
+    sentences = (
         "The ground is flat, at y = 0.",
         f"Block 0 is given: a square plate, {plate.size:g} m wide along x and z and "
         f"{THICKNESS:g} m thick, that lies on the ground with its middle over x = z = 0.",
@@ -227,10 +223,10 @@ def _plate_sentences(plate: Plate) -> tuple[str, ...]:
         f"(n div {row}) m.",
     )
     if not plate.centres:
-        return told
+        return sentences
     middles = ", ".join(f"({u:g}, {v:g})" for u, v in plate.centres)
     return (
-        *told,
+        *sentences,
         f"The plate has {plate.holes} square holes, {HOLE:g} m wide, with their middles at (x, z) "
         f"= {middles}; nothing can be attached within a hole or on its rim, to faces at most "
         f"{HOLE / 2:g} m from the middle along both x and z. Cogs may reach over holes.",

@@ -1,7 +1,4 @@
-"""Owns the jumping family: get over walls or a trench without touching them, ten trials.
-
-Obstacles, their variation, the rule of a trial and its feedback; scenes' solids are barriers.py's.
-"""
+"""The jumping family: get over walls or a trench without touching them, in ten trials."""
 
 from __future__ import annotations
 
@@ -10,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from agentflow.env.feedback import block_name, compose, number, series
+from agentflow.env.physics.vectors import turned
 from agentflow.env.rollout import Broken, Event, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Start
 from agentflow.env.tasks.base import Parameters, Schedule, World
@@ -18,7 +16,7 @@ from agentflow.env.tasks.family import (
     CommonKnobs,
     TrialFamily,
     schedule_sentences,
-    within,
+    vary,
 )
 from agentflow.env.tasks.features.barriers import (
     Slope,
@@ -27,10 +25,9 @@ from agentflow.env.tasks.features.barriers import (
     barrier_sentences,
     barrier_things,
     far_side,
-    forbidden,
     near_side,
+    obstacle_names,
 )
-from agentflow.env.tasks.features.reach import lowest_point
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
@@ -38,40 +35,40 @@ from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 28, 35, 41, 63, 87)
 HALF = 0.5
-"""Share of the mass that has to get beyond (spec 3)."""
+"""Share of the machine's mass that must get across."""
 
 
 class JumpVariation(Parameters):
-    """By how much a trial may differ from the level, either way."""
+    """Largest deviation of a trial from the level, in either direction."""
 
-    distance: float = knob(1, 0, 3, "m", "places of the obstacles")
-    height: float = knob(0.1, 0, 0.5, "", "heights of walls, depth of a trench; a share")
-    friction: float = knob(0.1, 0, 0.5, "", "friction of ground and obstacles; a share")
-    yaw: float = knob(2, 0, 10, "degrees", "how the machine is turned")
+    distance: float = knob(1, 0, 3, "m", "variation of the obstacles' z")
+    height: float = knob(0.1, 0, 0.5, "", "relative variation of wall height or trench depth")
+    friction: float = knob(0.1, 0, 0.5, "", "relative variation of friction")
+    yaw: float = knob(2, 0, 10, "degrees", "variation of the machine's yaw")
 
 
 class JumpingKnobs(CommonKnobs):
-    """What can be set about a jumping level."""
+    """Knobs of a jumping level."""
 
     walls: Walls = Walls()
     trench: Trench = Trench()
     slope: Slope = Slope()
     friction: float = knob(0.8, 0.1, 2, "", "friction coefficient of ground and obstacles")
-    yaw: float = knob(0, -10, 10, "degrees", "how the machine is turned, front towards x+")
+    yaw: float = knob(0, -10, 10, "degrees", "initial yaw of the machine; positive towards x+")
     jump_at: float = knob(
-        1, 0, 10, "s", "springs and steering hinges wait for it; schedule.* adds to it"
+        1, 0, 10, "s", "start time of springs and steering hinges; schedule.* adds to it"
     )
     variation: JumpVariation = JumpVariation()
 
 
 @dataclass(frozen=True)
 class Jumping(TrialFamily):
-    """Score: successful trials out of ten.
+    """Score: number of successful trials out of ten.
 
-    A trial succeeds when no block touches an obstacle (a wall; a trench's floor or far wall) from
-    t = 0 to the end, and the root's centre and blocks that make up at least half of the machine's
-    mass, by their centres, then lie beyond the far side of the last one. At t = 0 all of it has to
-    be on the near side of the first.
+    A trial succeeds if no block touches an obstacle (a wall; a trench's floor or far wall) from
+    t = 0 on, and at the end the centres of the root and of at least half of the machine's mass lie
+    beyond the far side of the last obstacle. At t = 0 the whole machine must be on the near side
+    of the first one.
     """
 
     family: ClassVar[str] = "jumping"
@@ -80,37 +77,37 @@ class Jumping(TrialFamily):
 
     @classmethod
     def schedule_of(cls, knobs: CommonKnobs) -> Schedule:
-        """Springs and steering hinges wait for `jump_at`."""
+        """Delay springs and steering hinges by `jump_at`."""
         assert isinstance(knobs, JumpingKnobs)
         times, wait = knobs.schedule, knobs.jump_at
         return Schedule(times.motors, wait + times.springs, wait + times.steering_hinges)
 
-    def varied(self, chance: random.Random) -> JumpingKnobs:
-        """Obstacles nearer or farther, higher or lower; more or less grip; turned a little."""
+    def vary_knobs(self, rng: random.Random) -> JumpingKnobs:
+        """Vary position and height of the obstacles, friction, and the machine's yaw."""
         knobs, by = self.parameters, self.parameters.variation
-        nearer = round(chance.uniform(-by.distance, by.distance), 3)
+        shift = round(rng.uniform(-by.distance, by.distance), 3)
         walls, trench = knobs.walls, knobs.trench
-        first = {"first": walls.first + nearer, "height": within(chance, walls.height, by.height)}
-        at = {"at": trench.at + nearer, "depth": within(chance, trench.depth, by.height)}
+        first = {"first": walls.first + shift, "height": vary(rng, walls.height, by.height)}
+        at = {"at": trench.at + shift, "depth": vary(rng, trench.depth, by.height)}
         return knobs.model_copy(
             update={
                 "walls": walls.model_copy(update=first),
                 "trench": trench.model_copy(update=at),
-                "friction": within(chance, knobs.friction, by.friction),
-                "yaw": knobs.yaw + round(chance.uniform(-by.yaw, by.yaw), 3),
+                "friction": vary(rng, knobs.friction, by.friction),
+                "yaw": knobs.yaw + round(rng.uniform(-by.yaw, by.yaw), 3),
             }
         )
 
     @property
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
+        """Description for designers, and the constraints that validation checks."""
         knobs, by = self.parameters, self.parameters.variation
         return Brief(
             name=self.name,
             objective="Build a machine that jumps over the obstacle ahead along z+ and lands "
             "beyond it.",
             scene=(
-                *(_RAISED if knobs.trench.length else GROUND),
+                *(_ON_BANK if knobs.trench.length else GROUND),
                 *barrier_sentences(knobs.walls, knobs.trench, knobs.slope),
                 *knobs.wind.sentences(),
                 f"{self.count} trials differ by chance: obstacles stand up to {by.distance:g} m "
@@ -118,14 +115,14 @@ class Jumping(TrialFamily):
                 f"changes by up to {by.height:.0%}, the friction of ground and obstacles, "
                 f"{knobs.friction:g}, by up to {by.friction:.0%}, and the machine is turned by up "
                 f"to {by.yaw:g} degrees to the left or right.",
-                *_turned_sentences(knobs.yaw),
+                *_yaw_sentences(knobs.yaw),
             ),
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
                 f"A trial succeeds when no block of the machine, also none that broke off, ever "
-                f"touches {_touchables(knobs)} from t = 0 on, and at the end the centre of the "
+                f"touches {_obstacle_text(knobs)} from t = 0 on, and at the end the centre of the "
                 f"Starting Block and at least half of the machine's mass lie beyond z = "
                 f"{far_side(knobs.walls, knobs.trench):g} m (the far side, moved as the trial "
                 "moves the obstacles).",
@@ -136,7 +133,7 @@ class Jumping(TrialFamily):
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
-        """Walls, or a trench between raised banks, and the slope before them."""
+        """Walls, or a trench between raised banks; slope and wind."""
         knobs = self.parameters
         height = knobs.trench.depth if knobs.trench.length else 0.0
         return Scene(
@@ -147,13 +144,13 @@ class Jumping(TrialFamily):
         )
 
     def referee(self, machine: Machine) -> JumpReferee:
-        """A fresh observer of one trial."""
+        """A new referee for one trial."""
         return JumpReferee(machine, self.parameters)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """How the trial went and the root's path (spec 3.2)."""
+        """Outcome of the trial and path of the root."""
         terms = verdict.terms
         top = trace.centre[:, 0, 1]
         lines = (
@@ -167,20 +164,20 @@ class Jumping(TrialFamily):
 
 
 class JumpReferee:
-    """Watches the obstacles for touches; where everything lies counts at the end."""
+    """Watches for touches of the obstacles, and checks positions at the end."""
 
     def __init__(self, machine: Machine, knobs: JumpingKnobs) -> None:
         self._machine, self._knobs = machine, knobs
-        self._watched = forbidden(knobs.walls, knobs.trench)
+        self._watched = obstacle_names(knobs.walls, knobs.trench)
         self._near = near_side(knobs.walls, knobs.trench)
         self._far = far_side(knobs.walls, knobs.trench)
         self._early: int | None = None
-        """A block that was across already at t = 0."""
+        """A block that was already across at t = 0."""
         self._touch: tuple[float, int, str, float] | None = None
-        """The first touch: seconds, block, obstacle, and by how many metres it missed."""
+        """First touch: time (s), block, obstacle, and how much the block was short by (m)."""
 
     def start(self, world: World) -> None:
-        """See that nothing is across yet."""
+        """Check that no block is across yet."""
         self._world = world
         blocks = [step.id for step in self._machine if not step.two_ended]
         self._early = next((i for i in blocks if world.centre(i)[2] > self._near), None)
@@ -198,13 +195,13 @@ class JumpReferee:
                 return
 
     def _missed_by(self, world: World, block: int) -> float:
-        """How much higher (walls) or farther (trench) a block had to be, m."""
+        """How much higher (walls) or farther (trench) the block should have been, m."""
         if self._knobs.trench.length:
             return max(0.0, self._far - world.centre(block)[2])
         return max(0.0, self._knobs.walls.height - lowest_point(world, self._machine, block))
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
-        """Whether the trial succeeded, and how it went."""
+        """Whether and how the trial succeeded or failed."""
         root = self._world.centre(0)[2]
         share = self._share_beyond()
         success = (
@@ -262,19 +259,30 @@ class JumpReferee:
         return (Event(time, "obstacle_touched", (block,), text),)
 
 
-_RAISED = (
+def lowest_point(world: World, machine: Machine, block: int) -> float:
+    """Height of the lowest corner of a block's box, m; for a two-ended block, of its centre."""
+    size = library()[machine[block].type].size
+    height = world.centre(block)[1]
+    if size is None:
+        return height
+    x, y, z, w = world.rotation(block)
+    down = turned((-x, -y, -z, w), (0.0, 1.0, 0.0))
+    return height - sum(abs(axis) * side / 2 for axis, side in zip(down, size, strict=True))
+
+
+_ON_BANK = (
     "The ground, which is the trench's floor, is flat, at y = 0; z+ is the target direction.",
     "The machine stands on a flat bank before the trench, with the centre of its bounding box over "
     "x = z = 0 and its lowest point on the bank.",
 )
 
 
-def _turned_sentences(yaw: float) -> tuple[str, ...]:
+def _yaw_sentences(yaw: float) -> tuple[str, ...]:
     if not yaw:
         return ()
     side = "right" if yaw > 0 else "left"
     return (f"Before that it is turned by {abs(yaw):g} degrees to the {side}.",)
 
 
-def _touchables(knobs: JumpingKnobs) -> str:
+def _obstacle_text(knobs: JumpingKnobs) -> str:
     return "the trench's floor or far wall" if knobs.trench.length else "a wall"

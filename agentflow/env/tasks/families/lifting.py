@@ -1,7 +1,4 @@
-"""Owns the lifting family: raise an object that stands on the machine and keep it up, ten trials.
-
-The object, its place on the machine, its variation, the rule of a trial and its feedback.
-"""
+"""The lifting family: raise an object placed on the machine and keep it up, in ten trials."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from agentflow.env.tasks.family import (
     CommonKnobs,
     TrialFamily,
     schedule_sentences,
-    within,
+    vary,
 )
 from agentflow.env.tasks.knobs import knob
 from agentflow.errors import ConfigError
@@ -31,31 +28,31 @@ from agentflow.machine.tree import Machine
 BLOCKS = (0, 1, 2, 5, 7, 9, 13, 15, 16, 19, 22, 28, 35, 41, 44, 63)
 OBJECT = "object"
 RISE = 1.0
-"""Metres above its settled height from which on the object counts as lifted (spec 3)."""
+"""Height above its settled position at which the object counts as lifted, m."""
 HOLD = 1.0
-"""Seconds that it has to stay there (spec 3)."""
+"""Time that the object must stay lifted, s."""
 LOOSE = 0.2
-"""Seconds without contact after which the machine does not hold it any more: as a boulder's."""
+"""Time without contact after which the machine no longer holds the object, s."""
 ROUNDING = 1e-6
-"""Seconds by which summed steps may miss a limit."""
+"""Tolerance for the rounding error of summed time steps, s."""
 COLOR = (0.2, 0.45, 0.7, 1.0)
 SHAPES = {"box": "box", "ball": "sphere", "cone": "cone"}
 
 
 class Object(Parameters):
-    """What is lifted."""
+    """The object to lift."""
 
     shape: Literal["box", "ball", "cone"] = Field(
         "box",
         description="box, ball or cone (tip up)",
         json_schema_extra={"unit": "box, ball or cone"},
     )
-    width: float = knob(2, 0.5, 5, "m", "size along x and z; a ball's diameter")
-    height: float = knob(1, 0.5, 5, "m", "size along y; a ball has its width")
+    width: float = knob(2, 0.5, 5, "m", "size along x and z; diameter of a ball")
+    height: float = knob(1, 0.5, 5, "m", "size along y; ignored for a ball")
     mass: float = knob(5, 0.5, 50, "", "mass")
-    balance: float = knob(0, -2, 2, "m", "how far x+ of its centre its centre of mass lies")
-    offset: float = knob(0, -2, 2, "m", "how far beside x = 0 its centre is set down, towards x+")
-    forward: float = knob(0, -2, 2, "m", "how far beside z = 0 its centre is set down, towards z+")
+    balance: float = knob(0, -2, 2, "m", "offset of the centre of mass towards x+")
+    offset: float = knob(0, -2, 2, "m", "initial x of its centre")
+    forward: float = knob(0, -2, 2, "m", "initial z of its centre")
     friction: float = knob(0.8, 0, 2, "", "friction coefficient")
 
     @model_validator(mode="after")
@@ -74,15 +71,15 @@ class Object(Parameters):
 
 
 class LiftVariation(Parameters):
-    """By how much a trial may differ from the level, either way."""
+    """Largest deviation of a trial from the level, in either direction."""
 
-    mass: float = knob(0.1, 0, 0.5, "", "mass of the object; a share")
-    offset: float = knob(0.1, 0, 1, "m", "where it is set down, along x and along z")
-    friction: float = knob(0.1, 0, 0.5, "", "friction of the object; a share")
+    mass: float = knob(0.1, 0, 0.5, "", "relative variation of the object's mass")
+    offset: float = knob(0.1, 0, 1, "m", "variation of its initial x and z")
+    friction: float = knob(0.1, 0, 0.5, "", "relative variation of its friction")
 
 
 class LiftingKnobs(CommonKnobs):
-    """What can be set about a lifting level."""
+    """Knobs of a lifting level."""
 
     object: Object = Object()
     variation: LiftVariation = LiftVariation()
@@ -90,32 +87,32 @@ class LiftingKnobs(CommonKnobs):
 
 @dataclass(frozen=True)
 class Lifting(TrialFamily):
-    """Score: successful trials out of ten.
+    """Score: number of successful trials out of ten.
 
-    A trial succeeds when the object's centre is at least 1 m above its height at t = 0 for one
-    second together, and at the end, with the machine then holding it: what is thrown and still
-    flies, or came down on something else, has not been lifted.
+    A trial succeeds if the object's centre stays at least 1 m above its height at t = 0 for one
+    second without a break, is still that high at the end, and the machine is holding it then: an
+    object that was thrown or rests on something else does not count.
     """
 
     family: ClassVar[str] = "lifting"
     knobs: ClassVar[type[CommonKnobs]] = LiftingKnobs
     parameters: LiftingKnobs
 
-    def varied(self, chance: random.Random) -> LiftingKnobs:
-        """A heavier or lighter object, more or less slippery, set down a little beside."""
+    def vary_knobs(self, rng: random.Random) -> LiftingKnobs:
+        """Vary mass, friction and initial position of the object."""
         knobs, by = self.parameters, self.parameters.variation
         thing = knobs.object
         changed = {
-            "mass": within(chance, thing.mass, by.mass),
-            "friction": within(chance, thing.friction, by.friction),
-            "offset": thing.offset + round(chance.uniform(-by.offset, by.offset), 3),
-            "forward": thing.forward + round(chance.uniform(-by.offset, by.offset), 3),
+            "mass": vary(rng, thing.mass, by.mass),
+            "friction": vary(rng, thing.friction, by.friction),
+            "offset": thing.offset + round(rng.uniform(-by.offset, by.offset), 3),
+            "forward": thing.forward + round(rng.uniform(-by.offset, by.offset), 3),
         }
         return knobs.model_copy(update={"object": thing.model_copy(update=changed)})
 
     @property
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
+        """Description for designers, and the constraints that validation checks."""
         by = self.parameters.variation
         return Brief(
             name=self.name,
@@ -140,10 +137,10 @@ class Lifting(TrialFamily):
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:
-        """The object, on top of the machine if there is one."""
+        """The object, on top of the machine if there is one, and wind."""
         knobs = self.parameters.object
         x, z = knobs.offset, knobs.forward
-        base = highest(machine, x, z, knobs.width / 2) if machine else 0.0
+        base = highest_point_under(machine, x, z, knobs.width / 2) if machine else 0.0
         thing = Thing(
             OBJECT,
             SHAPES[knobs.shape],  # type: ignore[arg-type]
@@ -157,42 +154,42 @@ class Lifting(TrialFamily):
         return Scene((thing,), self.parameters.wind.velocity)
 
     def referee(self, machine: Machine) -> LiftReferee:  # noqa: ARG002 - only the object counts
-        """A fresh observer of the object."""
+        """A new referee that observes the object."""
         return LiftReferee(self.window)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """How the trial went and the object's path (spec 3.2)."""
+        """Outcome of the trial and path of the object."""
         lines = (f"Result: {verdict.terms['outcome']}",)
         path = series("Object position", trace.times[::2], trace.thing_position[::2, 0])
         return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
 
 
 class LiftReferee:
-    """Follows the object's height step by step.
+    """Tracks the object's height step by step.
 
-    A rollout ends early only when everything rests, so what is up then stays up for the rest of
-    the window.
+    A rollout ends early only when everything is at rest, so an object that is up then stays up for
+    the rest of the window.
     """
 
     def __init__(self, window: float) -> None:
         self._window = window
         self._settled = self._rise = self._best = self._best_time = 0.0
         self._since: float | None = None
-        """Since when it is up; None while it is not."""
+        """Time since which the object has been up; None while it is not."""
         self._held = 0.0
-        """Longest time together that it has been up."""
+        """Longest time that it has been up without a break, s."""
         self._touched = self._now = 0.0
-        """When it last touched the machine, and the time of the last look."""
+        """Times of its last contact with the machine and of the last step, s."""
         self._first: float | None = None
 
     def start(self, world: World) -> None:
-        """Remember how high the object has settled."""
+        """Record the object's settled height."""
         self._settled = world.centre(OBJECT)[1]
 
     def watch(self, world: World) -> None:
-        """Keep the greatest rise, the longest time that it is up, and the last touch."""
+        """Update the greatest rise, the longest time up and the last contact."""
         self._now = world.time
         if any(isinstance(body, int) for body in world.touching(OBJECT)):
             self._touched = world.time
@@ -209,7 +206,7 @@ class LiftReferee:
         self._held = max(self._held, world.time - self._since)
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
-        """Whether the trial succeeded, and how it went."""
+        """Whether and how the trial succeeded or failed."""
         if self._since is not None:
             self._held = max(self._held, self._window - self._since)
         carried = self._now - self._touched <= LOOSE + ROUNDING
@@ -245,14 +242,14 @@ class LiftReferee:
         return (Event(self._first, "lifted", (), f"the object is {RISE:g} m above its place"),)
 
 
-def highest(machine: Machine, x: float, z: float, reach: float) -> float:
-    """Height of the machine's highest point under a square, as it is put down on the ground, m.
+def highest_point_under(machine: Machine, x: float, z: float, reach: float) -> float:
+    """Height of the highest point of a machine on the ground within a horizontal square, m.
 
     Args:
-        machine: With the centre of its bounding box over x = z = 0.
-        x: Middle of the square, m.
-        z: Likewise.
-        reach: Half its side, m.
+        machine: The machine; the centre of its bounding box is over x = z = 0.
+        x: x of the square's middle, m.
+        z: z of the square's middle, m.
+        reach: Half of the square's side, m.
     """
     geometry = place(machine)
     low, high = geometry.box_min, geometry.box_max

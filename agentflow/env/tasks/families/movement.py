@@ -1,8 +1,4 @@
-"""Owns the movement family: drive the root block as far as possible along the road.
-
-What lies on the road, the score and the default feedback; roads are roads.py's, simulation is
-rollout.py's.
-"""
+"""The movement family: drive the root block as far as possible along the road."""
 
 from __future__ import annotations
 
@@ -19,21 +15,21 @@ from agentflow.env.tasks.base import Parameters, World
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.obstacles import Ramp, bump, ramp_sentences, ramp_things
 from agentflow.env.tasks.features.roads import (
+    CentreLine,
     Curve,
     Road,
-    Track,
+    centre_line,
     road_sentences,
     road_walls,
-    track,
-    way_of,
+    scoring_direction,
 )
-from agentflow.env.tasks.features.rough import (
+from agentflow.env.tasks.features.terrain import (
     Roughness,
     Stones,
-    rough_sentences,
     slabs,
     stone_sentences,
     stones,
+    terrain_sentences,
 )
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
@@ -42,21 +38,21 @@ from agentflow.machine.tree import Machine
 ROOT_BLOCK = 0
 BLOCKS = (0, 1, 2, 9, 15, 16, 22, 35, 41, 63)
 CURVE_BLOCKS = (19, 40)
-"""What a road that turns adds."""
+"""Additional blocks for roads that turn."""
 
 
 class Bumps(Parameters):
-    """Segments of cylinders across the road."""
+    """Rounded bumps across the road."""
 
-    count: int = knob(0, 0, 20, "", "how many bumps there are")
+    count: int = knob(0, 0, 20, "", "number of bumps")
     first: float = knob(15, 10, 200, "m", "z of the first bump's middle")
-    spacing: float = knob(15, 5, 100, "m", "from one bump to the next")
-    height: float = knob(1, 0.1, 3, "m", "height of a bump")
-    length: float = knob(4, 1, 20, "m", "length of a bump along z")
+    spacing: float = knob(15, 5, 100, "m", "distance between bumps")
+    height: float = knob(1, 0.1, 3, "m", "height of the bumps")
+    length: float = knob(4, 1, 20, "m", "length of the bumps along z")
 
 
 class MovementKnobs(CommonKnobs):
-    """What can be set about a movement level."""
+    """Knobs of a movement level."""
 
     road: Road = Road()
     curve: Curve = Curve()
@@ -68,8 +64,8 @@ class MovementKnobs(CommonKnobs):
 
 @dataclass(frozen=True)
 class Movement(Family):
-    """Score: greatest distance of the root block's centre along z+ (on a road that turns, along its
-    centre line) from its place at t = 0, m."""
+    """Score: greatest distance of the root block's centre along z+ (along the centre line of a
+    road that turns) from its position at t = 0, m."""
 
     family: ClassVar[str] = "movement"
     knobs: ClassVar[type[CommonKnobs]] = MovementKnobs
@@ -77,8 +73,8 @@ class Movement(Family):
 
     @property
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
-        knobs, way = self.parameters, way_of(self.parameters.curve)
+        """Description for designers, and the constraints that validation checks."""
+        knobs, way = self.parameters, scoring_direction(self.parameters.curve)
         blocks = BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS
         return Brief(
             name=self.name,
@@ -88,7 +84,7 @@ class Movement(Family):
                 *road_sentences(knobs.road, knobs.curve),
                 *_bump_sentences(knobs.bump),
                 *ramp_sentences(knobs.ramp),
-                *rough_sentences(knobs.roughness),
+                *terrain_sentences(knobs.roughness),
                 *stone_sentences(knobs.obstacles),
                 *knobs.wind.sentences(),
             ),
@@ -103,7 +99,7 @@ class Movement(Family):
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
-        """The walls, what lies across and on the road, wind."""
+        """Walls, obstacles and wind."""
         knobs = self.parameters
         width = 2 * knobs.road.half_width - knobs.road.wall_thickness
         things = (
@@ -116,19 +112,20 @@ class Movement(Family):
         return Scene(things, knobs.wind.velocity)
 
     def referee(self, machine: Machine) -> MovementReferee:  # noqa: ARG002 - the root is block 0
-        """A fresh observer of the root."""
-        return MovementReferee(track(self.parameters.road, self.parameters.curve))
+        """A new referee that observes the root."""
+        return MovementReferee(centre_line(self.parameters.road, self.parameters.curve))
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """Distance, speeds and the root's path (spec 3.2)."""
+        """Distance, speeds and path of the root."""
         speed = np.linalg.norm(trace.velocity[:, ROOT_BLOCK], axis=1)
         means = _mean_per_second(trace.times, speed)
         distance = float(verdict.terms["distance"] or 0.0)
         lines = (
-            f"Root: greatest distance {distance:.2f} m {way_of(self.parameters.curve)} at "
-            f"{verdict.terms['time']:.2f} s, greatest speed {speed.max():.2f} m/s, ends at x = "
+            f"Root: greatest distance {distance:.2f} m "
+            f"{scoring_direction(self.parameters.curve)} at {verdict.terms['time']:.2f} s, "
+            f"greatest speed {speed.max():.2f} m/s, ends at x = "
             f"{trace.centre[-1, ROOT_BLOCK, 0]:.2f} m",
             "Mean speed in each second (m/s): " + ", ".join(f"{mean:.2f}" for mean in means),
         )
@@ -138,29 +135,29 @@ class Movement(Family):
 
 
 class MovementReferee:
-    """Follows the root's centre step by step."""
+    """Tracks the root's centre step by step."""
 
-    def __init__(self, line: Track) -> None:
+    def __init__(self, line: CentreLine) -> None:
         self._line = line
         self._start = self._here = 0.0
         self._best = 0.0
         self._best_time = 0.0
 
     def start(self, world: World) -> None:
-        """Remember where the root rests."""
+        """Record where the root rests."""
         x, _, z = world.centre(ROOT_BLOCK)
-        self._start = self._here = self._line.along(x, z, z)
+        self._start = self._here = self._line.distance_along(x, z, z)
 
     def watch(self, world: World) -> None:
-        """Keep the greatest distance so far."""
+        """Update the greatest distance."""
         x, _, z = world.centre(ROOT_BLOCK)
-        self._here = self._line.along(x, z, self._here)
+        self._here = self._line.distance_along(x, z, self._here)
         distance = self._here - self._start
         if distance > self._best:
             self._best, self._best_time = distance, world.time
 
     def verdict(self, trace: Trace) -> Verdict:
-        """Score and terms: distance (m), its time (s), the sideways drift at the end (m)."""
+        """Score and terms: distance (m), its time (s), final sideways drift (m)."""
         drift = float(trace.centre[-1, ROOT_BLOCK, 0] - trace.centre[0, ROOT_BLOCK, 0])
         terms = {
             "distance": self._best,
@@ -189,7 +186,7 @@ def _bump_sentences(bumps: Bumps) -> tuple[str, ...]:
 
 
 def _mean_per_second(times: Array, speed: Array) -> list[float]:
-    """Mean of the sampled speeds within each started second; both (T,)."""
+    """Mean of the sampled speeds in each second of the rollout; `times` and `speed` are (T,)."""
     last = max(1, int(np.ceil(times[-1] - 1e-9)))
     picks = [(times >= second - 1e-9) & (times <= second + 1 + 1e-9) for second in range(last)]
     return [float(speed[pick].mean()) for pick in picks]

@@ -1,8 +1,4 @@
-"""Owns the picking family: lift a ball out of a pit by a fixed schedule.
-
-The pit, the schedule of driving, lowering, grabbing and raising, the score and the default
-feedback; what winches and grabbers do is the engine's.
-"""
+"""The picking family: lift a ball out of a pit on a fixed schedule."""
 
 from __future__ import annotations
 
@@ -25,11 +21,11 @@ from agentflow.machine.tree import Machine
 BLOCKS = (0, 1, 2, 4, 9, 15, 16, 22, 27, 35, 41, 45, 63)
 BALL = "ball"
 DIAMETER, MASS = 2.0, 2.0
-"""m and kg (spec 3.1)."""
+"""Diameter (m) and mass (kg) of the ball."""
 BAR = 0.5
-"""Thickness of the bar, m; chosen."""
+"""Thickness of the bar, m."""
 FAR = 60.0
-"""Metres that the ground reaches from x = z = 0 to every side; behind the machine twice as far."""
+"""Extent of the ground around the pit, m; twice as much behind the machine."""
 
 
 class Pit(Parameters):
@@ -41,23 +37,23 @@ class Pit(Parameters):
 
 
 class Bar(Parameters):
-    """A bar along x across the pit's middle, from its left wall on."""
+    """A bar along x, from the pit's left wall across its middle."""
 
     share: float = knob(0, 0, 0.5, "", "share of the opening that it crosses; 0 removes it")
-    below: float = knob(1, 0, 8, "m", "from the ground's level down to the bar's upper side")
+    below: float = knob(1, 0, 8, "m", "depth of the bar's top below the ground")
 
 
 class PickingTimes(StartTimes):
-    """When what begins. Until `lower` the motors drive ahead, from `back` on back."""
+    """Schedule: motors drive forward until `lower` and backward from `back` on."""
 
-    lower: float = knob(8, 0, 60, "s", "motors stop, decouplers let go, winches give rope out")
-    grab: float = knob(14, 0, 60, "s", "grabbers begin to grip, winches stop")
+    lower: float = knob(8, 0, 60, "s", "motors stop, decouplers release, winches pay out")
+    grab: float = knob(14, 0, 60, "s", "grabbers start to grip, winches stop")
     lift: float = knob(14, 0, 60, "s", "winches reel in")
-    back: float = knob(22, 0, 60, "s", "winches stop, motors turn backwards")
+    back: float = knob(22, 0, 60, "s", "winches stop, motors run backward")
 
 
 class PickingKnobs(CommonKnobs):
-    """What can be set about a picking level."""
+    """Knobs of a picking level."""
 
     window: float = knob(26, 1, 60, "s", "length of the scored window")
     schedule: PickingTimes = PickingTimes()
@@ -71,13 +67,13 @@ class PickingKnobs(CommonKnobs):
 
     @property
     def ball(self) -> tuple[float, float, float]:
-        """Centre of the ball, m: in the middle of what the bar leaves free."""
+        """Centre of the ball, m: the middle of the opening that the bar leaves."""
         return self.bar.share * self.pit.opening / 2, DIAMETER / 2, self.middle
 
 
 @dataclass(frozen=True)
 class Picking(Family):
-    """Score: greatest height that the ball's centre gains over its place at t = 0, m."""
+    """Score: greatest height of the ball's centre above its position at t = 0, m."""
 
     family: ClassVar[str] = "picking"
     knobs: ClassVar[type[CommonKnobs]] = PickingKnobs
@@ -85,7 +81,7 @@ class Picking(Family):
 
     @classmethod
     def schedule_of(cls, knobs: CommonKnobs) -> Schedule:
-        """Drive, lower, grab, raise, drive back."""
+        """Drive, lower, grab, lift, drive back."""
         times = knobs.schedule
         assert isinstance(times, PickingTimes)
         winches = ((times.lower, -1.0), (times.grab, 0.0), (times.lift, 1.0), (times.back, 0.0))
@@ -103,7 +99,7 @@ class Picking(Family):
 
     @property
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
+        """Description for designers, and the constraints that validation checks."""
         knobs = self.parameters
         return Brief(
             name=self.name,
@@ -125,7 +121,7 @@ class Picking(Family):
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same
-        """Ground around the pit, whose bottom is the world's y = 0; the bar, the ball, wind."""
+        """Ground around the pit (whose bottom is y = 0), bar, ball and wind."""
         knobs = self.parameters
         ball = Thing(
             BALL, "sphere", (DIAMETER,) * 3, knobs.ball, mass=MASS, color=(0.8, 0.3, 0.2, 1)
@@ -134,13 +130,13 @@ class Picking(Family):
         return Scene(things, knobs.wind.velocity, start=Start(height=knobs.pit.depth))
 
     def referee(self, machine: Machine) -> PickingReferee:  # noqa: ARG002 - only the ball counts
-        """A fresh observer of the ball."""
+        """A new referee that observes the ball."""
         return PickingReferee(self.parameters)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """Height of the ball every second, and where grabbers were when they closed."""
+        """Height of the ball every second, and where the grabbers were when they closed."""
         path = trace.thing_position[:, trace.things.index(BALL)]
         seconds = np.arange(1, int(trace.times[-1] + 1e-6) + 1)
         gained = [float(_at(trace.times, path, s)[1] - path[0, 1]) for s in map(float, seconds)]
@@ -165,14 +161,14 @@ class Picking(Family):
         return compose(machine, trace, broken, verdict, "m", lines, data, ())
 
     def _phases(self, trace: Trace) -> list[float]:
-        """When driving ends, when it begins again, and the end, s."""
+        """Times at which driving ends, starts again, and the rollout ends, s."""
         times = self.parameters.schedule
         last = float(trace.times[-1])
         return sorted({time for time in (times.lower, times.back, last) if time <= last})
 
 
 class PickingReferee:
-    """Follows the ball's centre step by step."""
+    """Tracks the ball's centre step by step."""
 
     def __init__(self, knobs: PickingKnobs) -> None:
         self._knobs = knobs
@@ -180,12 +176,12 @@ class PickingReferee:
         self._end = (0.0, 0.0, 0.0)
 
     def start(self, world: World) -> None:
-        """Remember where the ball rests."""
+        """Record where the ball rests."""
         self._end = world.centre(BALL)
         self._start = self._end[1]
 
     def watch(self, world: World) -> None:
-        """Keep the greatest height so far."""
+        """Update the greatest height."""
         self._end = world.centre(BALL)
         gained = self._end[1] - self._start
         if gained > self._best:
@@ -209,9 +205,9 @@ class PickingReferee:
 
 
 def _at(times: Array, values: Array, time: float) -> Array:
-    """Values (T, 3) at the sample next to a time, s."""
-    found: Array = values[int(np.argmin(np.abs(times - time)))]
-    return found
+    """Row of `values` (T, 3) at the sample closest to a time, s."""
+    row: Array = values[int(np.argmin(np.abs(times - time)))]
+    return row
 
 
 def _point(place: Array) -> str:
@@ -219,7 +215,7 @@ def _point(place: Array) -> str:
 
 
 def _banks(pit: Pit) -> Iterator[Thing]:
-    """The ground on all four sides of the pit, as high as the pit is deep."""
+    """The ground on all four sides of the pit."""
     half, deep = pit.opening / 2, pit.depth
     near, far, side = pit.edge + 2 * FAR, FAR, FAR - half
     yield wall("near ground", 0.0, pit.edge - near / 2, (2 * FAR, deep, near))

@@ -1,8 +1,4 @@
-"""Owns the throwing family: throw the boulder along z+, far, through rings or at a target.
-
-The score and the default feedback; what a flight is, is flights.py's, what stands around is
-yard.py's, simulation is rollout.py's.
-"""
+"""The throwing family: throw the boulder far along z+, through rings or at a target."""
 
 from __future__ import annotations
 
@@ -17,10 +13,10 @@ from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters, World
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_sentences, arena_things
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
 from agentflow.env.tasks.features.platforms import Platform
 from agentflow.env.tasks.features.rings import Ring
-from agentflow.env.tasks.features.yard import Hurdle, Ramps, Yard, yard_sentences, yard_things
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.brief import Brief
@@ -28,46 +24,46 @@ from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 30, 35, 36, 41, 63)
 TARGET_POINTS, TARGET_COST = 10.0, 0.5
-"""Points of a throw that lands on the target, and what each metre beside it takes: as for rings."""
+"""Points for landing on the target, and points lost per metre from it."""
 Mode = Literal["distance", "rl", "rings", "accuracy"]
 
 
 class Rings(Parameters):
-    """Upright rings, one behind the other; with `score: rings`."""
+    """A row of upright rings, for `score: rings`."""
 
-    count: int = knob(0, 0, 5, "", "how many there are")
+    count: int = knob(0, 0, 5, "", "number of rings")
     first: float = knob(18, 12, 100, "m", "z of the first ring's centre")
-    spacing: float = knob(8, 2, 50, "m", "from one ring to the next")
+    spacing: float = knob(8, 2, 50, "m", "distance between rings")
     height: float = knob(7, 5, 30, "m", "height of their centres")
-    radius: float = knob(4, 1, 10, "m", "radius of the opening")
+    radius: float = knob(4, 1, 10, "m", "inner radius")
 
 
 class Target(Parameters):
-    """A place on the ground; with `score: accuracy`."""
+    """A point on the ground, for `score: accuracy`."""
 
     at: float = knob(20, 12, 100, "m", "z of the target; its x is 0")
 
 
 class ThrowingKnobs(CommonKnobs):
-    """What can be set about a throwing level."""
+    """Knobs of a throwing level."""
 
-    wall: Yard = Yard()
+    wall: Arena = Arena()
     ramp: Ramps = Ramps()
     platform: Platform = Platform()
     obstacle: Hurdle = Hurdle()
     ring: Rings = Rings()
     target: Target = Target()
-    reload: int = knob(1, 1, 4, "", "boulders that the machine has; the score is their mean")
+    reload: int = knob(1, 1, 4, "", "number of boulders; the score is their mean")
     score: Mode = Field(
         "distance",
-        description="distance; rl: greatest height x distance; rings: 10 for each ring passed; "
-        "accuracy: at most 10, for landing on the target",
+        description="distance; rl: greatest height x distance; rings: 10 per ring passed; "
+        "accuracy: up to 10 for landing close to the target",
         json_schema_extra={"unit": "distance, rl, rings or accuracy"},
     )
 
     @property
     def rings(self) -> tuple[Ring, ...]:
-        """Where the rings stand."""
+        """The rings in order."""
         ring = self.ring
         return tuple(
             Ring((0.0, ring.height, ring.first + index * ring.spacing), ring.radius)
@@ -77,11 +73,12 @@ class ThrowingKnobs(CommonKnobs):
 
 @dataclass(frozen=True)
 class Throwing(Family):
-    """Score: how far along z+ the boulder's centre is from its place at t = 0 when it lands, m.
+    """Score: distance of the boulder's centre along z+ from its position at t = 0 to its landing,
+    m.
 
-    Or 10 for each ring that it passes before it lands, in order, and up to 10 for coming close to
-    the next one; or up to 10 for landing close to a target. Without a throw (`flights.Flight`)
-    each of them is 0. With several boulders the score is the mean over them.
+    Other modes score 10 for each ring passed in order and up to 10 for coming close to the next
+    one, or up to 10 for landing close to a target. Without a throw (see `flights.Flight`) the
+    score is 0. With several boulders it is their mean.
     """
 
     family: ClassVar[str] = "throwing"
@@ -90,7 +87,7 @@ class Throwing(Family):
 
     @property
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
+        """Description for designers, and the constraints that validation checks."""
         knobs = self.parameters
         return Brief(
             name=self.name,
@@ -98,21 +95,25 @@ class Throwing(Family):
             scene=(
                 *GROUND,
                 *knobs.platform.sentences(),
-                *yard_sentences(knobs.wall, knobs.ramp, knobs.obstacle),
+                *arena_sentences(knobs.wall, knobs.ramp, knobs.obstacle),
                 *_ring_sentences(knobs.ring),
                 *knobs.wind.sentences(),
             ),
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
-            score=(*_SCORES[knobs.score](knobs, self.window), *_reloads(knobs.reload), *RULES),
+            score=(
+                *_SCORES[knobs.score](knobs, self.window),
+                *_reload_sentences(knobs.reload),
+                *RULES,
+            ),
             blocks=BLOCKS,
             required={BOULDER: knobs.reload},
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
-        """What stands around the machine and under it, rings, wind."""
+        """Arena, platform, rings and wind."""
         knobs = self.parameters
         things = [
-            *yard_things(knobs.wall, knobs.ramp, knobs.obstacle),
+            *arena_things(knobs.wall, knobs.ramp, knobs.obstacle),
             *knobs.platform.things(),
         ]
         for index, ring in enumerate(knobs.rings, start=1):
@@ -120,13 +121,13 @@ class Throwing(Family):
         return Scene(tuple(things), knobs.wind.velocity, start=knobs.platform.start)
 
     def referee(self, machine: Machine) -> ThrowReferee:
-        """A fresh observer of the boulders."""
+        """A new referee that observes the boulders."""
         return ThrowReferee(machine, self.parameters)
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """How it flew, how far and high, and the boulder's path (spec 3.2)."""
+        """Result, distance, height and path of the boulder."""
         terms = verdict.terms
         boulder = int(_number(terms, "boulder")) or _boulders(machine)[0]
         lines = (
@@ -134,7 +135,7 @@ class Throwing(Family):
             f"Boulder: greatest horizontal distance {number(_number(terms, 'reach'))} m, "
             f"greatest height {number(_number(terms, 'height'))} m, "
             f"landing index {'none' if terms['landing_index'] is None else terms['landing_index']}",
-            *_more(machine, terms),
+            *_mode_lines(machine, terms),
         )
         path = series("Boulder position", trace.times, trace.centre[:, boulder])
         unit = "m" if self.parameters.score == "distance" else ""
@@ -142,49 +143,49 @@ class Throwing(Family):
 
 
 class ThrowReferee:
-    """Follows every boulder and says what its flight is worth."""
+    """Tracks every boulder and scores its flight."""
 
     def __init__(self, machine: Machine, knobs: ThrowingKnobs) -> None:
         self._knobs = knobs
         self._flights = [Flight(machine, block, knobs.rings) for block in _boulders(machine)]
 
     def start(self, world: World) -> None:
-        """Remember where the boulders rest and what holds them."""
+        """Record where the boulders rest and what holds them."""
         for flight in self._flights:
             flight.start(world)
 
     def watch(self, world: World) -> None:
-        """Keep what each does until it lands."""
+        """Update every flight."""
         for flight in self._flights:
             flight.watch(world)
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
-        """Score, terms and events; the terms are those of the boulder that was worth most."""
-        worth = [self._worth(flight) for flight in self._flights]
-        best = self._flights[worth.index(max(worth))]
+        """Score, terms and events; the terms are those of the boulder with the best score."""
+        scores = [self._score(flight) for flight in self._flights]
+        best = self._flights[scores.index(max(scores))]
         terms = best.terms()
         if self._knobs.score == "rings":
-            passage = best.passage
-            done = passage.passed == self._knobs.ring.count
-            terms["passed"] = float(passage.passed)
+            progress = best.progress
+            done = progress.passed == self._knobs.ring.count
+            terms["passed"] = float(progress.passed)
             terms["rings"] = float(self._knobs.ring.count)
-            terms["closest"] = None if done else passage.closest
+            terms["closest"] = None if done else progress.closest
         elif self._knobs.score == "accuracy":
-            terms["target_distance"] = best.away(0.0, self._knobs.target.at)
-        if len(worth) > 1:
+            terms["target_distance"] = best.distance_from(0.0, self._knobs.target.at)
+        if len(scores) > 1:
             thrown = sum(flight.distance > 0.0 for flight in self._flights)
             terms["boulder"] = best.boulder
-            terms["throws"] = f"{thrown} of {len(worth)}"
+            terms["throws"] = f"{thrown} of {len(scores)}"
         events = tuple(event for flight in self._flights for event in flight.events())
-        return Verdict(sum(worth) / len(worth), terms, events)
+        return Verdict(sum(scores) / len(scores), terms, events)
 
-    def _worth(self, flight: Flight) -> float:
+    def _score(self, flight: Flight) -> float:
         mode = self._knobs.score
         if mode == "rings":
-            return flight.passage.score if flight.distance else 0.0
+            return flight.progress.score if flight.distance else 0.0
         if mode == "accuracy":
-            away = flight.away(0.0, self._knobs.target.at)
-            return 0.0 if away is None else max(0.0, TARGET_POINTS - TARGET_COST * away)
+            miss = flight.distance_from(0.0, self._knobs.target.at)
+            return 0.0 if miss is None else max(0.0, TARGET_POINTS - TARGET_COST * miss)
         return _number(flight.terms(), mode)
 
 
@@ -196,20 +197,17 @@ def _number(terms: Mapping[str, Any], name: str) -> float:
     return float(terms.get(name) or 0.0)
 
 
-def _more(machine: Machine, terms: Mapping[str, Any]) -> list[str]:
-    """Lines that only some levels have."""
+def _mode_lines(machine: Machine, terms: Mapping[str, Any]) -> list[str]:
+    """Feedback lines about rings, target and further boulders, where a level has them."""
     lines = []
     if "passed" in terms:
-        closest = terms["closest"]
-        near = (
-            ""
-            if closest is None
-            else (f", closest distance to the next ring's centre {number(closest)} m")
-        )
-        lines.append(f"Rings: passed {terms['passed']:g} of {terms['rings']:g}{near}")
+        line = f"Rings: passed {terms['passed']:g} of {terms['rings']:g}"
+        if terms["closest"] is not None:
+            line += f", closest distance to the next ring's centre {number(terms['closest'])} m"
+        lines.append(line)
     if "target_distance" in terms:
-        away = terms["target_distance"]
-        landed = "no throw landed" if away is None else f"landed {number(away)} m from it"
+        miss = terms["target_distance"]
+        landed = "no throw landed" if miss is None else f"landed {number(miss)} m from it"
         lines.append(f"Target: {landed}")
     if "throws" in terms:
         name = block_name(machine, int(terms["boulder"]))
@@ -263,7 +261,7 @@ _SCORES: Mapping[Mode, Callable[[ThrowingKnobs, float], tuple[str, ...]]] = {
 }
 
 
-def _reloads(count: int) -> tuple[str, ...]:
+def _reload_sentences(count: int) -> tuple[str, ...]:
     if count == 1:
         return ()
     return (f"There are {count} boulders; the score is the mean of what each of them is worth.",)

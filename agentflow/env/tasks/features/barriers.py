@@ -1,4 +1,4 @@
-"""Owns what stands in the way of jumpers: walls, a trench between banks, the slope before them."""
+"""Obstacles to jump over: walls, or a trench between banks, and a slope before them."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from agentflow.env.tasks.family import WOOD, wall
 from agentflow.env.tasks.knobs import knob
 
 WIDTH = 60.0
-"""Metres that every obstacle reaches along x: too far to go round."""
+"""Extent of every obstacle along x, m: too wide to go around."""
 BANK_BACK, BANK_AHEAD = 25.0, 150.0
-"""Metres that the banks reach behind z = 0 and beyond the trench."""
+"""Extent of the banks behind z = 0 and beyond the trench, m."""
 LIP = 0.15
-"""Metres by which a trench's far wall ends below the bank, so that landing on the edge is legal."""
+"""Gap between the top of a trench's far wall and the bank, m; lets machines land on the edge."""
 SKIN = 0.02
-"""The far wall juts out from its bank by this much, so that it is touched first, m."""
+"""How far the far wall juts out from its bank, so that it is touched first, m."""
 PLATE = 0.2
-"""Thickness of the slope's plate, m."""
+"""Thickness of the slope, m."""
 
 
 class Walls(Parameters):
-    """Upright walls across the way."""
+    """Upright walls across z+."""
 
-    count: int = knob(1, 1, 5, "", "how many walls there are")
+    count: int = knob(1, 1, 5, "", "number of walls")
     first: float = knob(12, 9.5, 50, "m", "z of the first wall's middle")
-    spacing: float = knob(12, 1.5, 50, "m", "from one wall to the next")
+    spacing: float = knob(12, 1.5, 50, "m", "distance between walls")
     height: float = knob(0.5, 0.1, 5, "m", "height of the walls")
     thickness: float = knob(0.5, 0.1, 2, "m", "thickness of the walls")
 
 
 class Trench(Parameters):
-    """A trench across the way; the machine then stands on a bank as high as the trench is deep."""
+    """A trench across z+; it replaces the walls, and the machine starts on its near bank."""
 
-    length: float = knob(0, 0, 20, "m", "from bank to bank; 0 removes it")
+    length: float = knob(0, 0, 20, "m", "width from bank to bank; 0 removes it")
     depth: float = knob(3, 1, 10, "m", "depth")
     at: float = knob(15, 12, 50, "m", "z of its middle")
 
@@ -44,8 +44,8 @@ class Slope(Parameters):
     """A slope that rises towards the first obstacle."""
 
     angle: float = knob(0, 0, 30, "degrees", "steepness; 0 removes it")
-    length: float = knob(3, 1, 10, "m", "along z")
-    before: float = knob(0, 0, 10, "m", "from its upper edge to the first obstacle's near side")
+    length: float = knob(3, 1, 10, "m", "length along z")
+    before: float = knob(0, 0, 10, "m", "distance from its upper edge to the first obstacle")
 
 
 def near_side(walls: Walls, trench: Trench) -> float:
@@ -60,8 +60,8 @@ def far_side(walls: Walls, trench: Trench) -> float:
     return walls.first + (walls.count - 1) * walls.spacing + walls.thickness / 2
 
 
-def forbidden(walls: Walls, trench: Trench) -> tuple[str, ...]:
-    """Names of what no block may touch."""
+def obstacle_names(walls: Walls, trench: Trench) -> tuple[str, ...]:
+    """Names of the objects that no block may touch."""
     if trench.length:
         return ("ground", "far wall")
     return tuple(f"wall {index}" for index in range(1, walls.count + 1))
@@ -70,7 +70,7 @@ def forbidden(walls: Walls, trench: Trench) -> tuple[str, ...]:
 def barrier_things(
     walls: Walls, trench: Trench, slope: Slope, friction: float
 ) -> tuple[Thing, ...]:
-    """All solids of a level: a trench instead of walls where it has a length."""
+    """Walls or trench, and the slope."""
     solids = _banks(trench, friction) if trench.length else _walls(walls, friction)
     base = trench.depth if trench.length else 0.0
     return (*solids, *_slope(slope, near_side(walls, trench) - slope.before, base, friction))
@@ -110,14 +110,14 @@ def _slope(slope: Slope, edge: float, base: float, friction: float) -> Iterator[
 
 
 def barrier_sentences(walls: Walls, trench: Trench, slope: Slope) -> tuple[str, ...]:
-    """What designers are told of all this."""
-    told = _trench_sentences(trench) if trench.length else _wall_sentences(walls)
+    """Describe walls or trench, and the slope, to designers."""
+    sentences = _trench_sentences(trench) if trench.length else _wall_sentences(walls)
     if not slope.angle:
-        return told
+        return sentences
     edge = near_side(walls, trench) - slope.before
     rise = slope.length * tan(radians(slope.angle))
     return (
-        *told,
+        *sentences,
         f"A slope of {slope.angle:g} degrees rises from z = {edge - slope.length:g} m to its edge "
         f"at z = {edge:g} m, {rise:.2f} m higher; it moves with the obstacle.",
     )

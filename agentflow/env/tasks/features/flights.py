@@ -1,7 +1,4 @@
-"""Owns flights of a boulder: what tells a throw from a boulder that is carried, pushed or rolls.
-
-What a throw is worth is throwing.py's.
-"""
+"""Flights of a boulder: tells throws from boulders that are carried, pushed or rolled."""
 
 from __future__ import annotations
 
@@ -16,65 +13,68 @@ from agentflow.env.feedback import block_name, number
 from agentflow.env.rollout import Event
 from agentflow.env.scene import Vec3
 from agentflow.env.tasks.base import Body, World
-from agentflow.env.tasks.features.rings import Passage, Ring
+from agentflow.env.tasks.features.rings import Ring, RingProgress
 from agentflow.machine.tree import Machine
 
 FREE_FLIGHT = 0.2
-"""Seconds without contact that make a flight (spec 3)."""
+"""Shortest time without contact that counts as free flight, s."""
 NEAR = 0.25
-"""The root may not be within this share of the distance at the landing (spec 3)."""
+"""Least distance of the root from the landing boulder, as a share of the distance thrown."""
 STILL = 0.1
-"""Metres along z+ that a machine which stands may move: by recoil, or as it settles."""
+"""Largest motion along z+ of a machine that counts as standing still, m; allows for recoil."""
 RL_HEIGHT = 3.0
-"""Metres that the boulder must exceed for the reinforcement-learning score (spec 3)."""
+"""Height that the boulder must exceed for the `rl` score, m."""
 ROUNDING = 1e-6
-"""Seconds by which summed steps may miss a limit."""
+"""Tolerance for the rounding error of summed time steps, s."""
 
 
 @dataclass(frozen=True)
 class Landing:
-    """The first touch of ground or wall after free flight; metres and seconds."""
+    """The boulder's first touch of ground or wall after free flight; metres and seconds."""
 
     time: float
     surface: str
-    place: Vec3
+    position: Vec3
     forward: float
+    """Distance along z+ from the boulder's position at t = 0."""
     any: float
+    """Horizontal distance from there."""
     from_root: float
+    """Horizontal distance from the root."""
     flown: float
-    """Along z+ since it left the machine."""
+    """Distance along z+ since the boulder left the machine."""
     driven: float
-    """By the root in that time."""
+    """Distance of the root along z+ in that time."""
 
     @property
     def index(self) -> int:
-        """The first of the usual samples at or after the touch."""
+        """Index of the first sample at or after the landing."""
         return int(np.ceil(self.time / constants()["sample_interval"] - ROUNDING))
 
     @property
     def distance(self) -> float:
-        """What counts along z+: nothing when the machine that it left drove on farther."""
-        return 0.0 if self.rolled_off else self.counted(self.forward)
+        """Distance along z+ that counts; 0 if the boulder rolled off or was carried."""
+        return 0.0 if self.rolled_off else self.count_distance(self.forward)
 
     @property
     def rolled_off(self) -> bool:
-        """Whether the machine drove on farther than the boulder flew."""
+        """Whether the machine drove farther than the boulder flew."""
         return self.driven > max(self.flown, STILL)
 
-    def counted(self, distance: float) -> float:
-        """The distance, 0 where it is negative or the root has come along."""
+    def count_distance(self, distance: float) -> float:
+        """The distance; 0 if it is negative or the root is too close to the boulder."""
         return max(0.0, distance) if self.from_root >= NEAR * distance else 0.0
 
 
 class Flight:
-    """Follows a boulder's centre and contacts step by step until it lands.
+    """Tracks a boulder's centre and contacts step by step until it lands.
 
-    A throw: the boulder leaves the machine, touches nothing for at least 0.2 s, and then lands,
-    which is its first touch of ground or wall. The flight must begin at the machine: once the
-    boulder has touched ground or wall without that, only a new touch of the machine that lifts it
-    off again can begin a flight. It counts nothing when the root's centre is then horizontally
-    (x, z) nearer to the boulder's than a quarter of the distance, or when the root has moved
-    farther along z+ than the boulder since it left: then it was not thrown but rolled off.
+    In a throw, the boulder leaves the machine, touches nothing for at least 0.2 s, and lands at
+    its first touch of ground or wall. The flight must start at the machine: a boulder that touched
+    ground or wall can only be thrown after the machine has lifted it off again. A throw counts 0
+    if, at the landing, the root's centre is horizontally (x, z) closer to the boulder's than a
+    quarter of the distance (carried), or if the root has moved farther along z+ than the boulder
+    since it left (rolled off).
     """
 
     def __init__(self, machine: Machine, boulder: int, rings: Sequence[Ring] = ()) -> None:
@@ -84,48 +84,48 @@ class Flight:
         self.height = self.height_time = self.reach = 0.0
         self._holder: int | None = None
         self._left: float | None = None
-        """Last moment at which the boulder touched the machine."""
+        """Time of the boulder's last contact with the machine, s."""
         self._from = (0.0, 0.0)
-        """z of boulder and root then, m."""
+        """z of boulder and root at that time, m."""
         self._clean = False
-        """Whether it has touched neither ground nor wall since then."""
+        """Whether the boulder has touched neither ground nor wall since then."""
         self._rolled = False
         self.landing: Landing | None = None
-        self.passage = Passage(rings)
-        """Since the boulder last touched anything."""
+        self.progress = RingProgress(rings)
+        """Rings passed since the boulder last touched anything."""
 
     @property
     def distance(self) -> float:
-        """What the throw counts along z+, m; 0 without one."""
+        """Distance of the throw along z+, m; 0 without a valid throw."""
         return self.landing.distance if self.landing else 0.0
 
     @property
     def left(self) -> float | None:
-        """When the boulder last left the machine, s; None while it is held, or if never."""
+        """Time at which the boulder last left the machine, s; None if it has not."""
         return self._left if self.landing or self._rolled else None
 
     def start(self, world: World) -> None:
-        """Remember where the boulder rests and what holds it."""
+        """Record where the boulder rests and what holds it."""
         self._origin = world.centre(self.boulder)
         self.watch(world)
 
     def watch(self, world: World) -> None:
-        """Keep the greatest height and reach until it lands."""
+        """Update height, reach, rings and landing."""
         if self.landing is not None:
             return
-        place = world.centre(self.boulder)
-        x, y, z = place
+        position = world.centre(self.boulder)
+        x, y, z = position
         self.reach = max(self.reach, hypot(x - self._origin[0], z - self._origin[2]))
         if y > self.height:
             self.height, self.height_time = y, world.time
         touching = world.touching(self.boulder)
         if touching:
-            self._touch(world, touching)
+            self._handle_contact(world, touching)
         if self.landing is None:
-            self.passage = Passage(self._rings) if touching else self.passage
-            self.passage.watch(place)
+            self.progress = RingProgress(self._rings) if touching else self.progress
+            self.progress.move_to(position)
 
-    def _touch(self, world: World, touching: frozenset[Body]) -> None:
+    def _handle_contact(self, world: World, touching: frozenset[Body]) -> None:
         blocks = [body for body in touching if isinstance(body, int)]
         scene = sorted(body for body in touching if isinstance(body, str))
         if blocks:
@@ -137,14 +137,14 @@ class Flight:
             self._clean, self._rolled = False, True
 
     def _land(self, world: World, surface: str) -> None:
-        place = world.centre(self.boulder)
-        x, _, z = place
+        position = world.centre(self.boulder)
+        x, _, z = position
         root = world.centre(0)
-        self.passage.watch(place)
+        self.progress.move_to(position)
         self.landing = Landing(
             time=world.time,
             surface=surface,
-            place=place,
+            position=position,
             forward=z - self._origin[2],
             any=hypot(x - self._origin[0], z - self._origin[2]),
             from_root=hypot(x - root[0], z - root[2]),
@@ -152,18 +152,18 @@ class Flight:
             driven=root[2] - self._from[1],
         )
 
-    def away(self, x: float, z: float) -> float | None:
-        """How far from a place a throw that counts has landed, horizontally, m; else None."""
+    def distance_from(self, x: float, z: float) -> float | None:
+        """Horizontal distance of a valid throw's landing from a point, m; None without one."""
         if self.landing is None or not self.distance:
             return None
-        return hypot(self.landing.place[0] - x, self.landing.place[2] - z)
+        return hypot(self.landing.position[0] - x, self.landing.position[2] - z)
 
     def terms(self) -> dict[str, float | bool | str | None]:
-        """Everything about it by name; None where it does not apply."""
+        """The flight as verdict terms; those that do not apply are None."""
         landing = self.landing
         return {
             "distance": self.distance,
-            "distance_any": landing.counted(landing.any) if landing else 0.0,
+            "distance_any": landing.count_distance(landing.any) if landing else 0.0,
             "height": self.height,
             "height_time": self.height_time,
             "reach": self.reach,
@@ -178,7 +178,7 @@ class Flight:
         }
 
     def events(self) -> tuple[Event, ...]:
-        """When it left the machine and when it landed; () without a landing."""
+        """Events for leaving the machine and landing; () without a landing."""
         if self.landing is None or self._holder is None or self.left is None:
             return ()
         holder = block_name(self._machine, self._holder)
@@ -192,7 +192,7 @@ class Flight:
     def _result(self) -> str:
         landing = self.landing
         if landing is None or self._left is None or self._holder is None:
-            return _FAILED[self._rolled, self._left is not None]
+            return _FAILURES[self._rolled, self._left is not None]
         flight = (
             f"the boulder left {block_name(self._machine, self._holder)} at "
             f"{number(self._left)} s and landed on the {landing.surface} at "
@@ -213,7 +213,7 @@ class Flight:
         )
 
 
-_FAILED = {
+_FAILURES = {
     (False, False): "not thrown: the boulder never touched the machine",
     (False, True): "not thrown: the boulder never came down free of the machine",
     (True, False): "not thrown: the boulder lay on the ground and never left from the machine",
@@ -230,4 +230,4 @@ RULES = (
     "the boulder when it lands, and has not moved farther along z+ than the boulder since it left: "
     "a boulder that rolls off while the machine drives on scores 0.",
 )
-"""The same in words."""
+"""The rules of `Flight` in words."""

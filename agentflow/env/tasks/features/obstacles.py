@@ -1,4 +1,4 @@
-"""Owns the solids that levels put in a machine's way, made of a scene's simple shapes."""
+"""Obstacles on a road: quarter-pipe, beam, cone and bumps."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from agentflow.env.tasks.family import WOOD, wall
 from agentflow.env.tasks.knobs import knob
 
 FACETS = 8
-"""Flat pieces of a curved surface."""
+"""Number of flat pieces of a quarter-pipe."""
 PLATE = 0.4
-"""Thickness of a curved surface, m."""
+"""Thickness of a quarter-pipe, m."""
 
 
 class Ramp(Parameters):
-    """A quarter-pipe across the road, open behind."""
+    """A quarter-pipe across the road."""
 
     height: float = knob(0, 0, 6, "m", "height of its upper edge; 0 removes it")
     length: float = knob(6.6, 2, 20, "m", "length along z")
@@ -25,19 +25,19 @@ class Ramp(Parameters):
 
 
 class Beam(Parameters):
-    """A bar across the road under which machines have to pass."""
+    """A beam across the road for machines to pass under."""
 
-    clearance: float = knob(0, 0, 9.5, "m", "height that it leaves free; 0 removes it")
+    clearance: float = knob(0, 0, 9.5, "m", "free height below the beam; 0 removes it")
     at: float = knob(8, 5, 200, "m", "z of its middle")
-    thickness: float = knob(1, 0.2, 4, "m", "its height, and its length along z")
+    thickness: float = knob(1, 0.2, 4, "m", "height of the beam, and its length along z")
 
 
 class Cone(Parameters):
-    """A cone that stands on the road."""
+    """A cone on the road."""
 
     height: float = knob(0, 0, 10, "m", "height of its tip; 0 removes it")
     diameter: float = knob(12, 1, 20, "m", "diameter of its base")
-    further: float = knob(15, 0, 200, "m", "from the end of the curve to its middle")
+    further: float = knob(15, 0, 200, "m", "distance of its middle from the end of the turn")
 
 
 def ramp_things(ramp: Ramp, width: float) -> Iterator[Thing]:
@@ -47,7 +47,7 @@ def ramp_things(ramp: Ramp, width: float) -> Iterator[Thing]:
 
 
 def ramp_sentences(ramp: Ramp) -> tuple[str, ...]:
-    """What designers are told of the quarter-pipe."""
+    """Describe the quarter-pipe to designers."""
     if not ramp.height:
         return ()
     start, end = ramp.at - ramp.length / 2, ramp.at + ramp.length / 2
@@ -65,7 +65,7 @@ def beam_things(beam: Beam, width: float) -> Iterator[Thing]:
 
 
 def beam_sentences(beam: Beam) -> tuple[str, ...]:
-    """What designers are told of the beam."""
+    """Describe the beam to designers."""
     if not beam.clearance:
         return ()
     return (
@@ -75,7 +75,7 @@ def beam_sentences(beam: Beam) -> tuple[str, ...]:
 
 
 def bump(name: str, z: float, height: float, length: float, width: float) -> Thing:
-    """A segment of a cylinder across the road: `height` above the ground, `length` along z, m."""
+    """The top of a cylinder across the road: `height` above the ground, `length` along z, m."""
     radius = (length**2 / 4 + height**2) / (2 * height)
     across = (0.0, 0.0, sin(pi / 4), cos(pi / 4))
     size = (2 * radius, width, 2 * radius)
@@ -85,13 +85,14 @@ def bump(name: str, z: float, height: float, length: float, width: float) -> Thi
 def quarter_pipe(
     name: str, z: float, height: float, length: float, width: float
 ) -> Iterator[Thing]:
-    """A ramp that starts flat and steepens along z+; open behind.
+    """A curved ramp that starts flat and steepens along z+, made of flat plates.
 
     Args:
-        z: Middle of its ground plan, m.
-        height: Of its upper edge, m.
-        length: Along z, m.
-        width: Along x, m.
+        name: Prefix of the plates' names.
+        z: Middle of the ramp, m.
+        height: Height of its upper edge, m.
+        length: Length along z, m.
+        width: Width along x, m.
     """
     radius = (length**2 + height**2) / (2 * height)
     steepest = asin(length / radius) if height <= radius else pi - asin(length / radius)

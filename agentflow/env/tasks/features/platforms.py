@@ -1,4 +1,4 @@
-"""Owns the platform that a machine can stand on instead of the ground."""
+"""A platform for the machine to start on."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ from agentflow.env.tasks.family import WOOD
 from agentflow.env.tasks.knobs import knob
 
 SIDE = 18.0
-"""Length and width, m: what the building volume needs, and a little more."""
+"""Length and width, m; slightly larger than the building volume."""
 THICK = 0.4
 
 
 class Platform(Parameters):
-    """Where the machine stands."""
+    """A flat or tilted platform under the machine."""
 
-    height: float = knob(0, 0, 10, "m", "height of its lowest edge; 0 without angle removes it")
-    angle: float = knob(0, -30, 30, "degrees", "by which its z+ end is raised")
+    height: float = knob(0, 0, 10, "m", "height of its lowest edge; 0 and no angle removes it")
+    angle: float = knob(0, -30, 30, "degrees", "tilt; positive raises the z+ end")
 
     @property
     def middle(self) -> float:
-        """Height of the middle of its upper side, m."""
+        """Height of the middle of its top, m."""
         return self.height + SIDE / 2 * sin(radians(abs(self.angle)))
 
     @property
     def start(self) -> Start:
-        """How the machine is put on it."""
+        """Where the machine starts."""
         return Start(height=self.middle, pitch=self.angle) if self.present else Start()
 
     @property
     def present(self) -> bool:
-        """Whether there is one."""
+        """Whether the level has a platform."""
         return bool(self.height or self.angle)
 
     def things(self) -> tuple[Thing, ...]:
-        """A plate under the machine."""
+        """The platform; () without one."""
         if not self.present:
             return ()
         tilt = radians(self.angle)
@@ -46,7 +46,7 @@ class Platform(Parameters):
         )
 
     def sentences(self) -> tuple[str, ...]:
-        """What designers are told; () without one."""
+        """Description for designers; () without a platform."""
         if not self.present:
             return ()
         flat = f"It stands not on the ground but on a platform, {SIDE:g} m long and wide, "

@@ -1,7 +1,4 @@
-"""Owns upright rings: where they stand, what passes through them, and what that is worth.
-
-Which motion counts as a flight is the families'; flying calls its rings hoops.
-"""
+"""Upright rings, progress through them, and its score. The flying family calls them hoops."""
 
 from __future__ import annotations
 
@@ -12,26 +9,26 @@ from math import cos, dist, hypot, inf, pi, sin, tan
 from agentflow.env.scene import Thing, Vec3
 
 EACH, CLOSE = 10.0, 10.0
-"""Points of a ring that was passed; most points for coming close to the next one (spec 3)."""
+"""Points for passing a ring, and most points for coming close to the next one."""
 HALF = 0.5
-"""Points that each metre from the next ring's centre costs a boulder (spec 3)."""
+"""Points that a boulder loses per metre from the next ring's centre."""
 SIDES = 24
 THICK = 0.4
-"""Of the ring's body, m."""
-PAINT = (0.86, 0.5, 0.2, 1.0)
+"""Thickness of a ring's body, m."""
+COLOR = (0.86, 0.5, 0.2, 1.0)
 
 
 @dataclass(frozen=True)
 class Ring:
-    """A ring across z+."""
+    """An upright ring that faces z."""
 
     centre: Vec3
     """m."""
     radius: float
-    """Of the opening, m."""
+    """Inner radius, m."""
 
     def things(self, name: str) -> Iterator[Thing]:
-        """Its body: straight pieces around the opening."""
+        """Straight pieces that form the ring's body."""
         x, y, z = self.centre
         middle = self.radius + THICK / 2
         length = 2 * (self.radius + THICK) * tan(pi / SIDES)
@@ -43,11 +40,11 @@ class Ring:
                 (THICK, length, THICK),
                 (x + middle * cos(angle), y + middle * sin(angle), z),
                 (0.0, 0.0, sin(angle / 2), cos(angle / 2)),
-                color=PAINT,
+                color=COLOR,
             )
 
-    def passed(self, before: Vec3, now: Vec3) -> bool:
-        """Whether the way between two places crosses the opening towards z+."""
+    def is_passed(self, before: Vec3, now: Vec3) -> bool:
+        """Whether the line from one position to another crosses the opening towards z+."""
         z = self.centre[2]
         if not before[2] < z <= now[2]:
             return False
@@ -57,38 +54,37 @@ class Ring:
         return hypot(x - self.centre[0], y - self.centre[1]) < self.radius
 
 
-class Passage:
-    """One flight towards rings that have to be passed in order."""
+class RingProgress:
+    """Progress of one flight through rings that must be passed in order."""
 
     def __init__(self, rings: Sequence[Ring], cost: float = HALF) -> None:
-        """Nothing is passed yet.
+        """Start before the first ring.
 
         Args:
             rings: In order.
-            cost: Points that each metre from the next ring's centre costs.
+            cost: Points lost per metre from the next ring's centre.
         """
         self._rings, self._cost = rings, cost
         self._before: Vec3 | None = None
         self.passed = 0
-        """How many rings."""
+        """Number of rings passed."""
         self.closest = inf
-        """Least distance to the next ring's centre since the last one was passed, m."""
+        """Closest distance to the next ring's centre since the last ring, m."""
 
-    def watch(self, place: Vec3) -> None:
-        """Go on to the next place of the flight."""
+    def move_to(self, position: Vec3) -> None:
+        """Continue the flight to the next position."""
         if self._before is not None:
-            while self.passed < len(self._rings) and self._rings[self.passed].passed(
-                self._before, place
+            while self.passed < len(self._rings) and self._rings[self.passed].is_passed(
+                self._before, position
             ):
                 self.passed, self.closest = self.passed + 1, inf
-        self._before = place
+        self._before = position
         if self.passed < len(self._rings):
-            self.closest = min(self.closest, dist(place, self._rings[self.passed].centre))
+            self.closest = min(self.closest, dist(position, self._rings[self.passed].centre))
 
     @property
     def score(self) -> float:
-        """10 for each ring, and up to 10 for coming close to the next."""
-        close = (
-            0.0 if self.passed == len(self._rings) else max(0.0, CLOSE - self._cost * self.closest)
-        )
+        """10 points for each ring, and up to 10 for coming close to the next."""
+        done = self.passed == len(self._rings)
+        close = 0.0 if done else max(0.0, CLOSE - self._cost * self.closest)
         return EACH * self.passed + close

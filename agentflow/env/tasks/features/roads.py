@@ -1,8 +1,4 @@
-"""Owns roads: straight or turning, their walls, the sentences that tell them, and how far along
-one a place is.
-
-What lies on a road is obstacles.py's and rough.py's.
-"""
+"""Roads: walls, centre lines, distances along them, and their description."""
 
 from __future__ import annotations
 
@@ -16,36 +12,36 @@ from agentflow.env.tasks.family import WOOD, wall
 from agentflow.env.tasks.knobs import knob
 
 FACET = radians(6)
-"""Most that a curved wall turns from one flat piece to the next."""
+"""Largest angle between neighbouring flat pieces of a curved wall, rad."""
 LEAP = 20.0
-"""m: no further along a road than this is a place looked for from one step to the next, so that
-who leaves the road for another part of it gains nothing."""
+"""Search range along a road from one step to the next, m. Because of it, leaving the road and
+rejoining it farther on gains nothing."""
 
 
 class Road(Parameters):
-    """The straight road between its walls."""
+    """A road between walls."""
 
     half_width: float = knob(12, 9, 50, "m", "distance of the side walls' centres from x = 0")
     wall_height: float = knob(5, 0.5, 20, "m", "height of the walls")
     wall_thickness: float = knob(1, 0.2, 2, "m", "thickness of the walls")
     wall_friction: float = knob(0, 0, 2, "", "friction coefficient of the walls")
     back: float = knob(16, 10, 50, "m", "distance of the rear wall's centre behind z = 0")
-    length: float = knob(250, 50, 1000, "m", "how far the side walls reach along z+")
+    length: float = knob(250, 50, 1000, "m", "length of the side walls along z+")
 
 
 class Curve(Parameters):
-    """Where the road turns."""
+    """Turns of the road."""
 
-    angle: float = knob(0, 0, 180, "degrees", "turn to the right; 0 leaves the road straight")
-    at: float = knob(40, 10, 200, "m", "z at which it begins")
-    inner_radius: float = knob(5, 1, 50, "m", "of the centre of the inner wall")
-    back: float = knob(0, 0, 180, "degrees", "a second turn, to the left; 0 leaves it out")
-    further: float = knob(60, 0, 200, "m", "straight road before the second turn")
+    angle: float = knob(0, 0, 180, "degrees", "first turn, to the right; 0 keeps the road straight")
+    at: float = knob(40, 10, 200, "m", "z where the first turn starts")
+    inner_radius: float = knob(5, 1, 50, "m", "radius of the inner wall's centre line")
+    back: float = knob(0, 0, 180, "degrees", "second turn, to the left; 0 removes it")
+    further: float = knob(60, 0, 200, "m", "length of straight road between the turns")
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """A straight or evenly turning part of a centre line."""
+class Segment:
+    """A straight line or circular arc of a centre line."""
 
     x: float
     z: float
@@ -53,40 +49,40 @@ class Stretch:
     """From z+ towards x+, rad."""
     length: float
     turn: float = 0.0
-    """What the heading gains along it, rad; positive to the right."""
+    """Change of heading over the segment, rad; positive to the right."""
 
     @property
     def radius(self) -> float:
-        """m, with the sign of the turn; infinite where it is straight."""
+        """Radius in m, with the sign of the turn; infinite if straight."""
         return self.length / self.turn if self.turn else inf
 
     @property
-    def middle(self) -> tuple[float, float]:
-        """x and z of the centre that it turns about."""
+    def arc_centre(self) -> tuple[float, float]:
+        """x and z of the arc's centre, m."""
         right = self.radius * cos(self.heading), -self.radius * sin(self.heading)
         return self.x + right[0], self.z + right[1]
 
     @property
     def end(self) -> tuple[float, float, float]:
-        """x, z and heading where it ends."""
-        return self.place(self.length)
+        """x, z and heading at the end."""
+        return self.position_at(self.length)
 
-    def place(self, along: float, aside: float = 0.0) -> tuple[float, float, float]:
-        """x, z and heading so far along it and so far to its right."""
+    def position_at(self, along: float, aside: float = 0.0) -> tuple[float, float, float]:
+        """x, z and heading at a distance along the segment and to its right, m."""
         if not self.turn:
             ahead, right = (sin(self.heading), cos(self.heading)), self.heading + pi / 2
             x, z = self.x + along * ahead[0], self.z + along * ahead[1]
             return x + aside * sin(right), z + aside * cos(right), self.heading
         heading = self.heading + along / self.radius
-        x, z = self.middle
+        x, z = self.arc_centre
         reach = self.radius - aside
         return x - reach * cos(heading), z + reach * sin(heading), heading
 
-    def along(self, x: float, z: float) -> float:
-        """How far along it the nearest place is, m; beyond its ends where it is straight."""
+    def distance_along(self, x: float, z: float) -> float:
+        """Distance along the segment to the point nearest to (x, z), m; may lie beyond its ends."""
         if not self.turn:
             return (x - self.x) * sin(self.heading) + (z - self.z) * cos(self.heading)
-        centre = self.middle
+        centre = self.arc_centre
         sign = 1.0 if self.turn > 0 else -1.0
         pointing = atan2(sign * (z - centre[1]), -sign * (x - centre[0]))
         gained = sign * (pointing - self.heading)
@@ -96,62 +92,62 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class Track:
-    """A road's centre line; both ends go on straight for ever."""
+class CentreLine:
+    """Centre line of a road; both ends continue straight without limit."""
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[Segment, ...]
 
-    def place(self, along: float) -> tuple[float, float]:
-        """x and z of the place so far along the line from its beginning, m."""
-        for stretch in self.stretches[:-1]:
-            if along <= stretch.length:
-                return stretch.place(along)[:2]
-            along -= stretch.length
-        return self.stretches[-1].place(along)[:2]
+    def position_at(self, along: float) -> tuple[float, float]:
+        """x and z at a distance along the line, m."""
+        for segment in self.segments[:-1]:
+            if along <= segment.length:
+                return segment.position_at(along)[:2]
+            along -= segment.length
+        return self.segments[-1].position_at(along)[:2]
 
-    def along(self, x: float, z: float, near: float) -> float:
-        """How far along the line from its beginning the nearest place to (x, z) is, m.
+    def distance_along(self, x: float, z: float, near: float) -> float:
+        """Distance along the line to its point nearest to (x, z), m.
 
         Args:
             x: m.
             z: m.
-            near: Where along the line to look, at most `LEAP` away.
+            near: Distance along the line to search around, by at most `LEAP`, m.
         """
-        if len(self.stretches) == 1:
-            return self.stretches[0].along(x, z)
-        best, found = inf, near
+        if len(self.segments) == 1:
+            return self.segments[0].distance_along(x, z)
+        best, nearest = inf, near
         begin = 0.0
-        last = len(self.stretches) - 1
-        for index, stretch in enumerate(self.stretches):
+        last = len(self.segments) - 1
+        for index, segment in enumerate(self.segments):
             low = near - LEAP if index == 0 else max(begin, near - LEAP)
-            high = near + LEAP if index == last else min(begin + stretch.length, near + LEAP)
+            high = near + LEAP if index == last else min(begin + segment.length, near + LEAP)
             if low <= high:
-                there = min(max(begin + stretch.along(x, z), low), high)
-                px, pz, _ = stretch.place(there - begin)
+                there = min(max(begin + segment.distance_along(x, z), low), high)
+                px, pz, _ = segment.position_at(there - begin)
                 if hypot(px - x, pz - z) < best:
-                    best, found = hypot(px - x, pz - z), there
-            begin += stretch.length
-        return found
+                    best, nearest = hypot(px - x, pz - z), there
+            begin += segment.length
+        return nearest
 
 
-def track(road: Road, curve: Curve) -> Track:
-    """The centre line, from z = 0 on."""
+def centre_line(road: Road, curve: Curve) -> CentreLine:
+    """The centre line of a road, from z = 0 on."""
     radius = curve.inner_radius + road.half_width
     if not curve.angle:
-        return Track((Stretch(0.0, 0.0, 0.0, road.length),))
-    first = Stretch(0.0, 0.0, 0.0, curve.at)
+        return CentreLine((Segment(0.0, 0.0, 0.0, road.length),))
+    first = Segment(0.0, 0.0, 0.0, curve.at)
     plan = [(radius * radians(curve.angle), radians(curve.angle))]
     if curve.back:
         plan += [(curve.further, 0.0), (radius * radians(curve.back), -radians(curve.back))]
     line = [first]
     for length, turn in plan:
-        line.append(Stretch(*line[-1].end, length, turn))
+        line.append(Segment(*line[-1].end, length, turn))
     rest = max(road.back, road.length - sum(length for length, _ in plan) - curve.at)
-    return Track((*line, Stretch(*line[-1].end, rest)))
+    return CentreLine((*line, Segment(*line[-1].end, rest)))
 
 
 def road_walls(road: Road, curve: Curve) -> tuple[Thing, ...]:
-    """Walls on both sides and behind."""
+    """Walls on both sides and behind the machine."""
     width = 2 * road.half_width - road.wall_thickness
     rear = wall(
         "wall back",
@@ -161,7 +157,7 @@ def road_walls(road: Road, curve: Curve) -> tuple[Thing, ...]:
         road.wall_friction,
     )
     if curve.angle:
-        first, *others = track(road, curve).stretches
+        first, *others = centre_line(road, curve).segments
         first = replace(first, z=-road.back, length=road.back + first.length)
         return (*_turning_walls(road, (first, *others)), rear)
     side: Vec3 = (road.wall_thickness, road.wall_height, road.length + road.back)
@@ -173,24 +169,26 @@ def road_walls(road: Road, curve: Curve) -> tuple[Thing, ...]:
     )
 
 
-def _turning_walls(road: Road, line: Sequence[Stretch]) -> Iterator[Thing]:
+def _turning_walls(road: Road, line: Sequence[Segment]) -> Iterator[Thing]:
     for side, sign in (("left", -1.0), ("right", 1.0)):
         count = 0
-        for stretch in line:
-            pieces = max(1, round(abs(stretch.turn) / FACET))
+        for segment in line:
+            pieces = max(1, round(abs(segment.turn) / FACET))
             for index in range(pieces):
                 count += 1
-                yield _piece(f"wall {side} {count}", road, stretch, pieces, index, sign)
+                yield _wall_piece(f"wall {side} {count}", road, segment, pieces, index, sign)
 
 
-def _piece(name: str, road: Road, stretch: Stretch, pieces: int, index: int, sign: float) -> Thing:
-    """One flat piece of a wall; pieces of a curve touch it in their middles."""
-    along = stretch.length * (index + 0.5) / pieces
-    x, z, heading = stretch.place(along, sign * road.half_width)
-    length = stretch.length
-    if stretch.turn:
-        reach = abs(stretch.radius - sign * road.half_width) + road.wall_thickness / 2
-        length = 2 * reach * tan(abs(stretch.turn) / pieces / 2)
+def _wall_piece(
+    name: str, road: Road, segment: Segment, pieces: int, index: int, sign: float
+) -> Thing:
+    """One flat piece of a wall; the middles of a curved wall's pieces lie on the curve."""
+    along = segment.length * (index + 0.5) / pieces
+    x, z, heading = segment.position_at(along, sign * road.half_width)
+    length = segment.length
+    if segment.turn:
+        reach = abs(segment.radius - sign * road.half_width) + road.wall_thickness / 2
+        length = 2 * reach * tan(abs(segment.turn) / pieces / 2)
     return Thing(
         name,
         "box",
@@ -203,7 +201,7 @@ def _piece(name: str, road: Road, stretch: Stretch, pieces: int, index: int, sig
 
 
 def road_sentences(road: Road, curve: Curve) -> tuple[str, ...]:
-    """What designers are told."""
+    """Describe the road to designers."""
     straight = (
         f"A road runs along z+ between walls at x = -{road.half_width:g} m and x = "
         f"{road.half_width:g} m, {road.wall_height:g} m high, {road.length:g} m long, of "
@@ -213,8 +211,8 @@ def road_sentences(road: Road, curve: Curve) -> tuple[str, ...]:
     return (straight, *_curve_sentences(road, curve))
 
 
-def way_of(curve: Curve) -> str:
-    """Which way distances count."""
+def scoring_direction(curve: Curve) -> str:
+    """The direction in which distances count, in words."""
     return "along the road's centre line" if curve.angle else "along z+"
 
 
@@ -222,7 +220,7 @@ def _curve_sentences(road: Road, curve: Curve) -> Iterator[str]:
     if not curve.angle:
         return
     radius = curve.inner_radius + road.half_width
-    line = track(road, curve).stretches
+    line = centre_line(road, curve).segments
     x, z, _ = line[1].end
     yield (
         f"At z = {curve.at:g} m the road turns {curve.angle:g} degrees to the right (towards x+): "
@@ -230,7 +228,7 @@ def _curve_sentences(road: Road, curve: Curve) -> Iterator[str]:
         f"circle of radius {radius:g} m about x = {radius:g} m, z = {curve.at:g} m, as far as x = "
         f"{_rounded(x)} m, z = {_rounded(z)} m."
     )
-    x, z, heading = line[-1].end if not curve.back else line[-1].place(0.0)
+    x, z, heading = line[-1].end if not curve.back else line[-1].position_at(0.0)
     if curve.back:
         yield (
             f"After {curve.further:g} m straight on it turns {curve.back:g} degrees to the left, "

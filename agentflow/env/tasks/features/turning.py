@@ -1,7 +1,4 @@
-"""Owns how gearing is judged: how fast the targets turn against the plate, and for how long.
-
-Which cogs mesh is machine/gears.py's; what is asked of the targets the family's.
-"""
+"""Scoring of gearing: how fast the targets turn relative to the plate, and for how long."""
 
 from __future__ import annotations
 
@@ -14,19 +11,19 @@ from agentflow.env.scene import Quat
 from agentflow.env.tasks.base import World
 
 SOURCE = 1
-"""Block id of the driven cog; the targets follow it."""
-LEAST = 0.5
-"""rad/s (spec 3)."""
+"""Block id of the driven cog; the targets' ids follow."""
+MIN_SPEED = 0.5
+"""Speed that the targets must reach, rad/s."""
 HOLD = 1.0
-"""Seconds for which the targets must turn so fast (spec 3)."""
-GLANCE = 0.1
-"""Seconds over which a speed is taken."""
+"""Time for which the targets must keep that speed, s."""
+INTERVAL = 0.1
+"""Time over which speeds are averaged, s."""
 Sense = Literal["with", "against"]
-"""How a target is to turn: with the source or against it."""
+"""Required direction of a target: with the source or against it."""
 
 
 class GearingReferee:
-    """Takes the turns of source and targets against the plate, a tenth of a second at a time."""
+    """Measures the speeds of source and targets relative to the plate, every 0.1 s."""
 
     def __init__(self, senses: tuple[Sense, ...]) -> None:
         self._senses = senses
@@ -36,32 +33,35 @@ class GearingReferee:
         self._fastest = [0.0 for _ in senses]
 
     def start(self, world: World) -> None:
-        """Remember how everything stands."""
-        self._angles = self._look(world)
+        """Record the initial angles."""
+        self._angles = self._read_angles(world)
 
     def watch(self, world: World) -> None:
-        """Take the speeds whenever a tenth of a second is over."""
+        """Update speeds and times every 0.1 s."""
         time = world.time - self._since
-        if time < GLANCE - 1e-6:
+        if time < INTERVAL - 1e-6:
             return
-        now = self._look(world)
-        source, *turned = (_wrapped(b - a) / time for a, b in zip(self._angles, now, strict=True))
+        now = self._read_angles(world)
+        source, *targets = (
+            _wrap_angle(b - a) / time for a, b in zip(self._angles, now, strict=True)
+        )
         speeds = [
-            _along(source, speed, sense) for speed, sense in zip(turned, self._senses, strict=True)
+            _speed_in_sense(source, speed, sense)
+            for speed, sense in zip(targets, self._senses, strict=True)
         ]
-        self._held = self._held + time if min(speeds) >= LEAST else 0.0
+        self._held = self._held + time if min(speeds) >= MIN_SPEED else 0.0
         self._best = max(self._best, self._held)
         self._fastest = [max(pair) for pair in zip(self._fastest, speeds, strict=True)]
         self._angles, self._since = now, world.time
 
-    def _look(self, world: World) -> list[float]:
-        """Turns of source and targets about y, in radians against the plate."""
+    def _read_angles(self, world: World) -> list[float]:
+        """Angles of source and targets about y relative to the plate, rad."""
         cogs = range(SOURCE, SOURCE + 1 + len(self._senses))
         plate = _heading(world.rotation(0))
         return [_heading(world.rotation(cog)) - plate for cog in cogs]
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
-        """1 or 0; terms: seconds held, greatest speed of each target as asked (rad/s)."""
+        """1 or 0; terms: seconds held, greatest speed of each target as required (rad/s)."""
         success = self._best >= HOLD - 1e-6
         terms: dict[str, float | bool | str | None] = {"success": success, "held": self._best}
         for index, speed in enumerate(self._fastest, start=1):
@@ -77,17 +77,17 @@ class GearingReferee:
 
 
 def _heading(rotation: Quat) -> float:
-    """Where a body's own Right points, about y, in radians."""
+    """Angle about y of a body's Right axis, rad."""
     x, y, z, w = rotation
     return atan2(2 * (x * z - y * w), 1 - 2 * (y * y + z * z))
 
 
-def _wrapped(angle: float) -> float:
-    """The same turn within half a turn."""
+def _wrap_angle(angle: float) -> float:
+    """The equivalent angle in [-pi, pi)."""
     return (angle + pi) % (2 * pi) - pi
 
 
-def _along(source: float, speed: float, sense: Sense) -> float:
-    """A target's speed in the asked sense; none while the source stands."""
+def _speed_in_sense(source: float, speed: float, sense: Sense) -> float:
+    """A target's speed in the required direction; 0 while the source stands still."""
     turning = (source > 0) - (source < 0)
     return turning * (speed if sense == "with" else -speed)

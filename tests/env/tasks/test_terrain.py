@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentflow.env.drawing.raster import corners_of
-from agentflow.env.tasks.features.rough import Roughness, Stones, slabs, stones
+from agentflow.env.tasks.features.terrain import Roughness, Stones, slabs, stones
 from agentflow.env.tasks.registry import get_task
 
 WIDTH = 23.0

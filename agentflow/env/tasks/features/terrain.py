@@ -1,7 +1,4 @@
-"""Owns rough ground: seeded stones, and slabs whose height is noise.
-
-What lies across a road is obstacles.py's.
-"""
+"""Rough terrain: scattered stones and slabs of random height and tilt."""
 
 from __future__ import annotations
 
@@ -16,33 +13,33 @@ from agentflow.env.tasks.knobs import knob
 SLAB = 3.0
 """Side of a slab, m."""
 THICK = 1.0
-"""Thickness of a slab, most of it in the ground, m."""
+"""Thickness of a slab, m; most of it is underground."""
 LEAN = 0.3
-"""Share of the height noise that a slab's tilt makes at its corners, at most."""
+"""Largest part that a slab's tilt contributes to the height of its corners."""
 SOIL, STONE = (0.58, 0.55, 0.43, 1.0), (0.5, 0.5, 0.52, 1.0)
 
 
 class Roughness(Parameters):
-    """Noise of the ground's height."""
+    """Random height of the ground."""
 
-    height: float = knob(0, 0, 1, "m", "most that the ground rises; 0 leaves it flat")
-    first: float = knob(10, 10, 200, "m", "z where it begins")
-    last: float = knob(200, 20, 500, "m", "z where it ends")
+    height: float = knob(0, 0, 1, "m", "maximum height of the ground; 0 keeps it flat")
+    first: float = knob(10, 10, 200, "m", "z where uneven ground begins")
+    last: float = knob(200, 20, 500, "m", "z where uneven ground ends")
 
 
 class Stones(Parameters):
-    """Stones scattered by chance."""
+    """Randomly scattered stones."""
 
-    density: float = knob(0, 0, 0.2, "per m2", "how many there are; 0 removes them")
-    smallest: float = knob(0.5, 0.1, 3, "m", "least diameter")
-    largest: float = knob(2, 0.1, 3, "m", "greatest diameter")
-    first: float = knob(10, 10, 200, "m", "z where they begin")
-    last: float = knob(200, 20, 500, "m", "z where they end")
-    seed: int = knob(0, 0, 1_000_000, "", "of where they lie")
+    density: float = knob(0, 0, 0.2, "per m2", "stones per square metre; 0 removes them")
+    smallest: float = knob(0.5, 0.1, 3, "m", "minimum diameter")
+    largest: float = knob(2, 0.1, 3, "m", "maximum diameter")
+    first: float = knob(10, 10, 200, "m", "z where stones begin")
+    last: float = knob(200, 20, 500, "m", "z where stones end")
+    seed: int = knob(0, 0, 1_000_000, "", "random seed of positions and sizes")
 
 
 def slabs(rough: Roughness, width: float, seed: int) -> Iterator[Thing]:
-    """Square slabs side by side whose tops are tilted and up to `height` above the ground."""
+    """Adjacent slabs with tilted tops, up to `height` above the ground."""
     if not rough.height:
         return
     rng = Random(f"ground {seed}")
@@ -66,7 +63,7 @@ def slabs(rough: Roughness, width: float, seed: int) -> Iterator[Thing]:
 
 
 def stones(stone: Stones, width: float) -> Iterator[Thing]:
-    """Balls, half of each in the ground."""
+    """Fixed balls, half underground."""
     rng = Random(f"stones {stone.seed}")
     length = max(0.0, stone.last - stone.first)
     for index in range(round(stone.density * length * width)):
@@ -75,8 +72,8 @@ def stones(stone: Stones, width: float) -> Iterator[Thing]:
         yield Thing(f"stone {index + 1}", "sphere", (size, size, size), (x, 0.0, z), color=STONE)
 
 
-def rough_sentences(rough: Roughness) -> tuple[str, ...]:
-    """What designers are told of the ground."""
+def terrain_sentences(rough: Roughness) -> tuple[str, ...]:
+    """Describe the ground to designers."""
     if not rough.height:
         return ()
     return (
@@ -86,7 +83,7 @@ def rough_sentences(rough: Roughness) -> tuple[str, ...]:
 
 
 def stone_sentences(stone: Stones) -> tuple[str, ...]:
-    """What designers are told of stones."""
+    """Describe the stones to designers."""
     if not stone.density:
         return ()
     return (

@@ -1,0 +1,109 @@
+"""The throwing arena: walls, ramps and a hurdle around the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import cos, radians, sin
+
+from agentflow.env.scene import Thing, Vec3
+from agentflow.env.tasks.base import Parameters
+from agentflow.env.tasks.family import WOOD, wall
+from agentflow.env.tasks.knobs import knob
+
+THICK = 0.4
+"""Thickness of the ramps, m."""
+
+
+class Arena(Parameters):
+    """Four walls around the machine."""
+
+    distance: float = knob(11, 9, 100, "m", "distance of the walls' centres from x = z = 0")
+    height: float = knob(1.5, 0, 10, "m", "height of the walls; 0 removes them")
+    thickness: float = knob(0.8, 0.2, 2, "m", "thickness of the walls")
+
+
+class Ramps(Parameters):
+    """Four ramps that rise outward, one behind each wall."""
+
+    angle: float = knob(0, 0, 45, "degrees", "slope of the ramps; 0 removes them")
+    length: float = knob(20, 2, 60, "m", "length from lower to upper edge")
+
+
+class Hurdle(Parameters):
+    """A wall to throw over."""
+
+    height: float = knob(0, 0, 20, "m", "height of the wall; 0 removes it")
+    at: float = knob(15, 12, 100, "m", "z of its centre")
+    width: float = knob(30, 1, 100, "m", "width along x")
+
+
+def arena_things(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> tuple[Thing, ...]:
+    """Walls, ramps and hurdle."""
+    return (*_walls(arena), *_ramps(arena, ramps), *_hurdle(arena, hurdle))
+
+
+def arena_sentences(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> Iterator[str]:
+    """Describe walls, ramps and hurdle to designers."""
+    if arena.height:
+        yield (
+            f"Walls stand around the machine at x = -{arena.distance:g}, x = {arena.distance:g}, "
+            f"z = -{arena.distance:g} and z = {arena.distance:g} m, {arena.height:g} m high and "
+            f"{arena.thickness:g} m thick."
+        )
+    if ramps.angle:
+        top = ramps.length * sin(radians(ramps.angle))
+        yield (
+            f"Ramps surround them on all four sides: from the ground at {_foot(arena):g} m from "
+            f"x = z = 0 they rise outward by {ramps.angle:g} degrees over {ramps.length:g} m, to a "
+            f"height of {top:.1f} m; to touch one is to land."
+        )
+    if hurdle.height:
+        yield (
+            f"A wall {hurdle.height:g} m high, {hurdle.width:g} m wide and {arena.thickness:g} m "
+            f"thick stands across z+ at z = {hurdle.at:g} m."
+        )
+
+
+def _walls(arena: Arena) -> tuple[Thing, ...]:
+    if not arena.height:
+        return ()
+    far, high, thick = arena.distance, arena.height, arena.thickness
+    side: Vec3 = (thick, high, 2 * far + thick)
+    end: Vec3 = (2 * far - thick, high, thick)
+    return (
+        wall("left wall", -far, 0.0, side),
+        wall("right wall", far, 0.0, side),
+        wall("back wall", 0.0, -far, end),
+        wall("front wall", 0.0, far, end),
+    )
+
+
+def _foot(arena: Arena) -> float:
+    """Distance of the ramps' lower edges from x = z = 0: the outside of the walls, m."""
+    return arena.distance + arena.thickness / 2
+
+
+def _ramps(arena: Arena, ramps: Ramps) -> Iterator[Thing]:
+    if not ramps.angle:
+        return
+    tilt, long = radians(ramps.angle), ramps.length
+    out = _foot(arena) + long / 2 * cos(tilt) + THICK / 2 * sin(tilt)
+    up = long / 2 * sin(tilt) - THICK / 2 * cos(tilt)
+    wide = 2 * (_foot(arena) + long * cos(tilt))
+    s, c = sin(tilt / 2), cos(tilt / 2)
+    for name, sign in (("front", 1.0), ("back", -1.0)):
+        turn = (-sign * s, 0.0, 0.0, c)
+        yield Thing(
+            f"{name} ramp", "box", (wide, THICK, long), (0.0, up, sign * out), turn, color=WOOD
+        )
+    for name, sign in (("right", 1.0), ("left", -1.0)):
+        turn = (0.0, 0.0, sign * s, c)
+        yield Thing(
+            f"{name} ramp", "box", (long, THICK, wide), (sign * out, up, 0.0), turn, color=WOOD
+        )
+
+
+def _hurdle(arena: Arena, hurdle: Hurdle) -> Iterator[Thing]:
+    if hurdle.height:
+        size = (hurdle.width, hurdle.height, arena.thickness)
+        yield wall("hurdle", 0.0, hurdle.at, size)
