@@ -43,21 +43,20 @@ FURTHER = {
 HEAD = """\
 # Results of the shipped sweeps
 
-Whoever answered is named in every row. `procedural (no language model)` is rules and chance that
-read the same prompts and write the same replies as a model would; its numbers show that the system
-works from end to end and what its parts do, and nothing about any language model.
-`none (random edits)` asks nobody.
+Every row names the model that answered. `procedural (no language model)` is rules and chance: it
+reads the same prompts and writes replies in the same format as a language model. Its numbers show
+that the system works from end to end and what each part contributes; they say nothing about language
+models. `none (random edits)` calls no model.
 
-Published rows are other models' numbers in the game itself, from the paper's tables: their order
-may be compared with other orders, their values not with ours (see [physics](physics.md)).
+Published rows are numbers of other models in the game itself, from the paper's tables. Compare
+their order with ours, not their values (see [physics](physics.md)).
 
-Most sweeps have two seeds, as the published tables have few runs. The machines of one run share a
-blueprint, so they are more alike than those of different runs, and intervals over pooled machines
-are too narrow by that: differences of a few metres between two throwing rows are chance. Give
-`--seeds 20` to tell them apart.
+Most sweeps have two seeds, because the published tables have few runs. The machines of one run
+share a blueprint and are therefore similar, so intervals over pooled machines are too narrow:
+differences of a few metres between two throwing rows are noise. Use `--seeds 20` to resolve them.
 
-Everything here is made by `scripts/results`: each sweep by the command given with it, this page by
-`python benchmarks/results.py`. What a sweep is, and what the columns mean: [sweeps](sweeps.md).
+`scripts/results` generates everything on this page: each sweep with the command given with it, and
+the page with `python benchmarks/results.py`. [Sweeps](sweeps.md) explains the columns.
 """
 
 
