@@ -45,8 +45,8 @@ HEAD = """\
 
 Every row names the model that answered. `procedural (no language model)` is rules and chance: it
 reads the same prompts and writes replies in the same format as a language model. Its numbers show
-that the system works from end to end and what each part contributes; they say nothing about language
-models. `none (random edits)` calls no model.
+that the system works from end to end and what each part contributes; they say nothing about
+language models. `none (random edits)` calls no model.
 
 Published rows are numbers of other models in the game itself, from the paper's tables. Compare
 their order with ours, not their values (see [physics](physics.md)).
