@@ -11,6 +11,7 @@ from typing import ClassVar
 from agentflow.env.scene import Thing, Vec3
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
+from agentflow.machine.blocks.library import library
 
 WOOD = (0.71, 0.53, 0.34, 1.0)
 
@@ -56,20 +57,6 @@ class CommonKnobs(Parameters):
     wind: Wind = Wind()
 
 
-_TURNING = {2: "wheels", 46: "wheels", 22: "rotating blocks", 13: "steering blocks"}
-"""Block types that turn under their own power."""
-_STARTS = {
-    9: "At t = {springs:g} s springs start to contract.",
-    28: "At t = {steering_hinges:g} s steering hinges swing to their Left, once.",
-    14: "At t = {motors:g} s flying blocks start to push along their facing and never stop.",
-    39: "At t = {motors:g} s powered cogs start to turn and never stop.",
-    45: "At t = {springs:g} s winches start to reel in.",
-    26: "Propellers have no motor: they push when what they hang on turns them through the air.",
-    27: "Grabbers grip what their Front first touches, also before t = 0, and never let go.",
-}
-"""Sentence about each other block type, used where a task allows it."""
-
-
 def schedule_sentences(
     schedule: Schedule, window: float, blocks: Collection[int]
 ) -> tuple[str, ...]:
@@ -80,14 +67,16 @@ def schedule_sentences(
         window: Length of the scored window, s.
         blocks: Block types that the task allows.
     """
-    turning = list(dict.fromkeys(name for kind, name in _TURNING.items() if kind in blocks))
+    types = [library()[kind] for kind in sorted(blocks)]
+    motors = sorted(types, key=lambda block: (not block.powered_wheel, -block.type))
+    turning = list(dict.fromkeys(block.motor_name for block in motors if block.motor_name))
     names = " and ".join(filter(None, (", ".join(turning[:-1]), *turning[-1:])))
     times = vars(schedule)
     return (
         "Before t = 0 the machine settles with power off until it rests: motors hold still, "
         "springs exert nothing.",
         *([f"At t = {schedule.motors:g} s {names} start to turn and never stop."] if names else []),
-        *(text.format(**times) for kind, text in _STARTS.items() if kind in blocks),
+        *(block.schedule_text.format(**times) for block in types if block.schedule_text),
         f"The window ends at t = {window:g} s; nothing can be switched or steered in between.",
     )
 

@@ -118,6 +118,11 @@ class BlockType:
     """Metres; cogs mesh where these circles touch."""
     counterpart: int | None = None
     """Type of the same size with a motor, or without one if this has a motor."""
+    motor_name: str | None = None
+    """What designers are told starts to turn when motors are switched on, in the plural."""
+    schedule_text: str | None = None
+    """What else designers are told of it in the schedule; `{motors:g}`, `{springs:g}` and
+    `{steering_hinges:g}` stand for start times, s."""
     bsg: tuple[tuple[str, str, str], ...] = ()
     """Tag, key and value of its settings in Besiege's machine files."""
     closed: frozenset[int] = frozenset()
