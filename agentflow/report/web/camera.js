@@ -1,4 +1,4 @@
-// Where the eye is: it follows what happens, and the user turns, shifts and zooms around that.
+// The camera: follows the action; the user rotates, shifts and zooms around it.
 
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";

@@ -1,4 +1,4 @@
-// Small charts as SVG: scores as they came, counts as bars, values with their intervals.
+// Small SVG charts: score curves, bars of counts, means with intervals.
 
 import { el, shown, svg } from "./dom.js";
 

@@ -1,5 +1,5 @@
-// Makes elements. Strings become text nodes or attributes, never markup; styles go through the CSSOM,
-// because the page's Content-Security-Policy allows no inline ones.
+// Creates elements. Strings become text nodes or attributes, never markup; styles go through the CSSOM,
+// because the page's Content-Security-Policy forbids inline styles.
 
 const SVG = "http://www.w3.org/2000/svg";
 

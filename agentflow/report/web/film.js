@@ -1,5 +1,5 @@
-// Unpacks what the report's packer wrote (agentflow/report/film.py): where every body is at every moment.
-// The game frame is left-handed, three.js right-handed: x changes its sign on the way in.
+// Unpacks motion packed by agentflow/report/film.py: the pose of every body over time.
+// The game frame is left-handed, three.js right-handed: the sign of x is flipped on reading.
 
 const COMPONENTS = 7; // x, y, z and the quaternion's x, y, z, w
 

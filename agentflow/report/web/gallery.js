@@ -6,7 +6,7 @@ import { asked, problem } from "./text.js";
 
 export function galleryPage(data) {
   const player = new Player(data.shapes);
-  const chosen = el("section", { class: "chosen", "aria-label": "Chosen machine" });
+  const chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
   const cards = data.cards.map((card) =>
     el("button", { class: "card", click: () => choose(card) },
       card.picture ? el("img", { src: card.picture, alt: "", loading: "lazy", width: 320, height: 240 }) : el("span", { class: "blank" }, "no machine"),
@@ -24,7 +24,7 @@ export function galleryPage(data) {
     el("aside", {}, player.element),
     el("main", {},
       el("header", {}, el("p", { class: "kind" }, "agentflow gallery"), el("h1", {}, data.title),
-        el("p", { class: "lede" }, "Choose a machine to see it at work. Scores of different tasks have different units.")),
+        el("p", { class: "lede" }, "Select a machine to see its film. Scores of different tasks have different units.")),
       chosen,
       el("div", { class: "cards" }, ...cards)),
   ];

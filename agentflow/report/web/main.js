@@ -1,4 +1,4 @@
-// Entry: reads the page's data and builds the page that it is for.
+// Entry point: reads the page's data and builds the matching page.
 
 import "./player.css";
 import { galleryPage } from "./gallery.js";

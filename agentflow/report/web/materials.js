@@ -1,5 +1,5 @@
-// How things look: surfaces with outlined faces, shadows on the ground, the ground itself, traces and
-// distances. Plain shaders with one sun: cheap also where no graphics card draws.
+// Materials: surfaces with outlined faces, shadows, ground, traces and
+// distance labels. Simple shaders with one light, fast even without a GPU.
 
 import * as THREE from "three";
 

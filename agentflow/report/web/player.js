@@ -1,4 +1,4 @@
-// The film: play, scrub, slow down; buttons, keys and the line of events. The picture is scene.js's.
+// The film player: play, scrub, speed; buttons, keys and the timeline of events. scene.js draws.
 
 import { el } from "./dom.js";
 import { Eye } from "./camera.js";
@@ -233,10 +233,10 @@ export class Player {
     this.chooser = el("select", { "aria-label": "Speed", change: () => this.setSpeed(Number(this.chooser.value)) },
       ...SPEEDS.map((speed) => el("option", { value: speed, selected: speed === 1 ? "" : null }, `${speed}×`)));
     this.loads = el("button", { "aria-pressed": "false", title: "Colour by load (L)", click: () => this.setLoads(!this.byLoad) }, "Loads");
-    this.wide = el("button", { "aria-pressed": "false", title: "See the whole way (W)", click: () => this.setWide(!this.eye.wide) }, "Wide");
+    this.wide = el("button", { "aria-pressed": "false", title: "Show the whole course (W)", click: () => this.setWide(!this.eye.wide) }, "Wide");
     this.trials = el("select", { change: () => this.chosen() });
     this.keys = el("span", { class: "keys" });
-    this.list = el("ol", { class: "events", "aria-label": "What happens" });
+    this.list = el("ol", { class: "events", "aria-label": "Events" });
     return el("div", { class: "player", role: "group", "aria-label": "Film", keydown: (event) => this.press(event) },
       el("div", { class: "view" }, this.canvas,
         el("div", { class: "over" }, el("p", { class: "title", "aria-live": "polite" }),
@@ -246,17 +246,17 @@ export class Player {
         el("p", { class: "nothing" })),
       el("div", { class: "transport" }, this.button,
         el("div", { class: "track" }, this.slider, this.ticks), this.clock, this.chooser, this.loads, this.wide,
-        el("button", { title: "Look from the usual side again (R)", click: () => this.again() }, "Reset")),
+        el("button", { title: "Reset the view (R)", click: () => this.again() }, "Reset")),
       el("p", { class: "remark" }), this.list);
   }
 
   open() {
     const nothing = this.element.querySelector(".nothing");
-    nothing.textContent = "No machine to show here.";
+    nothing.textContent = "No machine to show.";
     try {
       this.picture = new Picture(this.canvas);
     } catch {
-      nothing.textContent = "This browser offers no WebGL, so the 3D view stays empty; all else works.";
+      nothing.textContent = "This browser does not support WebGL, so there is no 3D view.";
       this.element.classList.add("empty");
       return;
     }

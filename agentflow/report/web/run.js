@@ -1,4 +1,4 @@
-// The page of one run: the film beside everything that led to it.
+// The page of a run: the film, and everything that led to it.
 
 import { climb, bars } from "./charts.js";
 import { el, section, shown, table } from "./dom.js";
@@ -12,7 +12,7 @@ const PLURAL = { reply: "replies", machine: "machines" };
 export function runPage(data) {
   const player = new Player(data.shapes);
   const calls = once(() => recorded(data.calls));
-  const chosen = el("section", { class: "chosen", "aria-label": "Chosen machine" });
+  const chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
   const choose = (node) => {
     player.show(data.machines[node.machine], heading(node), data.machines[node.machine]?.remark ?? "");
     tell(chosen, node, data, calls);
@@ -63,15 +63,15 @@ async function tell(place, node, data, calls) {
     el("p", {}, [STATUS[node.status] ?? node.status, node.broken && "broke", machine && `${machine.solids.length} blocks`, node.machine].filter(Boolean).join(" · ")),
     node.problem ? problem(node.problem) : "",
     node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), plain(node.edit)) : "",
-    machine?.feedback ? el("details", {}, el("summary", {}, "What the simulation told"), plain(machine.feedback)) : "",
+    machine?.feedback ? el("details", {}, el("summary", {}, "Simulation feedback"), plain(machine.feedback)) : "",
     talk);
   const known = node.calls.length ? await calls() : new Map();
   talk.replaceChildren(...node.calls.filter((label) => known.has(label)).map((label) => call(known.get(label))));
 }
 
 function legend() {
-  return el("p", { class: "quiet" }, "Each dot is a machine, made from the one to its left; the stronger its colour, the higher its score. ",
-    "A red ring: it broke. Hollow: invalid. A cross: a refused edit. Arrow keys walk.");
+  return el("p", { class: "quiet" }, "Each dot is a machine, edited from the one to its left; stronger colour means a higher score. ",
+    "Red ring: something broke. Hollow: invalid. Cross: refused edit. Arrow keys move the selection.");
 }
 
 function curves({ progress }) {
@@ -82,14 +82,14 @@ function curves({ progress }) {
     searched ? climb("Score over expansions", "expansions", progress.map((point) => [point.expansions, point.score])) : null,
     tokens
       ? climb("Score over tokens", "tokens", progress.map((point) => [point.tokens, point.score]))
-      : climb("Score over calls (this model counts no tokens)", "calls", progress.map((point) => [point.calls, point.score])));
+      : climb("Score over calls (this model reports no tokens)", "calls", progress.map((point) => [point.calls, point.score])));
 }
 
 function stages({ stages: rows }) {
   if (!rows.length) return null;
   const costs = spent(rows, { Calls: "calls", Tokens: "tokens", Rollouts: "rollouts" });
   const head = ["Stage", "Valid", "Mean", "Mean, invalid = 0", "Best", "Std", ...costs.map(([name]) => name)];
-  return section("Stages", table("What each stage gave", head, rows.map((row) => [
+  return section("Stages", table("Results by stage", head, rows.map((row) => [
     named(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
     ...costs.map(([, key]) => row[key])])));
 }
@@ -103,14 +103,14 @@ function failures({ validity, reasons, failures: kinds }) {
   if (!validity.length) return null;
   const counted = kinds.filter(({ count }) => count > 0);
   return section("Validity and failures",
-    table("Replies by role, first attempts and retries together", ["Role", "Replies", "Parsed", "Valid", "Repaired"],
+    table("Replies by role, including retries", ["Role", "Replies", "Parsed", "Valid", "Repaired"],
       validity.map((row) => [named(row.role), row.attempts, row.parsed, row.valid, row.repaired])),
-    el("h3", {}, "Why replies were refused"),
-    reasons.length ? bars("Why replies were refused", reasons.map(({ code, count, example }) => [code, count, example]))
+    el("h3", {}, "Reasons for refused replies"),
+    reasons.length ? bars("Reasons for refused replies", reasons.map(({ code, count, example }) => [code, count, example]))
       : el("p", { class: "quiet" }, "No reply was refused."),
-    el("h3", {}, "What went wrong, by rule"),
-    counted.length ? bars("What went wrong", counted.map(({ name, count, unit, level, rule }) =>
-      [name, count, `${level}, of ${PLURAL[unit]}: ${rule}`])) : el("p", { class: "quiet" }, "Nothing that the rules count."));
+    el("h3", {}, "Failures by kind"),
+    counted.length ? bars("Failures by kind", counted.map(({ name, count, unit, level, rule }) =>
+      [name, count, `${level}, of ${PLURAL[unit]}: ${rule}`])) : el("p", { class: "quiet" }, "No failures."));
 }
 
 function usage({ usage: rows, run }) {
@@ -118,9 +118,9 @@ function usage({ usage: rows, run }) {
   const costs = spent(rows, {
     Calls: "calls", Prompt: "prompt", Completion: "completion", Reasoning: "reasoning", Cached: "cached", Seconds: "seconds", Cost: "cost",
   });
-  return section("Usage", table("Calls, tokens, time and money by role", ["Role", ...costs.map(([name]) => name)],
+  return section("Usage", table("Calls, tokens, time and cost by role", ["Role", ...costs.map(([name]) => name)],
     rows.map((row) => [named(row.role), ...costs.map(([, key]) => row[key])])),
-    run.prices ? null : el("p", { class: "quiet" }, "No prices were configured, so nothing is known of the cost."));
+    run.prices ? null : el("p", { class: "quiet" }, "No prices are configured, so the cost is unknown."));
 }
 
 function conversations({ talk }, calls) {
@@ -138,11 +138,11 @@ function conversations({ talk }, calls) {
 }
 
 function made({ facts }) {
-  return section("How this was made", el("dl", { class: "facts" },
+  return section("Settings and versions", el("dl", { class: "facts" },
     ...facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
 }
 
-const STATUS = { ok: "simulated", diverged: "its simulation diverged", timeout: "its simulation took too long", crashed: "its simulation crashed" };
+const STATUS = { ok: "simulated", diverged: "simulation diverged", timeout: "simulation timed out", crashed: "simulation crashed" };
 
 const named = (name) => name.replaceAll("_", " ");
 

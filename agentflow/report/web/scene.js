@@ -1,5 +1,5 @@
-// The picture: a machine's solids, what stands around it, ground, shadows and traces. Nothing here
-// knows time; player.js says where everything is.
+// The 3D scene: a machine's solids, its surroundings, ground, shadows and traces. Nothing here
+// knows about time; player.js sets all poses.
 
 import * as THREE from "three";
 import { ground, labels, paths, shadows, surface } from "./materials.js";

@@ -1,4 +1,4 @@
-// The page of a sweep: how the scores of its runs are spread, its tables, its runs.
+// The page of a sweep: distribution of scores, tables, runs.
 
 import { intervals } from "./charts.js";
 import { el, section, table } from "./dom.js";
@@ -18,8 +18,8 @@ export function sweepPage(data) {
 function spreads(rows) {
   const tasks = [...new Set(rows.map((row) => row.task))];
   const known = rows.some((row) => Number.isFinite(row.low));
-  const about = `Each dot is a machine, invalid ones at 0. Below them the mean of all${known ? ", with its 95 % bootstrap interval" : ""}.`;
-  return section("How scores are spread",
+  const about = `Each dot is a machine; invalid machines count as 0. Below: the mean${known ? " with its 95 % bootstrap interval" : ""}.`;
+  return section("Distribution of scores",
     el("p", { class: "quiet" }, about),
     ...tasks.map((task) => intervals(task, "score", rows.filter((row) => row.task === task))));
 }
@@ -52,7 +52,7 @@ function fitting(caption, heads, columns, rows) {
 
 function runs(rows) {
   const failed = rows.filter((row) => row.state !== "done");
-  const list = table("", ["Run", "State", "Best score", ...(failed.length ? ["Why"] : [])],
+  const list = table("", ["Run", "State", "Best score", ...(failed.length ? ["Reason"] : [])],
     rows.map((row) => [row.name, row.state, row.score, ...(failed.length ? [row.why ?? ""] : [])]));
   const count = rows.length === 1 ? "1 run" : `${rows.length} runs`;
   const word = failed.length ? `${count}, ${failed.length} not done` : `${count}, all done`;

@@ -1,4 +1,4 @@
-// What was said: prompts and replies, as text whatever they hold. Long ones open in two steps.
+// Prompts and replies as plain text. Long ones open in two steps.
 
 import { el, shown, visible } from "./dom.js";
 
@@ -23,7 +23,7 @@ export function problem(text) {
 export function asked({ objective, score, scene }) {
   const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => el("li", {}, sentence)));
   return el("details", { class: "task" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
-    list(score.slice(1)), el("h3", {}, "What stands there, and when"), list(scene));
+    list(score.slice(1)), el("h3", {}, "Scene and schedule"), list(scene));
 }
 
 /** One call that opens: verdict, what was asked and what came back. */

@@ -1,5 +1,5 @@
-// The search tree: one dot per machine, from left to right as one was made from another; refused edits
-// as crosses. Works by pointer and, as an ARIA tree, by arrow keys.
+// The search tree: one dot per machine, to the right of its parent; refused edits
+// are crosses. Works with the pointer and, as an ARIA tree, with arrow keys.
 
 import { shown, svg } from "./dom.js";
 
