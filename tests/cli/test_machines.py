@@ -243,9 +243,9 @@ WRONG = [
     (["convert", "bomb.bsg", "x.json"], "bomb.bsg holds no machine: the XML declares a document "),
     (
         ["convert", "empty.bsg", "x.json"],
-        "empty.bsg holds no machine: this is no well-formed XML: ",
+        "empty.bsg holds no machine: this is not well-formed XML: ",
     ),
-    (["check", "foo.bsg"], "foo.bsg holds no machine: this is no machine file of Besiege: there "),
+    (["check", "foo.bsg"], "foo.bsg holds no machine: this is not a Besiege machine file: it has "),
     (
         ["convert", "lone.bsg", "x.json"],
         "lone.bsg cannot be converted: nothing would be left of it but the Starting Block: block ",
@@ -255,7 +255,7 @@ WRONG = [
         ". is not a run directory: it has no readable run.yaml",
     ),
     (["convert", "none.json", "x.json"], "cannot read none.json: No such file or directory"),
-    (["check", "bomb.bsg"], "bomb.bsg holds no machine: the XML declares a document type; such "),
+    (["check", "bomb.bsg"], "bomb.bsg holds no machine: the XML declares a document type, which "),
     (["check", "car.json", "--format", "xml"], "Invalid value for '--format': 'xml' is "),
     (["edit", "-"], "machine and script cannot both come from standard input; give --script"),
     (["edit", "bad.json", "--script", "bad.json"], "bad.json cannot be edited: block 0 has no 't"),

@@ -166,8 +166,8 @@ def test_players_machines_are_read_without_what_is_foreign() -> None:
     assert [(problem.code, problem.message) for problem in located.loose] == [
         (
             "scale",
-            "block 3 of the file (id '1', guid 'g1'): it is scaled to 1 x 1 x 2; blocks have "
-            "their own size here",
+            "block 3 of the file (id '1', guid 'g1'): it is scaled to 1 x 1 x 2; blocks cannot "
+            "be scaled here",
         ),
         (
             "rotation",
@@ -182,8 +182,8 @@ def test_players_machines_are_read_without_what_is_foreign() -> None:
         ),
     ]
     assert located.notes == (
-        "block 8 of the file (id '2', guid 'g2'): a wheel's direction follows from its facing "
-        "here, its 'flipped' setting is not kept",
+        "block 8 of the file (id '2', guid 'g2'): its 'flipped' setting was "
+        "ignored; here a wheel's facing determines its direction",
     )
     report = check(located)
     assert (report.file_valid, report.machine) == (False, None)
@@ -218,13 +218,13 @@ def test_ends_turn_with_their_block() -> None:
 
 
 HOSTILE = [
-    ("", "not_xml", "this is no well-formed XML: no element found: line 1, column 0"),
-    ("<a>", "not_xml", "this is no well-formed XML: no element found: line 1, column 3"),
-    ("<a>&b;</a>", "not_xml", "this is no well-formed XML: undefined entity: line 1, column 3"),
-    ("<a>\ud800</a>", "not_xml", "this is no well-formed XML: it has lone surrogates"),
-    ("<a>" * 65, "not_xml", "the XML is nested more than 64 deep"),
-    ("<a/>", "not_a_machine", "this is no machine file of Besiege: there is no Machine with "),
-    ("<Machine/>", "not_a_machine", "this is no machine file of Besiege: there is no Machine "),
+    ("", "not_xml", "this is not well-formed XML: no element found: line 1, column 0"),
+    ("<a>", "not_xml", "this is not well-formed XML: no element found: line 1, column 3"),
+    ("<a>&b;</a>", "not_xml", "this is not well-formed XML: undefined entity: line 1, column 3"),
+    ("<a>\ud800</a>", "not_xml", "this is not well-formed XML: it contains lone surrogates"),
+    ("<a>" * 65, "not_xml", "the XML is nested more than 64 levels deep"),
+    ("<a/>", "not_a_machine", "this is not a Besiege machine file: it has no Machine element"),
+    ("<Machine/>", "not_a_machine", "this is not a Besiege machine file: it has no Machine "),
     (file(block(1, "0 0 0")), "root", "the file has no Starting Block, id 0"),
     (
         file(block(0, "0 nan 0"), block(1, "0 0 1e308")),
@@ -235,8 +235,8 @@ HOSTILE = [
     (
         file(block(0, "0 0 0", scale="1 1 2")),
         "scale",
-        "block 0 of the file (id '0', guid 'g0'): it is scaled to 1 x 1 x 2; blocks have their own "
-        "size here",
+        "block 0 of the file (id '0', guid 'g0'): it is scaled to 1 x 1 x 2; blocks cannot "
+        "be scaled here",
     ),
     (file(*[ROOT] * 801), "too_many_blocks", "the machine has 801 blocks; at most 800 are read"),
 ]
@@ -262,5 +262,5 @@ BOMBS = [
 def test_document_types_and_entities_are_refused(text: str) -> None:
     located = read_bsg('<?xml version="1.0"?>' + text)
     assert [problem.message for problem in located.problems] == [
-        "the XML declares a document type; such files are not opened"
+        "the XML declares a document type, which is not allowed"
     ]

@@ -187,7 +187,7 @@ def test_strings_and_extra_keys_are_noted() -> None:
     assert located.machine == build((63, 0, 3))
     assert located.notes == (
         "block 1: type is the string '63', read as a number",
-        "block 1: Position has strings, read as numbers",
+        "block 1: Position contains strings, read as numbers",
         "block 1: ignored 'name'",
     )
 

@@ -76,7 +76,7 @@ def test_objects() -> None:
 def test_nothing_found_is_a_sentence(text: str) -> None:
     found = extract_json(text, list, lambda value: value == "never")
     assert found.value is None
-    assert found.problem == "no JSON list found; write it in full inside one ```json fence"
+    assert found.problem == "no JSON list found; write it in full in one ```json fence"
     assert "JSON object" in extract_json("", dict).problem
 
 

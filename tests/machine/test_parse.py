@@ -69,7 +69,7 @@ def test_two_ended_blocks() -> None:
                 "not_json",
                 (),
                 "no JSON list found; write the whole machine as a JSON list of objects like "
-                '{"type": 1, "id": 1, "parent": 0, "face_id": 4} inside one ```json fence',
+                '{"type": 1, "id": 1, "parent": 0, "face_id": 4} in one ```json fence',
             ),
         ),
         (
@@ -124,8 +124,7 @@ def test_two_ended_blocks() -> None:
             (
                 "id_sequence",
                 (2,),
-                "item 2 of the list has id 3; ids count 0, 1, 2, ... in list order, so it must "
-                "be 2",
+                "item 2 of the list has id 3; ids are 0, 1, 2, ... in list order, so it must be 2",
             ),
         ),
         (
@@ -133,8 +132,7 @@ def test_two_ended_blocks() -> None:
             (
                 "id_sequence",
                 (2,),
-                "item 2 of the list has id 1; ids count 0, 1, 2, ... in list order, so it must "
-                "be 2",
+                "item 2 of the list has id 1; ids are 0, 1, 2, ... in list order, so it must be 2",
             ),
         ),
         (
@@ -184,7 +182,7 @@ def test_two_ended_blocks() -> None:
             (
                 "parent_not_earlier",
                 (1,),
-                "block 1: parent 2 is not earlier in the list than block 1",
+                "block 1: parent 2 does not come before block 1",
             ),
         ),
         (

@@ -1,7 +1,4 @@
-"""Owns reading Besiege's machine files (.bsg), players' own included (spec 1.9).
-
-The XML is opened by xmltext.py; which block hangs on which is inferred by connect.py.
-"""
+"""Read Besiege's machine files (.bsg), including those that players made."""
 
 from __future__ import annotations
 
@@ -32,15 +29,15 @@ _ORIGIN = (0.0, 0.0, 0.0)
 
 
 def read_bsg(text: str, blocks: Collection[int] | None = None) -> LocatedMachine:
-    """Read a .bsg file and find out what hangs on what. Never raises.
+    """Read a .bsg file and infer its construction tree. Never raises.
 
-    Blocks are named by their place in the file, counted from 0; the Starting Block comes first
-    wherever it stands. What cannot be read is left out with its problem: blocks of other types
-    in `problems`, scaled and turned ones, and those that hang on nothing, in `loose`.
+    Blocks are identified by their index in the file; the Starting Block always comes first.
+    Unreadable blocks and those of other types become `problems`. Blocks that are scaled, rotated
+    off the six orientations, or not attached to anything become `loose`.
 
     Args:
-        text: what the file holds.
-        blocks: allowed block types; the core types when None.
+        text: content of the file.
+        blocks: allowed block types; the core types if None.
     """
     try:
         root = parse_xml(text)
@@ -48,7 +45,7 @@ def read_bsg(text: str, blocks: Collection[int] | None = None) -> LocatedMachine
         return LocatedMachine(problems=(Problem("not_xml", (), str(error)),))
     found = root.findall("./Blocks/Block") if root.tag == "Machine" else []
     if not found:
-        message = "this is no machine file of Besiege: there is no Machine with Blocks in it"
+        message = "this is not a Besiege machine file: it has no Machine element with Blocks"
         return LocatedMachine(problems=(Problem("not_a_machine", (), message),))
     if len(found) > MAX_BLOCKS:
         message = f"the machine has {len(found)} blocks; at most {MAX_BLOCKS} are read"
@@ -56,11 +53,11 @@ def read_bsg(text: str, blocks: Collection[int] | None = None) -> LocatedMachine
     reader = _Reader(library().core if blocks is None else blocks)
     for index, block in enumerate(found):
         reader.read(block, index)
-    return reader.located()
+    return reader.result()
 
 
 class _BadBlock(Exception):
-    """A block that cannot be taken over."""
+    """A block that is not supported."""
 
     def __init__(self, code: str, reason: str) -> None:
         super().__init__(reason)
@@ -69,22 +66,22 @@ class _BadBlock(Exception):
 
 @dataclass
 class _Reader:
-    """What has been read of a file."""
+    """The blocks and problems read from a file so far."""
 
     allowed: Collection[int]
     root: LocatedBlock | None = None
-    spots: list[LocatedBlock] = field(default_factory=list)
-    """All blocks but the root."""
+    others: list[LocatedBlock] = field(default_factory=list)
+    """All blocks except the root."""
     notes: list[str] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
     loose: list[Problem] = field(default_factory=list)
     unread_root: bool = False
-    """Whether a Starting Block could not be taken in, which its problem says."""
+    """Whether a Starting Block had a problem of its own."""
 
     def read(self, block: Element, index: int) -> None:
-        """Take one block in, or note why not."""
+        """Read one block, or add a problem."""
         try:
-            spot = self._spot(block, index)
+            located = self._read_block(block, index)
         except _BadBlock as fault:
             message = f"block {index} of the file ({_ids(block)}): {fault.reason}"
             root = (block.get("id") or "").strip() == str(STARTING_BLOCK)
@@ -92,29 +89,29 @@ class _Reader:
             kept.append(Problem(fault.code, (index,), message))
             self.unread_root |= root
             return
-        if spot.type == STARTING_BLOCK:
-            self.root = spot
+        if located.type == STARTING_BLOCK:
+            self.root = located
             return
-        self.spots.append(spot)
+        self.others.append(located)
         flipped = block.findtext("./Data/Boolean[@key='flipped']", "False").strip() == "True"
-        wheel = library()[spot.type].powered_wheel
-        if wheel and flipped != (facing_of(spot.rotation) == "x-"):
+        wheel = library()[located.type].powered_wheel
+        if wheel and flipped != (facing_of(located.rotation) == "x-"):
             self.notes.append(
-                f"block {index} of the file ({_ids(block)}): a wheel's direction follows from its "
-                "facing here, its 'flipped' setting is not kept"
+                f"block {index} of the file ({_ids(block)}): its 'flipped' setting was ignored; "
+                "here a wheel's facing determines its direction"
             )
 
-    def located(self) -> LocatedMachine:
-        """The blocks that could be connected, and what became of the others."""
+    def result(self) -> LocatedMachine:
+        """Connect the blocks and collect all problems."""
         if self.root is None:
             missing = Problem("root", (), "the file has no Starting Block, id 0")
             problems = (*self.problems, *(() if self.unread_root else (missing,)))
             return LocatedMachine(problems=problems, loose=tuple(self.loose))
-        located = connect([self.root, *self.spots], notes=self.notes)
+        located = connect([self.root, *self.others], notes=self.notes)
         loose = sorted((*self.loose, *located.loose), key=lambda problem: problem.blocks)
         return replace(located, problems=tuple(self.problems), loose=tuple(loose))
 
-    def _spot(self, block: Element, index: int) -> LocatedBlock:
+    def _read_block(self, block: Element, index: int) -> LocatedBlock:
         kind = self._type(block)
         rotation = _quaternion(block)
         position = _point(block.find("./Transform/Position"), "xyz", "Position")
@@ -123,7 +120,7 @@ class _Reader:
             factors = _point(scale, "xyz", "Scale")
             if any(abs(factor - 1) > SCALE_TOLERANCE for factor in factors):
                 told = " x ".join(f"{factor:g}" for factor in factors)
-                raise _BadBlock("scale", f"it is scaled to {told}; blocks have their own size here")
+                raise _BadBlock("scale", f"it is scaled to {told}; blocks cannot be scaled here")
         if not library()[kind].linear:
             return LocatedBlock(index, kind, position, rotation)
         end = block.find(f"./Data/Vector3[@key='{END}']")
@@ -164,7 +161,7 @@ def _point(element: Element | None, names: str, what: str) -> Vec3:
 
 
 def _numbers(element: Element | None, names: str, what: str) -> list[float]:
-    """Numbers in attributes, or in children of these names."""
+    """Numbers in attributes, or in child elements, with these names."""
     if element is None:
         raise _BadBlock("missing_field", f"it has no {what}")
     numbers = []

@@ -1,4 +1,4 @@
-"""Owns writing Besiege's machine files (.bsg); reading them is bsg_reading.py's (spec 1.9)."""
+"""Write Besiege's machine files (.bsg)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from agentflow.machine.tree import Machine
 __all__ = ["read_bsg", "to_bsg"]
 
 GROUND = 0.5
-"""Height of the ground in the game's world, in metres."""
+"""Height of the ground in the game world, in metres."""
 
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
 def to_bsg(machine: Machine) -> str:
-    """A file-valid machine as the text of a .bsg file (spec 1.9).
+    """A file-valid machine as the text of a .bsg file.
 
-    The same machine is the same text: GUIDs come from its digest.
+    Equal machines give equal text; GUIDs are derived from the digest.
     """
     geometry = place(machine)
     lo, hi = geometry.lo, geometry.hi
@@ -65,7 +65,7 @@ def _write_block(blocks: Element, placed: Placed, guid: str) -> None:
 
 
 def _settings(placed: Placed) -> list[tuple[str, str, str]]:
-    """Tag, key and value of what the game keeps of a block, other than positions."""
+    """Tag, key and value of a block's settings in the game."""
     block = library()[placed.type]
     flipped = block.powered_wheel and placed.facing == "x-"
     return [*block.bsg, *([("Boolean", "flipped", "True")] if flipped else [])]

@@ -1,7 +1,4 @@
-"""Owns the coordinate representation: blocks with absolute positions and rotations (spec 1.3).
-
-Which block hangs on which is inferred by connect.py.
-"""
+"""Read and write machines as coordinates: blocks with absolute positions and rotations."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ FORM = (
     'a JSON list of objects like {"type": 1, "Position": [0, 0, 0.5], "Rotation": [0, 0, 0, 1]}, '
     'two-ended blocks with "end-position"'
 )
-"""The form in words, for messages."""
+"""Description of the form, for messages."""
 _END = "end-position"
 _KEYS = ("type", "Position", "Rotation")
 
@@ -29,8 +26,8 @@ _KEYS = ("type", "Position", "Rotation")
 def to_coordinates(machine: Machine) -> list[dict[str, object]]:
     """A file-valid machine in coordinates: metres, machine frame, quaternions (x, y, z, w).
 
-    `Position` is the building point, of two-ended blocks the first end; `end-position` the second,
-    also in the machine frame.
+    `Position` is the building point, or the first end of a two-ended block; `end-position` is its
+    second end, also in the machine frame.
     """
     items: list[dict[str, object]] = []
     for placed in place(machine).blocks:
@@ -47,11 +44,11 @@ def to_coordinates(machine: Machine) -> list[dict[str, object]]:
 
 
 def read_coordinates(source: object, blocks: Collection[int] | None = None) -> LocatedMachine:
-    """Read a machine in coordinates and find out what hangs on what. Never raises.
+    """Read a machine in coordinates and infer its construction tree. Never raises.
 
     Args:
-        source: any text whatever (spec 4.4), or JSON data.
-        blocks: allowed block types; the core types when None.
+        source: any text, or JSON data.
+        blocks: allowed block types; the core types if None.
     """
     items, repaired, fault = find_items(source, FORM)
     if fault is not None:
@@ -59,21 +56,21 @@ def read_coordinates(source: object, blocks: Collection[int] | None = None) -> L
     notes: list[str] = []
     problems: list[Problem] = []
     allowed = library().core if blocks is None else blocks
-    found = [_spot(item, index, allowed, notes, problems) for index, item in enumerate(items)]
-    spots = [spot for spot in found if spot is not None]
+    read = [_read_block(item, index, allowed, notes, problems) for index, item in enumerate(items)]
+    located = [block for block in read if block is not None]
     if problems:
         return LocatedMachine((), repaired, tuple(notes), tuple(problems))
-    return connect(spots, repaired=repaired, notes=notes)
+    return connect(located, repaired=repaired, notes=notes)
 
 
-def _spot(
+def _read_block(
     item: object,
     index: int,
     allowed: Collection[int],
     notes: list[str],
     problems: list[Problem],
 ) -> LocatedBlock | None:
-    """One item of the list; None, with the problem noted, when it cannot be a block."""
+    """Read one item of the list; add a problem and return None if it is not a block."""
     if not isinstance(item, dict):
         message = f"item {index} of the list is {short_repr(item)}; expected an object with "
         problems.append(Problem("not_an_object", (index,), message + comma_list(_KEYS)))
@@ -116,7 +113,7 @@ def _numbers(
     notes: list[str],
     problems: list[Problem],
 ) -> tuple[float, ...] | None:
-    """The numbers under a key; None, with the problem noted, when they are not there."""
+    """Read the numbers under a key; add a problem and return None if there are none."""
     if key not in item:
         problems.append(Problem("missing_field", (index,), f"block {index} has no {key!r}"))
         return None
@@ -124,7 +121,7 @@ def _numbers(
     numbers = tuple(_number(part) for part in value) if isinstance(value, list) else ()
     if len(numbers) == count and None not in numbers:
         if str in map(type, value):  # type: ignore[call-overload]
-            notes.append(f"block {index}: {key} has strings, read as numbers")
+            notes.append(f"block {index}: {key} contains strings, read as numbers")
         return numbers  # type: ignore[return-value]
     message = f"block {index}: {key} is {short_repr(value)}, expected a list of {count} numbers"
     problems.append(Problem("not_a_number", (index,), message))
@@ -132,7 +129,7 @@ def _numbers(
 
 
 def _number(value: object) -> float | None:
-    """A finite number that a coordinate can be; None for anything else."""
+    """The value as a coordinate; None if it is not a number within limits."""
     if isinstance(value, str) and len(value) < 40:
         try:
             value = float(value)

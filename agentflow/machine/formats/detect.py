@@ -1,7 +1,4 @@
-"""Owns telling the three written forms of a machine apart: tree, coordinates, .bsg.
-
-Each form's reader is a module of its own; judging what was read is validity.py's.
-"""
+"""Read a machine in any of its three forms: construction tree, coordinates, .bsg file."""
 
 from __future__ import annotations
 
@@ -22,8 +19,8 @@ Form = Literal["auto", "tree", "coordinates", "bsg"]
 FORMS: tuple[Form, ...] = get_args(Form)
 
 _XML = re.compile(r"\s*(<!--((?!-->).)*-->\s*)*<(\?xml|!DOCTYPE|Machine)\b", re.DOTALL)
-"""How a .bsg file begins. A comment ends at its first `-->`: were it free to go on to a later one,
-many comments would be tried in all ways to join them."""
+"""Beginning of a .bsg file. Comments end at their first `-->`, which avoids exponential
+backtracking."""
 
 
 def read_any(
@@ -32,19 +29,17 @@ def read_any(
     blocks: Collection[int] | None = None,
     given: Machine | None = None,
 ) -> Reading | LocatedMachine:
-    """Read a machine in any of its forms. Never raises; `validity.check` judges the result.
+    """Read a machine in any form. Never raises; `validity.check` checks the result.
 
     Args:
-        source: any text whatever, or JSON data.
-        form: `auto` takes text that opens as XML for a .bsg file, and a list whose objects have a
-            `Position` and no `parent` for coordinates.
-        blocks: allowed block types; the core types when None.
-        given: what a tree must begin with; any root alone when None.
+        source: any text, or JSON data.
+        form: `auto` reads text that starts like XML as a .bsg file, and a list whose objects have
+            `Position` but not `parent` as coordinates.
+        blocks: allowed block types; the core types if None.
+        given: blocks that a tree must begin with; any root if None.
     """
     if form == "bsg" or (form == "auto" and isinstance(source, str) and _XML.match(source)):
-        from agentflow.machine.formats.bsg_reading import (
-            read_bsg,  # XML is rare, its import takes long
-        )
+        from agentflow.machine.formats.bsg_reading import read_bsg  # slow to import, rarely needed
 
         return read_bsg(source if isinstance(source, str) else "", blocks)
     if form == "tree":
@@ -60,7 +55,7 @@ def read_any(
 
 
 def read_for(brief: Brief | None, source: object, form: Form = "auto") -> Reading | LocatedMachine:
-    """Read a machine as a task allows it, or of core types only; see `read_any`."""
+    """Read a machine under a task's rules, or with core types only; see `read_any`."""
     if brief is None:
         return read_any(source, form)
     return read_any(source, form, brief.blocks, brief.given)

@@ -1,67 +1,78 @@
-"""Owns finding JSON in whatever text a model sends: fences, comments, trailing commas, prose.
+"""Find JSON in model replies, despite fences, comments, trailing commas and prose around it.
 
-What the JSON means is its reader's. Never raises, and takes time linear in the text's length.
+Never raises, and takes time linear in the length of the text. json-repair takes seconds on a few
+hostile kilobytes but is quick on text that is nearly JSON, so only such text is repaired.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-from agentflow.machine.formats.near_json import MAX_REPAIR, near_json
 
 Accept = Callable[[Any], bool]
 
 MAX_PLACES = 100
-"""Most fences, or bracketed regions, of a reply that are tried, the last ones first."""
+"""Maximum number of fences, or bracketed regions, to try, starting from the last."""
+MAX_REPAIR = 12_000
+"""Maximum number of characters to repair."""
+MAX_DEPTH = 32
+"""Maximum nesting to repair; json-repair recurses once per level."""
+MAX_EFFORT = 400_000
+"""Maximum of characters times syntax errors: json-repair may scan ahead from each error."""
 
 _REPAIR_FAULTS = (ValueError, RecursionError, AssertionError, LookupError, TypeError)
-"""What json-repair raises, by mistake too, on text that it can make nothing of."""
+"""Exceptions that json-repair raises, deliberately or by mistake, on hopeless text."""
 
 _FENCE = re.compile(r"`{3,}|~{3,}")
 _OPENING_LINE = re.compile(r"[^\n\[{]*")
 _BRACKET = re.compile(r"[\[\]{}]")
+_TOKEN = re.compile(
+    r"""(?P<space>\s+)
+    |(?P<comment>//[^\n]*|\#[^\n]*)
+    |(?P<mark>[\[\]{}:,])
+    |(?P<scalar>"(?:[^"\\\n]|\\.)*"|'(?:[^'\\\n]|\\.)*'|[\w.+-]+)
+    |(?P<junk>["'](?:[^"'\\\n]|\\.)*|.)""",
+    re.VERBOSE,
+)
 
 
 @dataclass(frozen=True)
 class Extracted:
-    """What was found; `value` is None when nothing was."""
+    """A JSON value found in a text; `value` is None if there is none."""
 
     value: Any
     repaired: bool = False
     problem: str = ""
-    """One sentence that the model can act on; empty when there is a value."""
+    """One sentence that the model can act on; empty if there is a value."""
 
 
 def extract_json(
     text: str, kind: type[list[Any]] | type[dict[str, Any]], accept: Accept | None = None
 ) -> Extracted:
-    """Find the JSON list or object that a reply holds (spec 4.4).
+    """Find the JSON list or object in a reply.
 
-    The last fence that holds one counts; where no fence does, the last one in the text itself.
-    Repair is tried only after strict parsing has failed everywhere.
+    The last fence that contains one wins; without such a fence, the last one in the plain text.
+    Fences, then plain text, are parsed strictly before they are repaired.
 
     Args:
-        text: any text whatever.
+        text: any text.
         kind: `list` or `dict`.
-        accept: further condition on the value; what it refuses is passed over.
+        accept: further condition on the value; values that fail it are skipped.
     """
     for value, repaired in found_json(text, kind):
         if accept is None or accept(value):
             return Extracted(value, repaired)
     what = "list" if kind is list else "object"
-    return Extracted(
-        None, problem=f"no JSON {what} found; write it in full inside one ```json fence"
-    )
+    return Extracted(None, problem=f"no JSON {what} found; write it in full in one ```json fence")
 
 
 def found_json(
     text: str, kind: type[list[Any]] | type[dict[str, Any]]
 ) -> Iterator[tuple[Any, bool]]:
-    """All values of the kind, best first, each with whether it was repaired."""
+    """All values of this kind, best first, each with whether it was repaired."""
     seen_whole = False
     if text.lstrip()[:1] in ("[", "{"):
         seen_whole, value = _strict(text)
@@ -77,7 +88,7 @@ def found_json(
             if read and isinstance(value, kind):
                 yield value, False
         for place in places:
-            plain = near_json(place) if len(place) <= budget else None
+            plain = _strip_comments(place) if len(place) <= budget else None
             if plain is not None:
                 budget -= len(plain)
                 value = _repair(plain)
@@ -86,7 +97,7 @@ def found_json(
 
 
 def _fenced(text: str) -> list[str]:
-    """Contents of all fences in order; an unclosed last one reaches to the end."""
+    """Contents of all fences in order; an unclosed last fence extends to the end."""
     marks = list(_FENCE.finditer(text))
     contents = []
     for opening, closing in zip(marks[::2], [*marks[1::2], None], strict=False):
@@ -97,7 +108,7 @@ def _fenced(text: str) -> list[str]:
 
 
 def _bracketed(text: str, bracket: str) -> list[str]:
-    """Outermost bracketed regions that open with this bracket; an unclosed last one included."""
+    """Outermost regions that open with this bracket, including an unclosed last one."""
     regions = []
     depth = start = 0
     for match in _BRACKET.finditer(text):
@@ -115,7 +126,7 @@ def _bracketed(text: str, bracket: str) -> list[str]:
 
 
 def _strict(text: str) -> tuple[bool, Any]:
-    """Whether it is JSON, and its value. Nesting and digits beyond Python's limits are none."""
+    """Whether the text is JSON that Python can parse, and its value."""
     try:
         return True, json.loads(text)
     except (ValueError, RecursionError):
@@ -123,10 +134,53 @@ def _strict(text: str) -> tuple[bool, Any]:
 
 
 def _repair(text: str) -> Any:
-    """What json-repair makes of it; None if nothing."""
-    from json_repair import repair_json  # takes long to import, and is rarely needed
+    """The value that json-repair makes of the text; None if it fails."""
+    from json_repair import repair_json  # slow to import and rarely needed
 
     try:
         return repair_json(text, return_objects=True, skip_json_loads=True)
     except _REPAIR_FAULTS:
         return None
+
+
+def _strip_comments(text: str) -> str | None:
+    """The text without comments; None if it is too far from JSON to be worth repairing."""
+    if len(text) > MAX_REPAIR:
+        return None
+    tokens = [match for match in _TOKEN.finditer(text) if match.lastgroup != "comment"]
+    if len(text) * _count_errors(tokens) > MAX_EFFORT:
+        return None
+    return "".join(match.group() for match in tokens)
+
+
+def _count_errors(tokens: Sequence[re.Match[str]]) -> int:
+    """Number of syntax errors: stray words, missing commas, ...
+
+    Single quotes, unquoted words and trailing commas are free; junk counts five because it misleads
+    json-repair most. Nesting deeper than `MAX_DEPTH` counts as more than `MAX_EFFORT`.
+    """
+    count = 0
+    opened: list[str] = []
+    expected = "value"
+    for match in tokens:
+        token, kind = match.group(), match.lastgroup
+        in_object = opened[-1:] == ["{"]
+        if kind == "space":
+            continue
+        if kind != "mark":
+            count += 5 if kind == "junk" else expected in ("colon", "after")
+            expected = "after" if expected == "value" or not in_object else "colon"
+        elif token in "[{":
+            count += expected != "value"
+            opened.append(token)
+            expected = "key" if token == "{" else "value"
+        elif token in "]}":
+            count += expected == "colon" or (in_object and expected == "value")
+            count += not opened or opened.pop() + token not in ("[]", "{}")
+            expected = "after"
+        else:
+            count += expected != ("after" if token == "," else "colon")
+            expected = "value" if token == ":" or not in_object else "key"
+        if len(opened) > MAX_DEPTH:
+            return MAX_EFFORT + 1
+    return count + len(opened)

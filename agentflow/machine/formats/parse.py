@@ -1,7 +1,4 @@
-"""Owns file validity: from any text or JSON data to a construction tree or typed problems.
-
-Finding the JSON in a text is jsontext.py's; whether the machine fits in space is validity.py's.
-"""
+"""Read construction trees from text or JSON data, and check their file validity."""
 
 from __future__ import annotations
 
@@ -24,9 +21,9 @@ from agentflow.machine.tree import ROOT, Machine, Step
 __all__ = ["MAX_BLOCKS", "Extracted", "Reading", "extract_json", "file_problems", "read_machine"]
 
 MAX_BLOCKS = 800
-"""Most blocks that are read; machines that fit the building volume are far smaller."""
+"""Maximum number of blocks; machines that fit the building volume have far fewer."""
 MAX_COORDINATE = 1e6
-"""Largest coordinate that is read, in metres."""
+"""Maximum absolute coordinate, in metres."""
 
 _STANDARD = ("type", "id", "parent", "face_id")
 _TWO_ENDED = ("type", "id", "parent_a", "face_id_a", "parent_b", "face_id_b")
@@ -36,25 +33,25 @@ MISSING = object()
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read; `machine` is None when it is not file-valid, and `problems` says why."""
+    """The result of reading; if `machine` is None, `problems` says why it is not file-valid."""
 
     machine: Machine | None
     repaired: bool = False
     """Whether the JSON had to be repaired."""
     notes: tuple[str, ...] = ()
-    """What was passed over without harm: extra keys, numbers written as strings."""
+    """Irregularities that were tolerated: extra keys, numbers written as strings."""
     problems: tuple[Problem, ...] = ()
 
 
 def read_machine(
     source: object, blocks: Collection[int] | None = None, given: Machine | None = None
 ) -> Reading:
-    """Read a construction tree and judge its file validity (spec 1.5). Never raises.
+    """Read a construction tree and check its file validity. Never raises.
 
     Args:
-        source: any text whatever (spec 4.4), or JSON data.
-        blocks: allowed block types; the core types when None.
-        given: what the machine must begin with; any root alone when None.
+        source: any text, or JSON data.
+        blocks: allowed block types; the core types if None.
+        given: blocks that the machine must begin with; any root if None.
     """
     items, repaired, fault = find_items(source, FORM)
     if fault is not None:
@@ -71,18 +68,18 @@ def read_machine(
 
 
 def find_items(source: object, form: str) -> tuple[list[object], bool, Problem | None]:
-    """The items of a machine's list, whether it was repaired, and what is wrong if there is none.
+    """The items of a machine's list, whether the JSON was repaired, and any problem.
 
     Args:
-        source: any text whatever, or JSON data.
-        form: how a machine is written, in words.
+        source: any text, or JSON data.
+        form: description of the expected form, for messages.
     """
     repaired = False
     if isinstance(source, str):
         source, repaired = _machine_in(source)
         if source is None:
-            message = f"no JSON list found; write the whole machine as {form} inside one ```json"
-            return [], repaired, Problem("not_json", (), f"{message} fence")
+            message = f"no JSON list found; write the whole machine as {form} in one ```json fence"
+            return [], repaired, Problem("not_json", (), message)
     if not isinstance(source, list):
         message = f"the machine is {short_repr(source)}; write it as {form}"
         return [], repaired, Problem("not_a_list", (), message)
@@ -96,7 +93,7 @@ def find_items(source: object, form: str) -> tuple[list[object], bool, Problem |
 
 
 def _machine_in(text: str) -> tuple[object, bool]:
-    """The list in a text that looks like a machine, else any list; None if there is none."""
+    """The best list that looks like a machine, else the best list; None if there is none."""
     fallback: tuple[object, bool] = (None, False)
     for value, repaired in found_json(text, list):
         if value and all(isinstance(item, dict) and "type" in item for item in value):
@@ -107,7 +104,7 @@ def _machine_in(text: str) -> tuple[object, bool]:
 
 
 def _read_step(item: object, index: int, notes: list[str], problems: list[Problem]) -> Step | None:
-    """One item of the list as a step; None, with the problem noted, when it is none."""
+    """Read one item of the list; add a problem and return None if it is not a step."""
     if not isinstance(item, dict):
         message = f"item {index} of the list is {short_repr(item)}; expected an object with "
         problems.append(Problem("not_an_object", (index,), message + comma_list(_STANDARD)))
@@ -133,9 +130,9 @@ def _read_step(item: object, index: int, notes: list[str], problems: list[Proble
 def whole_number(
     key: str, value: object, index: int, notes: list[str], problems: list[Problem]
 ) -> int | None:
-    """The value as a whole number; None, with the problem noted, when it is none.
+    """Convert a value to a whole number; add a problem and return None if that is impossible.
 
-    `MISSING` stands for no value.
+    `MISSING` stands for a missing value.
     """
     if value is MISSING:
         problems.append(Problem("missing_field", (index,), f"block {index} has no {key!r}"))
@@ -155,12 +152,12 @@ def file_problems(
     blocks: Collection[int] | None = None,
     given: Machine | None = None,
 ) -> list[Problem]:
-    """Everything that keeps steps from being a file-valid machine (spec 1.5).
+    """Everything that makes steps file-invalid.
 
     Args:
-        steps: in list order; None where an item could not be read.
-        blocks: allowed block types; the core types when None.
-        given: what the machine must begin with; any root alone when None.
+        steps: in list order; None for unreadable items.
+        blocks: allowed block types; the core types if None.
+        given: blocks that the machine must begin with; any root if None.
     """
     if not steps:
         return [Problem("empty", (), f"the machine is an empty list; write it as {FORM}")]
@@ -182,13 +179,13 @@ def file_problems(
 
 
 def _root(step: Step | None) -> tuple[Step, ...]:
-    """The root that this step may be: a plate where it names one, else the Starting Block."""
+    """The root that this step must be: its plate if it is one, else the Starting Block."""
     is_plate = step is not None and plate_of(step.type) is not None
     return (replace(ROOT, type=step.type),) if step is not None and is_plate else (ROOT,)
 
 
 def _start_problems(steps: Sequence[Step | None], begin: tuple[Step, ...]) -> list[Problem]:
-    """Where the steps do not begin as they must."""
+    """Problems of the blocks that every machine must begin with."""
     if begin == (ROOT,):
         if steps[0] is None or steps[0] == ROOT:
             return []
@@ -205,8 +202,8 @@ def _start_problems(steps: Sequence[Step | None], begin: tuple[Step, ...]) -> li
 
 def _wrong_id(step: Step, index: int) -> Problem:
     message = (
-        f"item {index} of the list has id {short_repr(step.id)}; ids count 0, 1, 2, ... in list "
-        f"order, so it must be {index}"
+        f"item {index} of the list has id {short_repr(step.id)}; ids are 0, 1, 2, ... "
+        f"in list order, so it must be {index}"
     )
     return Problem("id_sequence", (index,), message)
 
@@ -214,14 +211,14 @@ def _wrong_id(step: Step, index: int) -> Problem:
 def _end_problems(
     index: int, parent: int, face_id: int, steps: Sequence[Step | None]
 ) -> list[Problem]:
-    """What is wrong with one attachment of a block that is not the root."""
+    """Problems of one attachment of a block other than the root."""
     if not 0 <= parent < len(steps):
         message = (
             f"parent {short_repr(parent)} does not exist; the blocks are 0 to {len(steps) - 1}"
         )
         return [Problem("parent_not_found", (index,), f"block {index}: {message}")]
     if parent >= index:
-        message = f"block {index}: parent {parent} is not earlier in the list than block {index}"
+        message = f"block {index}: parent {parent} does not come before block {index}"
         return [Problem("parent_not_earlier", (index,), message)]
     carrier = steps[parent]
     fault = face_problem(parent, carrier.type, face_id) if carrier is not None else None

@@ -1,4 +1,4 @@
-"""Owns opening XML that nobody vouches for: no document type, no entities, no deep nesting."""
+"""Parse untrusted XML: no document type, no entities, no deep nesting."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 MAX_DEPTH = 64
-"""Deepest nesting that is read; machine files need six levels."""
+"""Maximum nesting; machine files need six levels."""
 
 
 class UnsafeXmlError(ValueError):
-    """The text is no XML, or XML that is not opened; the message says which."""
+    """The text is not XML, or is XML that is refused for safety."""
 
 
 def parse_xml(text: str) -> Element:
     """The root element of an XML text.
 
     Raises:
-        UnsafeXmlError: It is not well-formed, declares a document type or entities, or is nested
-            too deeply.
+        UnsafeXmlError: The text is not well-formed, declares a document type or entities, or is
+            nested too deeply.
     """
     parser = expat.ParserCreate()
     builder = TreeBuilder()
@@ -29,7 +29,7 @@ def parse_xml(text: str) -> Element:
         nonlocal depth
         depth += 1
         if depth > MAX_DEPTH:
-            raise UnsafeXmlError(f"the XML is nested more than {MAX_DEPTH} deep")
+            raise UnsafeXmlError(f"the XML is nested more than {MAX_DEPTH} levels deep")
         builder.start(tag, attributes)
 
     def end(tag: str) -> None:
@@ -38,7 +38,7 @@ def parse_xml(text: str) -> Element:
         builder.end(tag)
 
     def refuse(*_: object) -> NoReturn:
-        raise UnsafeXmlError("the XML declares a document type; such files are not opened")
+        raise UnsafeXmlError("the XML declares a document type, which is not allowed")
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
@@ -48,8 +48,8 @@ def parse_xml(text: str) -> Element:
     try:
         parser.Parse(text, True)
     except expat.ExpatError as error:
-        raise UnsafeXmlError(f"this is no well-formed XML: {error}") from None
+        raise UnsafeXmlError(f"this is not well-formed XML: {error}") from None
     except UnicodeEncodeError:
-        raise UnsafeXmlError("this is no well-formed XML: it has lone surrogates") from None
+        raise UnsafeXmlError("this is not well-formed XML: it contains lone surrogates") from None
     root: Element = builder.close()
     return root
