@@ -45,7 +45,7 @@ def test_what_closes_a_frame_beside_a_hinge_locks_it() -> None:
     assert warning.blocks == (3, 7)
     assert warning.message == (
         "the moving joint of block 3 (Hinge) cannot move: the front of block 7 (Small Wooden "
-        "Block) connects to block 6 (Small Wooden Block) as well"
+        "Block) also connects to block 6 (Small Wooden Block)"
     )
 
 

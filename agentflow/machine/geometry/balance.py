@@ -1,7 +1,6 @@
-"""Owns weight and footing: mass, centre of mass, support polygon, whether a machine stands.
+"""Mass, centre of mass and support polygon of a machine at rest on flat ground.
 
-What it says holds at rest on flat ground; what happens in motion is the environment's. Exact:
-masses are whole multiples of 0.05 kg, coordinates of 0.025 m (centres).
+Exact: masses are whole multiples of 0.05 kg, centres of 0.025 m.
 """
 
 from __future__ import annotations
@@ -26,31 +25,31 @@ def mass(geometry: Geometry) -> float:
 
 
 def centre_of_mass(geometry: Geometry) -> tuple[float, float, float]:
-    """Mean of the blocks' centres by mass, machine frame, metres."""
+    """Mass-weighted mean of the blocks' centres, machine frame, metres."""
     (x, y, z), total = _weights(geometry)
     scale = HALF_UNITS * total
     return (x / scale, y / scale, z / scale)
 
 
 def moments(geometry: Geometry) -> tuple[tuple[int, int, int], int]:
-    """Centre of mass as exact fractions of metres: x, y, z numerators and their denominator."""
+    """Centre of mass in exact fractions of a metre: (x, y, z) numerators and their denominator."""
     sums, total = _weights(geometry)
     return sums, HALF_UNITS * total
 
 
 def support_polygon(geometry: Geometry) -> tuple[tuple[float, float], ...]:
-    """Corners (x, z) in metres of the convex hull of what touches the ground.
+    """Corners (x, z) in metres of the convex hull of all ground contacts.
 
-    The ground is where the machine's lowest corner is. Boxes stand on their bottom corners;
-    wheels and cogs with a level axis on the line below it, lying ones on their rim; a boulder on
-    one point. Counterclockwise seen with x to the right and z up; one or two corners where the
-    machine stands on a point or a line.
+    The ground is at the machine's lowest corner. Boxes touch it with their bottom corners, upright
+    wheels and cogs with the line below their axis, flat ones with their rim, boulders at one point.
+    Counterclockwise with x to the right and z up; one or two corners if the contacts are a point or
+    a line.
     """
     return tuple((x / HALF_UNITS, z / HALF_UNITS) for x, z in _hull(geometry))
 
 
 def stands(geometry: Geometry) -> bool:
-    """Whether the centre of mass lies over the support polygon, its edge included."""
+    """Whether the centre of mass is over the support polygon, including its edges."""
     (x, _, z), total = _weights(geometry)
     hull = _hull(geometry)
     corners = [(total * u, total * v) for u, v in hull]
@@ -64,12 +63,12 @@ def stands(geometry: Geometry) -> bool:
 
 
 def on_ground(geometry: Geometry, placed: Placed) -> bool:
-    """Whether a block's lowest corner is less than 0.05 m above the machine's lowest."""
+    """Whether a block's lowest corner is at the height of the machine's lowest corner."""
     return placed.shape is not None and placed.lo[1] == geometry.lo[1]
 
 
 def _weights(geometry: Geometry) -> tuple[tuple[int, int, int], int]:
-    """Sums of centre times mass along x, y, z in half units, and the mass; 0.05 kg each."""
+    """Sums of mass times centre along x, y, z in half units, and the mass; in units of 0.05 kg."""
     x = y = z = total = 0
     for placed in geometry.blocks:
         weight = round(library()[placed.type].mass * UNITS)
@@ -82,6 +81,7 @@ def _weights(geometry: Geometry) -> tuple[tuple[int, int, int], int]:
 
 
 def _footprint(placed: Placed) -> list[Point]:
+    """Points where a block on the ground touches it."""
     (x0, _, z0), (x1, _, z1) = placed.lo, placed.hi
     x, z = x0 + x1, z0 + z1
     block = library()[placed.type]
@@ -96,7 +96,7 @@ def _footprint(placed: Placed) -> list[Point]:
 
 
 def _hull(geometry: Geometry) -> list[Point]:
-    """Corners of the convex hull of all footprints on the ground, counterclockwise."""
+    """Corners of the convex hull of all footprints, counterclockwise (monotone chain)."""
     touching = [placed for placed in geometry.blocks if on_ground(geometry, placed)]
     points = sorted({point for placed in touching for point in _footprint(placed)})
     if len(points) < 3:

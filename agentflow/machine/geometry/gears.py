@@ -1,7 +1,4 @@
-"""Owns gear trains: which cogs mesh, how fast each turns, which hold each other fast.
-
-Exact for ideal teeth; forces are the physics'.
-"""
+"""Gear trains: which cogs mesh, how fast each turns, and which trains are locked."""
 
 from __future__ import annotations
 
@@ -14,14 +11,11 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.pose import Placed
 
 TOLERANCE = 1e-9
-"""Relative difference of speeds that counts as none."""
+"""Relative difference up to which speeds are equal."""
 
 
 class Meshing(NamedTuple):
-    """Two cogs whose teeth are in each other: speed of `a` about its Front = -ratio x that of `b`.
-
-    Ids ascend.
-    """
+    """Two meshing cogs: speed of `a` about its Front = -ratio x speed of `b`; `a` < `b`."""
 
     a: int
     b: int
@@ -30,19 +24,18 @@ class Meshing(NamedTuple):
 
 @dataclass(frozen=True)
 class GearTrain:
-    """Cogs that turn together, and what each does."""
+    """Cogs that turn together."""
 
     speeds: Mapping[int, float]
-    """Block id -> turns about its Front per turn of the train's lowest id; 0 if locked."""
+    """Block id -> turns about its Front per turn of the cog with the lowest id; 0 if locked."""
     locked: bool
-    """Whether a closed loop wants a cog to turn both ways, so that none can turn."""
+    """Whether a closed loop demands two speeds of one cog, so that no cog can turn."""
 
 
 def meshing_pairs(blocks: Sequence[Placed], tolerance: float) -> tuple[Meshing, ...]:
-    """Pairs of cogs in one plane whose pitch circles touch within `tolerance`, m.
+    """Pairs of coplanar cogs whose pitch circles touch to within `tolerance` metres.
 
-    Speeds are equal and opposite where the circles touch, so turns go as the radii; cogs that
-    face each other's way count their turns in opposite senses.
+    Ratios are those of the radii, negative for cogs that face opposite ways.
     """
     cogs = [
         (block, radius)
@@ -67,16 +60,16 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
 
 
 def gear_trains(cogs: Sequence[int], pairs: Sequence[Meshing]) -> tuple[GearTrain, ...]:
-    """The trains that these cogs (block ids, ascending) make, by their lowest id."""
+    """Group cogs (block ids, ascending) into trains, ordered by lowest id."""
     left, found = list(cogs), []
     while left:
-        speeds, locked, due = {left[0]: 1.0}, False, [left[0]]
-        while due:
-            here = due.pop()
-            for cog, speed in _driven(here, speeds[here], pairs):
+        speeds, locked, queue = {left[0]: 1.0}, False, [left[0]]
+        while queue:
+            current = queue.pop()
+            for cog, speed in _driven(current, speeds[current], pairs):
                 if cog not in speeds:
                     speeds[cog] = speed
-                    due.append(cog)
+                    queue.append(cog)
                 elif abs(speeds[cog] - speed) > TOLERANCE * abs(speed):
                     locked = True
         left = [cog for cog in left if cog not in speeds]
@@ -86,7 +79,7 @@ def gear_trains(cogs: Sequence[int], pairs: Sequence[Meshing]) -> tuple[GearTrai
 
 
 def _driven(cog: int, speed: float, pairs: Sequence[Meshing]) -> list[tuple[int, float]]:
-    """The cogs that mesh with one of this speed, with theirs."""
+    """The cogs that mesh with a cog, and their speeds if it turns at `speed`."""
     return [
         (pair.b, -speed / pair.ratio) if pair.a == cog else (pair.a, -pair.ratio * speed)
         for pair in pairs

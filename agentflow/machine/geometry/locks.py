@@ -1,7 +1,4 @@
-"""Owns the finding of joints that cannot move, as rigid connections bridge them (spec 2.2).
-
-A rollout tells the same as an event; here it takes neither engine nor physics.
-"""
+"""Find joints that cannot move because rigid connections bridge them, without simulating."""
 
 from __future__ import annotations
 
@@ -12,46 +9,42 @@ from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.problems import Problem, block_label
 
 Piece = tuple[int, int]
-"""Block and which end of it: 0 is what its parent holds, 1 the second end of a two-ended block."""
+"""Block and end: 0 is the end at its parent, 1 the second end of a two-ended block."""
 Bond = tuple[Piece, Piece]
 
 
 def locked_joints(geometry: Geometry) -> list[Problem]:
-    """One warning (`locked`) for each block whose joint cannot move.
-
-    Args:
-        geometry: Of a file-valid machine.
-    """
+    """One warning (`locked`) for each block of a file-valid machine whose joint cannot move."""
     groups = _Groups()
     joints = dict(_joints(geometry))
-    for bond in _tree(geometry):
+    for bond in _rigid_bonds(geometry):
         groups.join(bond)
     found = []
-    for bridge, holder in _bridges(geometry):
+    for bridge, holder in _extra_bonds(geometry):
         groups.join(bridge)
         for block, bond in tuple(joints.items()):
-            if groups.joined(bond):
+            if groups.connected(bond):
                 del joints[block]
                 found.append(_warning(geometry, block, holder, bridge[0][0]))
     return sorted(found, key=lambda problem: problem.blocks)
 
 
 def _joints(geometry: Geometry) -> Iterator[tuple[int, Bond]]:
-    """What each moving joint holds together: its parent and itself."""
+    """Each block with a moving joint, and the pieces that the joint connects."""
     for placed in geometry.blocks:
         if placed.step.parent >= 0 and library()[placed.type].joint.moves:
             yield placed.id, ((placed.step.parent, 0), (placed.id, 0))
 
 
-def _tree(geometry: Geometry) -> Iterator[Bond]:
-    """The rigid connections of blocks to their parents, first ends of two-ended blocks included."""
+def _rigid_bonds(geometry: Geometry) -> Iterator[Bond]:
+    """Rigid connections of blocks to their parents, including first ends of two-ended blocks."""
     for placed in geometry.blocks:
         if placed.step.parent >= 0 and library()[placed.type].joint.kind == "fixed":
             yield (placed.step.parent, 0), (placed.id, 0)
 
 
-def _bridges(geometry: Geometry) -> Iterator[tuple[Bond, int]]:
-    """What else holds pieces together, and the block that does; last in a bond."""
+def _extra_bonds(geometry: Geometry) -> Iterator[tuple[Bond, int]]:
+    """All other rigid connections, each with the block that makes it (last in the bond)."""
     for placed in geometry.blocks:
         if placed.two_ended:
             yield ((placed.step.parents[1], 0), (placed.id, 1)), placed.id
@@ -68,13 +61,13 @@ def _warning(geometry: Geometry, block: int, holder: int, partner: int) -> Probl
     if geometry[holder].two_ended:
         reason = f"{name(holder)} bridges it"
     else:
-        reason = f"the front of {name(holder)} connects to {name(partner)} as well"
+        reason = f"the front of {name(holder)} also connects to {name(partner)}"
     text = f"the moving joint of {name(block)} cannot move: {reason}"
     return Problem("locked", tuple(sorted({block, holder})), text)
 
 
 class _Groups:
-    """Disjoint sets of pieces that are rigidly connected."""
+    """Disjoint sets of rigidly connected pieces."""
 
     def __init__(self) -> None:
         self._up: dict[Piece, Piece] = {}
@@ -88,5 +81,5 @@ class _Groups:
         one, other = self._find(bond[0]), self._find(bond[1])
         self._up[max(one, other)] = min(one, other)
 
-    def joined(self, bond: Bond) -> bool:
+    def connected(self, bond: Bond) -> bool:
         return self._find(bond[0]) == self._find(bond[1])

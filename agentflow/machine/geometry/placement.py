@@ -1,6 +1,6 @@
-"""Owns where blocks are: poses, boxes, free faces and closed loops that follow from a tree.
+"""Place the blocks of a construction tree: poses, boxes, free faces and closed loops.
 
-Judging what it finds is validity.py's. Exact: all arithmetic is on integers, in units of 0.05 m.
+Exact: all arithmetic is on integers, in units of 0.05 m.
 """
 
 from __future__ import annotations
@@ -42,35 +42,35 @@ __all__ = [
 
 
 class AutoConnection(NamedTuple):
-    """A closed loop: the front face of a block that meets a face of a block it does not hang on."""
+    """A closed loop: the front of a block meets a face of a block that is not its parent."""
 
     block: int
     face_id: int
-    """Always 0, its front."""
+    """Always 0, the front."""
     partner: int
     partner_face: int
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Where everything is. Machine frame: left-handed, x right, y up, z forward, metres."""
+    """Placed blocks. Machine frame: left-handed, x right, y up, z forward, metres."""
 
     blocks: tuple[Placed, ...]
-    """By block id; ids have gaps only while an edit script is at work."""
+    """Sorted by id; ids may have gaps during edits and where blocks are missing."""
 
     def __getitem__(self, block_id: int) -> Placed:
         return self._by_id[block_id]
 
     def children(self, block_id: int) -> tuple[int, ...]:
-        """Ids of the standard blocks on the block's faces, ascending."""
+        """Ids of the standard blocks attached to a block, ascending."""
         return tuple(child for child, _ in self._children[block_id])
 
     def children_by_face(self, block_id: int) -> tuple[tuple[int, int], ...]:
-        """(face id, child id) of the standard blocks on the block's faces, by child id."""
+        """(face id, child id) of the standard blocks attached to a block, by child id."""
         return tuple((face, child) for child, face in self._children[block_id])
 
     def carried(self, block_id: int) -> tuple[int, ...]:
-        """Ids of the two-ended blocks with an end on the block, ascending."""
+        """Ids of the two-ended blocks attached to a block, ascending."""
         return tuple(
             placed.id
             for placed in self.blocks
@@ -78,7 +78,7 @@ class Geometry:
         )
 
     def free_faces(self, block_id: int) -> tuple[int, ...]:
-        """Ids of the faces that carry no standard block, ascending."""
+        """Ids of a block's faces without a standard block, ascending."""
         taken = {face for _, face in self._children[block_id]}
         faces = library()[self[block_id].type].open_faces
         return tuple(face for face in faces if face not in taken)
@@ -111,12 +111,12 @@ class Geometry:
 
     @cached_property
     def overlaps(self) -> tuple[tuple[int, int], ...]:
-        """Id pairs whose boxes intersect, lower id first, sorted; see `overlapping`."""
+        """Id pairs of blocks whose boxes intersect, lower id first, sorted; see `overlapping`."""
         return tuple(overlapping(self.blocks))
 
     @cached_property
     def auto_connections(self) -> tuple[AutoConnection, ...]:
-        """Closed loops (spec 1.2), sorted; two fronts that meet are one loop."""
+        """Closed loops, sorted; two fronts that meet form one loop."""
         meeting: dict[tuple[Units3, Units3], list[tuple[int, int]]] = {}
         for placed in self.blocks:
             for face in placed.shape.faces if placed.shape else ():
@@ -137,7 +137,7 @@ class Geometry:
         return tuple(sorted(found))
 
     def to_json(self) -> list[dict[str, object]]:
-        """All blocks as JSON data (spec 1.12, `blocks`)."""
+        """All blocks as JSON data."""
         return [placed.to_json() for placed in self.blocks]
 
     @cached_property
@@ -158,18 +158,18 @@ class Geometry:
 
 
 def _grips(block_type: int) -> bool:
-    """Whether the front of this type connects by itself: rigid and powered blocks do."""
+    """Whether the front of this type connects automatically: rigid and powered blocks do."""
     block = library()[block_type]
     return not block.non_stable or block.non_static
 
 
 def place(machine: Machine) -> Geometry:
-    """Work out where every block of a file-valid machine is (spec 1.2)."""
+    """Place every block of a file-valid machine."""
     return Geometry(tuple(place_steps(machine.steps).values()))
 
 
 def place_steps(steps: Iterable[Step]) -> dict[int, Placed]:
-    """Place steps by id; ids may have gaps, parents come before children and have the faces."""
+    """Place steps, keyed by id. Ids may have gaps; parents come first and have the faces used."""
     placed: dict[int, Placed] = {}
     for step in steps:
         placed[step.id] = place_step(step, placed)
@@ -177,7 +177,7 @@ def place_steps(steps: Iterable[Step]) -> dict[int, Placed]:
 
 
 def place_step(step: Step, placed: Mapping[int, Placed]) -> Placed:
-    """Place one step on blocks that are placed already."""
+    """Place one step on blocks that are already placed."""
     if step.parent_b is not None and step.face_id_b is not None:
         a = _face_at(placed[step.parent], step.face_id)
         b = _face_at(placed[step.parent_b], step.face_id_b)
@@ -204,7 +204,7 @@ def _face_at(parent: Placed, face_id: int) -> Units3:
 
 
 def bounds(blocks: Iterable[Placed]) -> tuple[Units3, Units3]:
-    """Lowest and highest corner of the union of all boxes, in units; two-ended blocks have none."""
+    """Lowest and highest corner of all boxes, in units; two-ended blocks have no box."""
     boxes = [(lo, hi) for _, _, lo, hi, turned, _ in blocks if turned is not None]
     x0, y0, z0 = (min(lo[axis] for lo, _ in boxes) for axis in range(3))
     x1, y1, z1 = (max(hi[axis] for _, hi in boxes) for axis in range(3))
@@ -212,10 +212,9 @@ def bounds(blocks: Iterable[Placed]) -> tuple[Units3, Units3]:
 
 
 def overlapping(blocks: Iterable[Placed]) -> list[tuple[int, int]]:
-    """Id pairs of standard blocks whose boxes intersect, lower id first, sorted (spec 1.5).
+    """Id pairs of standard blocks whose boxes intersect, lower id first, sorted.
 
-    Touching is legal, and so is a container with its direct child. Boxes differ by whole units,
-    so any intersection is far more than the 0.001 m that the rule allows.
+    Touching boxes do not count, nor does a container with its direct child.
     """
     containers = library().containers
     boxes = [
@@ -239,6 +238,6 @@ def overlapping(blocks: Iterable[Placed]) -> list[tuple[int, int]]:
 
 
 def overlap_of(a: Placed, b: Placed) -> Vec3:
-    """Extent of the intersection of two boxes along x, y, z; negative where they are apart."""
+    """Extent of the intersection of two boxes along x, y, z, metres; negative for gaps."""
     x, y, z = (min(a.hi[axis], b.hi[axis]) - max(a.lo[axis], b.lo[axis]) for axis in range(3))
     return to_metres((x, y, z))

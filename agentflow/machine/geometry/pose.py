@@ -1,6 +1,6 @@
-"""Owns one block in its place: the six orientations, turned block types, the placed block.
+"""Poses of single blocks: the six orientations, oriented block types, placed blocks.
 
-Walking the tree is geometry.py's. Exact: all arithmetic is on integers, in units of 0.05 m.
+Exact: all arithmetic is on integers, in units of 0.05 m.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from agentflow.machine.blocks.types import DIRECTIONS, Vec3
 from agentflow.machine.tree import Step
 
 UNITS = 20
-"""Units per metre: every legal coordinate is a multiple of 0.05 m."""
+"""Units per metre; every legal coordinate is a multiple of 0.05 m."""
 
 Units3 = tuple[int, int, int]
 Quat = tuple[float, float, float, float]
@@ -22,7 +22,7 @@ _S = 0.5**0.5
 
 
 class Facing(NamedTuple):
-    """One of the six orientations (spec 1.2): a block's own axes in the machine frame."""
+    """One of the six orientations: a block's own axes in the machine frame."""
 
     name: str
     """Machine axis that its front points along: "x+", "x-", "y+", "y-", "z+", "z-"."""
@@ -33,7 +33,7 @@ class Facing(NamedTuple):
     """(x, y, z, w)."""
 
     def turn(self, vector: Units3) -> Units3:
-        """A vector of the block's own frame in the machine frame."""
+        """Rotate a vector from the block's own frame to the machine frame."""
         x, y, z = vector
         right, up, front = self.right, self.up, self.front
         return (
@@ -59,7 +59,7 @@ _BY_FRONT = {facing.front: facing for facing in FACINGS.values()}
 
 
 class ShapeFace(NamedTuple):
-    """A face of a turned block, relative to its building point, in units."""
+    """A face of an oriented block, relative to its building point, in units."""
 
     id: int
     offset: Units3
@@ -77,7 +77,7 @@ class Shape(NamedTuple):
 
 @lru_cache(maxsize=512)
 def shape(block_type: int, facing: str) -> Shape:
-    """The turned block. Standard types only; the root is centred on its building point."""
+    """A standard block type in one orientation; the root is centred on its building point."""
     block = library()[block_type]
     assert block.size is not None
     turn = FACINGS[facing].turn
@@ -103,25 +103,25 @@ def shape(block_type: int, facing: str) -> Shape:
 def _exact(metres: float) -> int:
     units = round(metres * UNITS)
     if abs(metres * UNITS - units) > 1e-6:
-        raise ValueError(f"{metres} m is no multiple of {1 / UNITS} m")
+        raise ValueError(f"{metres} m is not a multiple of {1 / UNITS} m")
     return units
 
 
 def to_metres(units: Units3) -> Vec3:
-    """Units of 0.05 m as metres; exact, for a division rounds correctly."""
+    """Convert units of 0.05 m to metres."""
     return (units[0] / UNITS, units[1] / UNITS, units[2] / UNITS)
 
 
 class PlacedFace(NamedTuple):
-    """An attachable face in the machine frame."""
+    """A face in the machine frame."""
 
     face_id: int
     position: Vec3
     facing: str
-    """Outward normal; the facing of a block attached here."""
+    """Outward normal, and the facing of a block attached here."""
 
     def to_json(self) -> dict[str, object]:
-        """The face as JSON data (spec 1.12)."""
+        """The face as JSON data."""
         return {
             "face_id": self.face_id,
             "position": list(self.position),
@@ -130,10 +130,10 @@ class PlacedFace(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """One block in its place. Machine frame: left-handed, x right, y up, z forward, metres.
+    """A placed block. Machine frame: left-handed, x right, y up, z forward.
 
-    The fields are the exact integers; use the properties. A two-ended block has two ends and no
-    box: its "box" is the span of its ends, its facing z+, and it has no faces.
+    Fields are in units, properties in metres. A two-ended block has no faces; its box spans its
+    ends and its facing is z+.
     """
 
     step: Step
@@ -162,7 +162,7 @@ class Placed(NamedTuple):
 
     @property
     def two_ended(self) -> bool:
-        """Whether it hangs between two parents."""
+        """Whether it connects two parents."""
         return self.far is not None
 
     @property
@@ -172,7 +172,7 @@ class Placed(NamedTuple):
 
     @property
     def origin(self) -> Vec3:
-        """Building point: where it is attached; the first end of a two-ended block."""
+        """Building point, where it is attached; the first end of a two-ended block."""
         return to_metres(self.at)
 
     @property
@@ -219,7 +219,7 @@ class Placed(NamedTuple):
 
     @property
     def faces(self) -> tuple[PlacedFace, ...]:
-        """Its attachable faces, by face id; () for a two-ended block."""
+        """Its faces, by face id; () for a two-ended block."""
         if self.shape is None:
             return ()
         return tuple(
@@ -229,16 +229,16 @@ class Placed(NamedTuple):
 
     @property
     def end_a(self) -> Vec3 | None:
-        """First end of a two-ended block; None for others."""
+        """First end of a two-ended block; None for other blocks."""
         return to_metres(self.at) if self.far is not None else None
 
     @property
     def end_b(self) -> Vec3 | None:
-        """Second end of a two-ended block; None for others."""
+        """Second end of a two-ended block; None for other blocks."""
         return to_metres(self.far) if self.far is not None else None
 
     def to_json(self) -> dict[str, object]:
-        """The block as JSON data (spec 1.12, `blocks`)."""
+        """The block as JSON data."""
         data: dict[str, object] = {"id": self.id, "type": self.type}
         if self.far is not None:
             return data | {"end_a": list(to_metres(self.at)), "end_b": list(to_metres(self.far))}
@@ -258,4 +258,5 @@ def _floats(vector: Units3) -> Vec3:
 
 
 def add(a: Units3, b: Units3) -> Units3:
+    """Sum of two vectors."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
