@@ -1,9 +1,9 @@
-"""The procedural model's hierarchical result beside random-dsl, at equal rollouts.
+"""Compares the procedural model in the hierarchical workflow with random-dsl at equal rollouts.
 
     python benchmarks/baseline.py [--tasks throwing movement] [--seeds 5] [--set key=value]
 
-Per task and seed a hierarchical run (all defaults unless set otherwise), then random-dsl with as
-many rollouts as that run made. Prints one row per task: mean and best of both, and who is ahead.
+For each task and seed, runs the hierarchical workflow with default settings, then random-dsl with
+the same number of rollouts. Prints one row per task: mean and best of both, and which is ahead.
 """
 
 from __future__ import annotations

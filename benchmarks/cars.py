@@ -1,4 +1,4 @@
-"""Owns the 20-block car that the speed of physics is measured with (spec 2.5)."""
+"""The 20-block car used to measure the speed of physics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Owns random valid catapults: base, tower, rotating block, arm, container, boulder."""
+"""Random valid catapults: base, tower, rotating block, arm, container, boulder."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from agentflow.machine.validity import check
 BASE, TOWER, ARM = (1, 15, 35, 63), (1, 15, 63), (1, 15, 63)
 ROTOR = 22
 TRIES = 40
-"""Faces and types tried for a step before the machine is begun anew."""
+"""Attempts to add a block before starting a new machine."""
 
 
 def catapult(rng: Random) -> Machine:
-    """A valid machine of 8 to 18 blocks; where each block hangs is chance."""
+    """A valid machine of 8 to 18 blocks; with randomly chosen attachments."""
     while True:
         machine = _grown(rng)
         if machine is not None:

@@ -1,7 +1,4 @@
-"""Owns the search for reference machines: hill climbing by random legal edits, with restarts.
-
-Which machines are kept, and where, is references.py's.
-"""
+"""Hill climbing by random legal edits, with restarts; finds reference machines."""
 
 from __future__ import annotations
 
@@ -19,17 +16,17 @@ from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
 EDITS = (1, 1, 1, 2, 2, 3, 4)
-"""How many edits a neighbour is away; one of these, at random."""
+"""Number of edits between neighbours; one of these is chosen at random."""
 PATIENCE = 60
-"""Rollouts without a gain after which a climb is given up for a new one."""
+"""Rollouts without improvement before a restart."""
 
 Value = tuple[float, float]
-"""Score, and what decides between equal scores."""
+"""Score, then the tie-breaker."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """A machine and what it was worth."""
+    """A machine and its value."""
 
     machine: Machine
     value: Value
@@ -43,18 +40,18 @@ async def climb(
     aim: str | None = None,
     tell: Callable[[int, Found], None] = lambda _count, _found: None,
 ) -> Found:
-    """The best machine of so many rollouts.
+    """Return the best machine found with this many rollouts.
 
-    Each climb starts from `start`, or from a random machine, and goes on to a neighbour that is
-    worth at least as much; one that gains nothing for long is given up.
+    Each climb starts from `start`, or from a random machine, and moves to neighbours that are at
+    least as good. It restarts after `PATIENCE` rollouts without improvement.
 
     Args:
-        task: What to be good at.
-        rollouts: How many machines are tried.
-        rng: Where chance comes from.
+        task: The task to score on.
+        rollouts: Number of machines to simulate.
+        rng: Random generator.
         start: A valid machine.
-        aim: The term of the score that decides between equal scores.
-        tell: Called with the number of rollouts so far whenever a better machine was found.
+        aim: Score term that breaks ties.
+        tell: Called with the number of rollouts so far whenever a better machine is found.
     """
     best: Found | None = None
     here: Found | None = None
@@ -86,6 +83,6 @@ def _next(here: Found | None, start: Machine | None, brief: Brief, rng: Random) 
 
 
 def _value(rollout: Rollout, aim: str | None) -> Value:
-    """A rollout that the computer failed is worth nothing; so is a term that does not apply."""
+    """Failed rollouts and missing terms count as 0."""
     tie = rollout.terms.get(aim) if aim else None
     return rollout.score or 0.0, float(tie) if isinstance(tie, int | float) else 0.0

@@ -1,10 +1,10 @@
-"""Scores at several step rates: of the machines in tests/machines, and of the families' references
-at movement and throwing (spec 2.1).
+"""Scores at several step rates, for the machines in tests/machines and the references of movement
+and throwing.
 
     python benchmarks/convergence.py [--rates 60 120 240 480]
 
-The default rate is the cheapest whose scores are within 3 % of 480 Hz for machines that do not
-break at it. A score of 0 has no relative difference; the boulder's greatest reach stands in for it.
+The default rate is the lowest whose scores are within 3 % of 480 Hz for machines that do not break.
+Where the score is 0, the boulder's greatest reach is compared instead.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def _machines() -> dict[str, Machine]:
-    """By file: what lies in the folder itself, and what solves the plain level of a family."""
+    """The machines in the folder itself, and the references of level 1, by file name."""
     files = {path.name for path in FOLDER.glob("*.json")}
     for family in ("movement", "throwing"):
         files |= {each.machine for each in read(family).references if each.level == family}

@@ -1,4 +1,4 @@
-"""Where the time of a whole design run goes: rollouts in the workers, or our Python around them.
+"""Profiles a whole design run: rollouts in the workers, and the Python code around them.
 
     python benchmarks/design.py [--task throwing] [--seed 0]
 

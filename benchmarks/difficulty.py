@@ -1,4 +1,4 @@
-"""How hard levels are: reference machines on every level, and what 60 rollouts come to.
+"""Difficulty of the levels: reference machines on every level, and the best of 60 rollouts.
 
     python benchmarks/difficulty.py [family ...] [--cells FILE] [--out FILE] [--seed S]
 

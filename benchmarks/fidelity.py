@@ -1,9 +1,9 @@
-"""Prints what is published of the reference environment beside what this one does (spec 2.1).
+"""Compares the simulation with published measurements of the reference environment.
 
     python benchmarks/fidelity.py [--catapults 200] [--seed 0]
 
-The one throw that is published in full, the plain car, and how far random valid catapults throw.
-The last has no published counterpart: it says how much room for scores there is.
+Covers the one throw that is published in full, the plain car, and the distances of random valid
+catapults. The last has no published counterpart; it shows the range of scores.
 """
 
 from __future__ import annotations

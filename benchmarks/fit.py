@@ -1,10 +1,10 @@
-"""Fits physical constants to the published throw: a grid over some, others as they are.
+"""Fits physical constants to the published throw by grid search over some of them.
 
     python benchmarks/fit.py motor_torque.22=1800:3000:400 motor_speed.22=7:10:1
     python benchmarks/fit.py spring_force=200:1200:200
 
-Prints the misfit of every point, weighed over the machine with ballast and the one with springs
-too, the best ten first. Changing constants.json is a decision and stays with a person.
+Prints the misfit of the best ten points, averaged over the machine with ballast and the one with
+ballast and springs. It does not change constants.json; that is for a person to decide.
 """
 
 from __future__ import annotations

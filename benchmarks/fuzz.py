@@ -1,8 +1,8 @@
-"""Feeds mutated replies to every parser and reports what came of them.
+"""Feeds mutated replies to every parser and reports the outcomes.
 
     python benchmarks/fuzz.py [--count 100000] [--seed 1]
 
-Ends with status 1 when any outcome is not typed, or slower than 100 ms per 100,000 characters.
+Exits with status 1 if any outcome is untyped or takes more than 100 ms per 100,000 characters.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How much longer a run takes than the longest chain of calls and simulations that need each other.
+"""Compares the duration of a run with its critical path of dependent calls and simulations.
 
     python benchmarks/latency.py [--task throwing] [--seed 0] [--latency 1] [--workers 2]
 

@@ -1,4 +1,4 @@
-"""Times the machine language on 20-block machines: checks, edit steps, import, memory (spec 1.11).
+"""Times the machine language on 20-block machines: checks, edit steps, import, memory.
 
 Run: `python benchmarks/machine.py [--seconds S]`. One table on standard output: CPU time of one
 process, so that other work on the machine does not count; beside each figure what dominates it.

@@ -1,4 +1,4 @@
-"""Times a 20-block car against a bare step loop of the same bodies (spec 2.5), and the workers.
+"""Times a rollout of a 20-block car against a bare loop of the same steps, and the workers.
 
     python benchmarks/physics.py [--repeats N] [--flat ROLLOUTS]
 

@@ -1,4 +1,4 @@
-"""Measures how long the prompts are: every set, role and level-1 task, machines of ten blocks.
+"""Measures the length of prompts: every set, role and level-1 task, machines of ten blocks.
 
 Run: python benchmarks/prompts.py [SET ...]
 Counts with cl100k_base where the tiktoken package and its vocabulary are at hand
@@ -27,7 +27,7 @@ from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
 
 FIT = 3440
-"""Tokens that the compact set fits into (spec 4.3)."""
+"""Token limit of the compact set."""
 
 
 def counter() -> tuple[str, Callable[[str], int]]:

@@ -1,4 +1,4 @@
-"""Owns the published throw as the other benchmarks compare with it: machines, targets, misfit.
+"""The published throw: machines, measurements and misfit.
 
 The facts are in data/published_throw.json. Only the first moments can be compared: what follows the
 first impact and the first break is chaotic.

@@ -1,4 +1,4 @@
-"""Times pictures and films of rollouts, in processor time of one core (spec 2.5).
+"""Times pictures and films of rollouts, in CPU time of one core.
 
 Run: `python benchmarks/render.py`. One line per rollout; a second of film of 640x480 at 10 frames
 per second must take at most one second.

@@ -1,4 +1,4 @@
-"""How large reports are, how soon they can be used, how smoothly their films play.
+"""Measures reports: file size, time until interactive, frames per second.
 
 Usage: python benchmarks/report.py [--run RUN]   (without one, a run with 200 candidates is made)
 Chromium draws without a graphics card here; frames are counted in the page.

@@ -1,4 +1,4 @@
-"""Photographs the report of the recorded run for docs/report.md: light, dark, on a phone.
+"""Takes the screenshots for docs/report.md: light, dark, and on a phone.
 
 Usage: python benchmarks/report_pictures.py [docs/pictures]
 """

@@ -1,6 +1,6 @@
-"""Writes docs/results.md from sweeps that were carried out: tables, and each family's best machine.
+"""Writes docs/results.md from finished sweeps: tables, and the best machine of each family.
 
-`scripts/results` carries them out first.
+`scripts/results` runs the sweeps first.
 """
 
 from __future__ import annotations

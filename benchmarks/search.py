@@ -1,4 +1,4 @@
-"""The search strategies at equal expansions, on three synthetic domains without machines.
+"""Compares the search strategies at equal expansions on three synthetic domains.
 
     python benchmarks/search.py [--seeds 200] [--rounds 20] [--width 4]
 

@@ -1,4 +1,4 @@
-"""Owns the files that list reference machines and cheats: tests/machines/<family>.yaml.
+"""Reads and writes tests/machines/<family>.yaml, which list reference machines and cheats.
 
 What is found and simulated is references.py's and the tests'.
 """

@@ -1,4 +1,4 @@
-"""How long commands take to start: wall and CPU time of a fresh process, the least and the median.
+"""Start-up time of commands: minimum and median wall and CPU time of a fresh process.
 
 Required: `--help` under 300 ms, `check` under 400 ms. The least is what the machine can do; the
 median also tells what else it was doing.

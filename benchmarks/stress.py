@@ -1,8 +1,8 @@
-"""Runs random valid machines over all tasks and complains of every result that is not sound.
+"""Simulates random valid machines on all tasks and reports every unsound result.
 
     python benchmarks/stress.py [--machines 2000] [--workers 2] [--seed 0]
 
-Sound is a typed result all of whose numbers are finite (spec 2.5). Prints how results are spread,
+Sound is a typed result all of whose numbers are finite. Prints how results are spread,
 the slowest rollouts, the memory of the workers at the end, and every fault; exit status 1 if any.
 """
 

@@ -1,4 +1,4 @@
-"""Measures what a sweep adds to its runs: time per event, and a table over all of them.
+"""Measures the overhead of a sweep per event, and the time of a table over its runs.
 
 Machines are random, no model is asked, and every rollout is one that was simulated beforehand, so
 that what is left is bookkeeping: run directories, events, machines, the store, the log.

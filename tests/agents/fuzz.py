@@ -114,7 +114,7 @@ def _timed(role: Role[Any, Any], text: str, given: Any) -> tuple[Parsed[Any], fl
 
 
 def _limit(text: str) -> float:
-    """Seconds that reading may take: 100 ms, and as much per 100,000 characters (spec 4.4)."""
+    """Seconds that reading may take: 100 ms, and as much per 100,000 characters."""
     return 0.1 * max(1.0, len(text) / 100_000)
 
 

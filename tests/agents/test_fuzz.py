@@ -1,4 +1,4 @@
-"""Parsers survive everything (spec 4.4): typed outcomes, no exceptions, time linear in length."""
+"""Parsers survive everything: typed outcomes, no exceptions, time linear in length."""
 
 from __future__ import annotations
 

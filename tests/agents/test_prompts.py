@@ -337,7 +337,7 @@ def test_numbers_are_those_of_the_simulation() -> None:
 
 
 COMPACT, ANSWER = 3440, 1168
-"""Most tokens of system and user prompt together, and of a reply, in the compact set (spec 4.3)."""
+"""Most tokens of system and user prompt together, and of a reply, in the compact set."""
 
 
 FRAMES = (

@@ -132,7 +132,7 @@ BREAKING = {
 
 RATES = (60, 120, 240, 480)
 NEAR = 0.025
-"""s, spec 2.3."""
+"""s."""
 DRIFT = 0.03
 """Share of the time until then that late impacts may be apart, as the motion before them is."""
 
