@@ -19,7 +19,7 @@ from agentflow.agents.meta_designer import MetaDesigner, MetaDesignerInput
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
-from agentflow.env.query import answer
+from agentflow.env.query import answer_queries
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import Machine, read_machine
@@ -63,7 +63,7 @@ def questions(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
     rollout = simulate(machine, task)
     told = rollout.feedback.text
     wanted = {"duration": [0.0, 3.0], "properties": ["position", "rotation", "velocity"]}
-    states = answer(machine, rollout, [{"id": block, **wanted} for block in (0, 3, 9)]).text
+    states = answer_queries(machine, rollout, [{"id": block, **wanted} for block in (0, 3, 9)]).text
     history = History()
     for score in range(20):
         history = history.add(

@@ -1,7 +1,6 @@
-"""Owns the parts of feedback that all families share: facing, breakages, loads, stalls, series.
+"""Feedback shared by all families: orientation, breakages, loads, stalled motors, paths.
 
-Text and data hold the same; the text is regular enough to be read by a program. What only one
-family tells is added by its module.
+Text and data hold the same facts, and programs can parse the text.
 """
 
 from __future__ import annotations
@@ -21,17 +20,18 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 MAX_SAMPLES = 26
-"""Most samples of a series, whatever the window (spec 3.2)."""
+"""Most samples of a series."""
 MAX_LINES = 8
-"""Most breakages that the text tells one by one; the data holds all."""
+"""Most breakages that get their own line of text; the data holds all."""
 MAX_STALLS = 4
-"""The same of stalls."""
+"""Most stalled motors that get their own line of text."""
 STALL_SPEED = 0.5
-"""rad/s: a motor that turns slower against its carrier stands still. A twentieth of the speed of a
-wheel, above the jitter of a loaded joint."""
+"""Speed relative to its parent below which a motor counts as stalled, rad/s: a twentieth of a
+wheel's speed, above the jitter of a loaded joint."""
 STALL_TIME = 1.0
+"""Shortest stall to report, s."""
 EPSILON = 1e-9
-"""s: below what tells two samples apart."""
+"""Tolerance when comparing sample times, s."""
 AXES = ("x+", "x-", "y+", "y-", "z+", "z-")
 
 
@@ -45,34 +45,34 @@ class Series:
 
     @property
     def text(self) -> str:
-        """One line: what, how often, since when, and the points in brackets."""
+        """One line: label, interval, start and the points in brackets."""
         step = _interval(self.times)
         points = " ".join("(" + ", ".join(number(v) for v in row) + ")" for row in self.values)
         return f"{self.label} every {step:.3g} s from t = {self.times[0]:.3g} s (x, y, z): {points}"
 
 
 def _interval(times: Sequence[float] | Array) -> float:
-    """Seconds between samples; the usual ones where there is one sample only."""
+    """Time between samples, s; the default interval if there is only one sample."""
     return float(times[1] - times[0]) if len(times) > 1 else constants()["sample_interval"]
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Fixed decimals, without the sign of a rounded zero."""
+    """Format with fixed decimals; never "-0.00"."""
     return f"{round(float(value), digits) + 0.0:.{digits}f}"
 
 
 def block_name(machine: Machine, block: int) -> str:
-    """ "block 8 (Wooden Block)"."""
+    """Id and type of a block: "block 8 (Wooden Block)"."""
     return f"block {block} ({library()[machine[block].type].name})"
 
 
 def sample_indices(count: int, most: int = MAX_SAMPLES) -> range:
-    """Evenly spaced indices into `count` samples, at most `most`, the first included."""
+    """At most `most` evenly spaced indices into `count` samples, starting at 0."""
     return range(0, count, max(1, -(-(count - 1) // (most - 1))))
 
 
 def series(label: str, times: Array, values: Array) -> Series:
-    """Thin (T,) times and (T, K) values to a series."""
+    """Thin out (T,) times and (T, K) values to a series."""
     picks = sample_indices(len(times))
     rows = tuple(tuple(float(v) for v in values[i]) for i in picks)
     return Series(label, tuple(float(times[i]) for i in picks), rows)
@@ -83,10 +83,10 @@ def _axis(vector: Sequence[float]) -> str:
     return AXES[2 * index + (vector[index] < 0)]
 
 
-def orientation(trace: Trace) -> list[tuple[str, float, float]]:
-    """Runs of samples in which the root roughly faces one axis: (words, from, to) in seconds.
+def orientation_runs(trace: Trace) -> list[tuple[str, float, float]]:
+    """Periods in which the root roughly faces one axis: (text, start, end), in seconds.
 
-    The words are the axis that its Front faces, and where its top points unless that is up.
+    The text names the axis that its Front faces and, unless its top points up, that of its top.
     """
     turn = trace.rotation[:, 0]
     fronts, tops = rotate(turn, (0.0, 0.0, 1.0)), rotate(turn, (0.0, 1.0, 0.0))
@@ -116,14 +116,15 @@ def _orientation_text(runs: Sequence[tuple[str, float, float]], interval: float)
 
 
 def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[Event, ...]:
-    """Motors that stand still against their carrier for over a second, once they should turn.
+    """Find motors that stall for a second or more after they are switched on.
 
-    Read from the samples: |angular velocity of the motor - of its parent| below 0.5 rad/s.
+    A motor is stalled in a sample if its angular velocity differs from its parent's by less than
+    0.5 rad/s.
 
     Args:
-        machine: What moved.
-        trace: How.
-        start: When motors are switched on, s.
+        machine: The simulated machine.
+        trace: Its trace.
+        start: Time at which motors are switched on, s.
     """
     events = []
     for step in machine:
@@ -135,7 +136,7 @@ def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[Event,
         relative = trace.angular_velocity[:, step.id] - trace.angular_velocity[:, step.parent]
         still = np.linalg.norm(relative, axis=1) < STALL_SPEED
         still &= trace.alive[:, step.id]
-        still &= trace.times > start + EPSILON  # every motor stands as it is switched on
+        still &= trace.times > start + EPSILON  # every motor stands still when switched on
         for begin, end in _runs(still, trace.times):
             if end - begin >= STALL_TIME:
                 name = block_name(machine, step.id)
@@ -145,7 +146,7 @@ def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[Event,
 
 
 def _runs(flags: np.ndarray[Any, np.dtype[np.bool_]], times: Array) -> list[tuple[float, float]]:
-    """First and last time of every run of true flags."""
+    """First and last time of each run of true flags."""
     runs = []
     for value, group in groupby(range(len(flags)), key=lambda i: bool(flags[i])):
         if value:
@@ -155,11 +156,11 @@ def _runs(flags: np.ndarray[Any, np.dtype[np.bool_]], times: Array) -> list[tupl
 
 
 def most_loaded(trace: Trace) -> list[dict[str, Any]]:
-    """Per sample the connection with the greatest share of its strength: time, blocks, load."""
+    """The most loaded connection of each sample: time, blocks, load as a share of its strength."""
     if not trace.connections:
         return []
     picks = sample_indices(len(trace.times))
-    shares = np.nan_to_num(trace.utilisation[picks], nan=-1.0)  # of what is broken
+    shares = np.nan_to_num(trace.utilisation[picks], nan=-1.0)  # nan: broken connections
     return [
         {
             "time": float(trace.times[index]),
@@ -175,7 +176,7 @@ def most_loaded(trace: Trace) -> list[dict[str, Any]]:
 
 
 def _loads_text(loads: Sequence[Mapping[str, Any]]) -> str:
-    """Connections that were ever the most loaded, greatest peak first, five at most."""
+    """Connections that were ever the most loaded: the five with the highest peaks."""
     peaks: dict[tuple[int, int], Mapping[str, Any]] = {}
     counts: Counter[tuple[int, int]] = Counter()
     for load in loads:
@@ -225,15 +226,19 @@ def compose(
     data: Mapping[str, Any],
     paths: Sequence[Series],
 ) -> Feedback:
-    """The default feedback: score, the family's lines, what all families tell, paths.
+    """Compose a family's feedback: score, its own lines, the shared lines, then paths.
 
     Args:
-        unit: of the score, "" where it has none.
-        lines: the family's own lines, each "Key: ...".
-        data: the same as data, merged over the shared keys.
-        paths: series that end the text.
+        machine: The simulated machine.
+        trace: Its trace.
+        broken: Broken connections in order of time.
+        verdict: Score, terms and events.
+        unit: Unit of the score; "" for none.
+        lines: The family's own lines, each "Key: ...".
+        data: The family's own data; overrides shared keys.
+        paths: Series at the end of the text.
     """
-    runs, loads = orientation(trace), most_loaded(trace)
+    runs, loads = orientation_runs(trace), most_loaded(trace)
     interval = _interval(trace.times)
     stalls = [event for event in verdict.events if event.kind == "motor_stalled"]
     text = [

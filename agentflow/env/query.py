@@ -1,7 +1,4 @@
-"""Owns active queries: tables of what single blocks did, or the reason why there is none.
-
-Takes the raw items that a model wrote; what to ask is the querier's business.
-"""
+"""Answers to queries about single blocks of a rollout: tables, or the reason for having none."""
 
 from __future__ import annotations
 
@@ -23,13 +20,13 @@ PROPERTIES = {
     "velocity": "velocity (x, y, z) m/s",
     "length": "length m",
 }
-"""What can be asked for, and the column's heading. Position is the block's building point."""
+"""Properties and their column headings. Position is the block's building point."""
 EPSILON = 1e-6
 
 
 @dataclass(frozen=True)
 class Answers:
-    """The answers to one call's queries, in their order: the same as text and as data."""
+    """Answers to the queries of one call, in order, as text and as data."""
 
     text: str
     data: list[dict[str, Any]]
@@ -45,24 +42,26 @@ class _Query:
     properties: tuple[str, ...]
 
 
-class _Refused(Exception):
-    """Why a query has no answer."""
+class _InvalidQuery(Exception):
+    """Reason why a query cannot be answered."""
 
 
-def answer(machine: Machine, rollout: Rollout, queries: Sequence[object]) -> Answers:
-    """Answer queries on a rollout of this machine (spec 3.2).
+def answer_queries(machine: Machine, rollout: Rollout, queries: Sequence[object]) -> Answers:
+    """Answer queries about a rollout.
 
     Args:
-        queries: items like {"id": 3, "duration": [0, 1], "properties": ["position"]}; whatever
-            else a model wrote is answered with the reason why it cannot be.
+        machine: The simulated machine.
+        rollout: Its rollout.
+        queries: Items like {"id": 3, "duration": [0, 1], "properties": ["position"]}, as a model
+            wrote them; invalid items are answered with what is wrong.
     """
     texts, data = [], []
     for index, item in enumerate(queries):
         try:
             if index >= MAX_QUERIES:
-                raise _Refused(f"only the first {MAX_QUERIES} queries of a call are answered")
+                raise _InvalidQuery(f"only the first {MAX_QUERIES} queries of a call are answered")
             text, answered = _answer(machine, rollout, _read(machine, item))
-        except _Refused as refusal:
+        except _InvalidQuery as refusal:
             text = f"Query {index + 1}: no answer: {refusal}"
             answered = {"query": item, "problem": str(refusal)}
         texts.append(text)
@@ -72,17 +71,17 @@ def answer(machine: Machine, rollout: Rollout, queries: Sequence[object]) -> Ans
 
 def _read(machine: Machine, item: object) -> _Query:
     if not isinstance(item, Mapping):
-        raise _Refused('a query is an object with "id", "duration" and "properties"')
+        raise _InvalidQuery('a query is an object with "id", "duration" and "properties"')
     for key in ("id", "duration", "properties"):
         if key not in item:
-            raise _Refused(f'"{key}" is missing')
+            raise _InvalidQuery(f'"{key}" is missing')
     start, end = _read_duration(item["duration"])
     block = _read_block(machine, item["id"])
     return _Query(block, start, end, _read_properties(machine, block, item["properties"]))
 
 
 def _number(value: object) -> float | None:
-    """A finite number, also when it was written as a string."""
+    """Read a finite number, which may be written as a string."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
@@ -95,18 +94,18 @@ def _number(value: object) -> float | None:
 def _read_block(machine: Machine, value: object) -> int:
     block = _number(value)
     if block is None or block != int(block):
-        raise _Refused(f'"id" must be a block id, not {value!r}')
+        raise _InvalidQuery(f'"id" must be a block id, not {value!r}')
     if not 0 <= block < len(machine):
-        raise _Refused(f"there is no block {int(block)}; ids go from 0 to {len(machine) - 1}")
+        raise _InvalidQuery(f"there is no block {int(block)}; ids go from 0 to {len(machine) - 1}")
     return int(block)
 
 
 def _read_duration(value: object) -> tuple[float, float]:
     pair = [_number(part) for part in value] if isinstance(value, list | tuple) else []
     if len(pair) != 2 or pair[0] is None or pair[1] is None:
-        raise _Refused(f'"duration" must be [from, to] in seconds, not {value!r}')
+        raise _InvalidQuery(f'"duration" must be [from, to] in seconds, not {value!r}')
     if pair[0] > pair[1]:
-        raise _Refused(f"the interval {pair[0]:g} to {pair[1]:g} s is empty")
+        raise _InvalidQuery(f"the interval {pair[0]:g} to {pair[1]:g} s is empty")
     return pair[0], pair[1]
 
 
@@ -114,12 +113,12 @@ def _read_properties(machine: Machine, block: int, value: object) -> tuple[str, 
     names = [value] if isinstance(value, str) else value
     known = ", ".join(PROPERTIES)
     if not isinstance(names, list | tuple) or not names:
-        raise _Refused(f'"properties" must list some of {known}')
+        raise _InvalidQuery(f'"properties" must list some of {known}')
     for name in names:
         if not isinstance(name, str) or name not in PROPERTIES:
-            raise _Refused(f"unknown property {name!r}; known: {known}")
+            raise _InvalidQuery(f"unknown property {name!r}; known: {known}")
     if "length" in names and not machine[block].two_ended:
-        raise _Refused(
+        raise _InvalidQuery(
             f"{block_name(machine, block)} has no length; only two-ended blocks have one"
         )
     return tuple(dict.fromkeys(names))
@@ -128,16 +127,16 @@ def _read_properties(machine: Machine, block: int, value: object) -> tuple[str, 
 def _answer(machine: Machine, rollout: Rollout, query: _Query) -> tuple[str, dict[str, Any]]:
     trace = rollout.trace
     if trace is None:
-        raise _Refused(f"nothing was recorded, the rollout ended as {rollout.status}")
+        raise _InvalidQuery(f"nothing was recorded, the rollout ended as {rollout.status}")
     times = trace.times
     inside = (times >= query.start - EPSILON) & (times <= query.end + EPSILON) & _on_grid(times)
     if not inside.any():
         last = float(times[-1])
-        raise _Refused(
+        raise _InvalidQuery(
             f"no sample lies between {query.start:g} and {query.end:g} s; samples go from 0 to "
             f"{last:g} s, one every {constants()['sample_interval']:g} s"
         )
-    cut, sentence = _cut(machine, rollout, query)
+    cut, sentence = _find_breakage(machine, rollout, query)
     kept = np.flatnonzero(inside & (times < cut))
     columns = {name: _column(trace, query.block, name)[kept] for name in query.properties}
     title = f"{_title(machine, query.block)}, {query.start:g} to {query.end:g} s"
@@ -154,7 +153,7 @@ def _answer(machine: Machine, rollout: Rollout, query: _Query) -> tuple[str, dic
 
 
 def _on_grid(times: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Which samples lie on the 0.2 s grid; all of them when they are coarser."""
+    """Mask of the samples on the 0.2 s grid; all samples if they are coarser."""
     step = constants()["sample_interval"]
     if len(times) > 1 and times[1] - times[0] > step:
         return np.ones(len(times), dtype=bool)
@@ -163,8 +162,10 @@ def _on_grid(times: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
     return grid
 
 
-def _cut(machine: Machine, rollout: Rollout, query: _Query) -> tuple[float, tuple[str, ...]]:
-    """When the block's table ends because it broke off, and the sentence that says so."""
+def _find_breakage(
+    machine: Machine, rollout: Rollout, query: _Query
+) -> tuple[float, tuple[str, ...]]:
+    """Time at which the block broke off (infinite if it did not), and a sentence about it."""
     block = query.block
     parents = machine[block].parents
     times = [b.time for b in rollout.broken if b.block == block and b.partner in parents]
@@ -180,7 +181,7 @@ def _title(machine: Machine, block: int) -> str:
 
 
 def _column(trace: Trace, block: int, name: str) -> Array:
-    """(T, K) values of one property."""
+    """Values of one property of a block, (T, K)."""
     if name == "length":
         return trace.length[:, trace.linear.index(block)][:, None]
     column: Array = getattr(trace, name)[:, block]

@@ -12,7 +12,7 @@ from agentflow.env.feedback import (
     compose,
     most_loaded,
     number,
-    orientation,
+    orientation_runs,
     sample_indices,
     series,
     stalled_motors,
@@ -46,7 +46,7 @@ def test_orientation_names_the_front_and_a_top_that_is_not_up() -> None:
     rotation = np.tile((0.0, 0.0, 0.0, 1.0), (4, 1, 1))
     rotation[2] = (0.0, HALF, 0.0, HALF)  # facing x+
     rotation[3] = (-HALF, 0.0, 0.0, HALF)  # facing y+, its Up is z-
-    assert orientation(make_trace(1, 4, rotation=rotation)) == [
+    assert orientation_runs(make_trace(1, 4, rotation=rotation)) == [
         ("z+", 0.0, pytest.approx(0.2)),
         ("x+", pytest.approx(0.4), pytest.approx(0.4)),
         ("y+ with its top to z-", pytest.approx(0.6), pytest.approx(0.6)),

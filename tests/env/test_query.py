@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agentflow.env.query import answer
+from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Broken
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import make_rollout, make_trace
@@ -21,11 +21,11 @@ ROLLOUT = make_rollout(TRACE, (Broken(1, 1, 0, 0.42, 1.03),))
 
 
 def ask(**query: object) -> str:
-    return answer(MACHINE, ROLLOUT, [query]).text
+    return answer_queries(MACHINE, ROLLOUT, [query]).text
 
 
 def test_a_table_has_one_row_per_sample() -> None:
-    given = answer(
+    given = answer_queries(
         MACHINE,
         ROLLOUT,
         [{"id": 2, "duration": [0.1, 0.6], "properties": ["position", "rotation"]}],
@@ -43,7 +43,9 @@ def test_a_table_has_one_row_per_sample() -> None:
 
 
 def test_a_table_ends_where_the_block_broke_off() -> None:
-    given = answer(MACHINE, ROLLOUT, [{"id": "1", "duration": [0, "5"], "properties": "position"}])
+    given = answer_queries(
+        MACHINE, ROLLOUT, [{"id": "1", "duration": [0, "5"], "properties": "position"}]
+    )
     assert given.text.splitlines()[-2:] == [
         "0.4 | 0.20, 0.00, 0.00",
         "Block 1 (Wooden Block) broke off at 0.42 s; its table ends there.",
@@ -57,7 +59,9 @@ def test_a_break_after_the_interval_is_not_told() -> None:
 
 def test_a_broken_second_connection_does_not_cut() -> None:
     rollout = make_rollout(TRACE, (Broken(1, 1, 2, 0.42, 1.03),))
-    given = answer(MACHINE, rollout, [{"id": 1, "duration": [0, 5], "properties": ["velocity"]}])
+    given = answer_queries(
+        MACHINE, rollout, [{"id": 1, "duration": [0, 5], "properties": ["velocity"]}]
+    )
     assert len(given.data[0]["times"]) == 26
 
 
@@ -69,7 +73,7 @@ def test_two_ended_blocks_have_a_length() -> None:
 @pytest.mark.parametrize("interval", [1 / 120, 0.05, 0.2])
 def test_tables_stay_on_the_grid_of_a_fifth_of_a_second(interval: float) -> None:
     trace = make_trace(4, round(1 / interval) + 1, interval)
-    given = answer(
+    given = answer_queries(
         MACHINE, make_rollout(trace), [{"id": 0, "duration": [0, 1], "properties": ["position"]}]
     )
     assert given.data[0]["times"] == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
@@ -106,7 +110,7 @@ def test_an_invalid_query_gets_a_reason_and_the_others_their_answer(
     query: object, reason: str
 ) -> None:
     good = {"id": 0, "duration": [0, 0], "properties": ["position"]}
-    given = answer(MACHINE, ROLLOUT, [query, good])
+    given = answer_queries(MACHINE, ROLLOUT, [query, good])
     assert given.data[0] == {"query": query, "problem": reason}
     assert given.text.startswith(
         f"Query 1: no answer: {reason}\n\nBlock 0 (Starting Block), 0 to 0 s"
@@ -115,16 +119,16 @@ def test_an_invalid_query_gets_a_reason_and_the_others_their_answer(
 
 def test_only_twelve_queries_are_answered() -> None:
     queries = [{"id": 0, "duration": [0, 0], "properties": ["position"]}] * 14
-    problems = [item.get("problem") for item in answer(MACHINE, ROLLOUT, queries).data]
+    problems = [item.get("problem") for item in answer_queries(MACHINE, ROLLOUT, queries).data]
     assert problems[:12] == [None] * 12
     assert problems[12:] == ["only the first 12 queries of a call are answered"] * 2
 
 
 def test_without_a_record_there_is_nothing_to_tell() -> None:
     query = {"id": 0, "duration": [0, 0], "properties": ["position"]}
-    given = answer(MACHINE, make_rollout(None), [query])
+    given = answer_queries(MACHINE, make_rollout(None), [query])
     assert given.text == "Query 1: no answer: nothing was recorded, the rollout ended as invalid"
 
 
 def test_no_queries_no_text() -> None:
-    assert answer(MACHINE, ROLLOUT, []).text == ""
+    assert answer_queries(MACHINE, ROLLOUT, []).text == ""

@@ -13,7 +13,7 @@ import numpy as np
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.pool.spool import Rollouts
-from agentflow.env.query import answer
+from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Trace
 from agentflow.env.tasks.base import Task
 from agentflow.machine.tree import Machine
@@ -62,7 +62,7 @@ class PhysicsLaboratory:
 
     async def query(self, machine: Machine, queries: Sequence[object]) -> str:
         """Answer queries on a machine that has been evaluated."""
-        return answer(machine, self.rollouts[machine.digest], queries).text
+        return answer_queries(machine, self.rollouts[machine.digest], queries).text
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Draw a machine as built, once; beside the event loop, which goes on meanwhile."""

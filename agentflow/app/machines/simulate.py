@@ -12,7 +12,7 @@ from typing import Any
 from agentflow.app.machines.files import line_value
 from agentflow.env.archive import rollout_json, save_npz
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.env.query import answer
+from agentflow.env.query import answer_queries
 from agentflow.env.simulation.refusals import invalid
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
@@ -45,7 +45,7 @@ def simulate_text(
     rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate)
     result = rollout_json(rollout)
     if asked:
-        result["answers"] = answer(report.machine, rollout, asked).data
+        result["answers"] = answer_queries(report.machine, rollout, asked).data
     if save is not None and rollout.trace is not None:
         try:
             with write_atomically(save) as part:

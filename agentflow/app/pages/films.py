@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from agentflow.env.drawing.figures import Figures
-from agentflow.env.drawing.film import hero_of, interval_of
+from agentflow.env.drawing.film import frame_interval, tracked_block
+from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.physics.model import Color
 from agentflow.env.rollout import Broken, Event, Rollout, Trace
 from agentflow.env.scene import IDENTITY, Scene, Thing
@@ -72,7 +72,7 @@ def exhibit(
         given: What its task gave it to begin with, which is told apart by colours.
         played: All its trials in order, where each has a film of its own.
     """
-    figures, marked = Figures(machine), _marked(given)
+    figures, marked = MachineSolids(machine), _marked(given)
     solids = [
         [
             shapes.number(replace(solid, color=marked.get(block, ("", solid.color))[1]))
@@ -83,7 +83,7 @@ def exhibit(
     return {
         "solids": solids,
         "rods": [_rod(step.id, machine, figures) for step in machine if step.two_ended],
-        "hero": hero_of(machine),
+        "hero": tracked_block(machine),
         "given": [[name, list(color[:3])] for name, color in dict(marked.values()).items()],
         "feedback": rollout.feedback.text if rollout is not None else "",
         "remark": remark,
@@ -93,7 +93,7 @@ def exhibit(
 
 
 def _filmed(
-    machine: Machine, figures: Figures, rollout: Rollout | None, every: int = 1
+    machine: Machine, figures: MachineSolids, rollout: Rollout | None, every: int = 1
 ) -> dict[str, Any]:
     """What one rollout shows: what stood around, what moved how, what happened."""
     trace = rollout.trace if rollout is not None else None
@@ -115,7 +115,7 @@ def _filmed(
 
 
 def _trials(
-    machine: Machine, figures: Figures, whole: Rollout | None, played: Sequence[Rollout]
+    machine: Machine, figures: MachineSolids, whole: Rollout | None, played: Sequence[Rollout]
 ) -> list[dict[str, Any]]:
     """Every trial for the page to choose from; the one that the whole shows has no second film.
 
@@ -158,13 +158,13 @@ def _wind(scene: Scene) -> str:
 
 def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]]:
     """Bodies that leave a trace: the root, the boulder, what moves in the scene."""
-    hero = hero_of(machine)
+    hero = tracked_block(machine)
     boulder = {"boulder": hero} if hero else {}
     named = {"root block": 0, **boulder, **columns}
     return [{"body": body, "name": name} for name, body in named.items()][:MOST_TRACES]
 
 
-def _motion(figures: Figures, trace: Trace | None, machine: Machine, every: int) -> Motion:
+def _motion(figures: MachineSolids, trace: Trace | None, machine: Machine, every: int) -> Motion:
     """Blocks, then moving things, in one of so many samples.
 
     Two-ended blocks stretch between others and are left at rest.
@@ -180,7 +180,7 @@ def _motion(figures: Figures, trace: Trace | None, machine: Machine, every: int)
             rotation[:, step.id] = IDENTITY
     load = trace.utilisation
     return Motion(
-        every * interval_of(trace), *(part[::every] for part in (position, rotation, load))
+        every * frame_interval(trace), *(part[::every] for part in (position, rotation, load))
     )
 
 
@@ -198,7 +198,7 @@ def _local(thing: Thing, columns: dict[str, int]) -> Thing:
     return Thing(thing.name, thing.shape, thing.size, NO_PLACE, color=thing.color)
 
 
-def _rod(block: int, machine: Machine, figures: Figures) -> dict[str, Any]:
+def _rod(block: int, machine: Machine, figures: MachineSolids) -> dict[str, Any]:
     ends = zip(machine[block].parents, figures.ends[block], strict=True)
     return {
         "block": block,

@@ -9,8 +9,8 @@ from typing import Any
 from PIL import Image
 
 from agentflow.app.tasks import find_task, task_json, task_list
-from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, sheets
-from agentflow.env.drawing.plans import plans
+from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, place_plans
+from agentflow.env.drawing.plans import level_plans
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.files import write_atomically
@@ -32,8 +32,8 @@ def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
     if file.suffix.lower() != ".png":
         raise UsageError(f"a picture is a .png file, not {file.name!r}")
     task = find_task(name, settings)
-    views = plans(task)
-    pen = PngPen(sheets(views)[1])
+    views = level_plans(task)
+    pen = PngPen(place_plans(views)[1])
     draw_plans(views, task.scene().wind, pen)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -80,6 +80,6 @@ def _level(number: int, name: str) -> dict[str, Any]:
 
 
 def _svg(number: int, task: Task) -> str:
-    views, pen = plans(task), SvgPen(f"clip-{number}")
+    views, pen = level_plans(task), SvgPen(f"clip-{number}")
     draw_plans(views, task.scene().wind, pen)
-    return pen.done(sheets(views)[1], f"{task.name} from above and from the right")
+    return pen.to_svg(place_plans(views)[1], f"{task.name} from above and from the right")

@@ -1,7 +1,4 @@
-"""Owns the ground of a picture: lines that show distance, shadows that show height.
-
-Both are flat outlines on a plane, painted before the solids.
-"""
+"""The ground of a picture: distance lines, their labels, and shadows of the solids."""
 
 from __future__ import annotations
 
@@ -22,20 +19,20 @@ LINE = (190, 197, 184)
 INK = (118, 126, 114)
 DARK = (30, 36, 30)
 SHADE = 90
-"""How much of the dark a shadow has, of 255."""
+"""Opacity of a shadow, of 255."""
 LINES = 25
 """Lines on either side of z = 0."""
 SIDE_REACH, PIECES = 60.0, 49
-"""How far a line goes in x, m, and of how many points it is made."""
+"""Half length of a line along x (m), and its number of points."""
 LABEL_X = 3.5
-"""Where along a line its label stands, m."""
+"""x of the labels, m."""
 _TURNS = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
 CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
-"""Points of a circle of diameter 1."""
+"""(24, 2) points of a circle of diameter 1."""
 
 
 def backdrop(camera: Camera, solids: Sequence[Thing], spacing: float) -> Image.Image:
-    """The ground as the camera sees it (RGBA), with lines every `spacing` metres along z."""
+    """Draw the ground (RGBA) with lines every `spacing` metres along z."""
     size = (camera.width, camera.height)
     picture = Image.new("RGBA", size, LAND)
     pen = ImageDraw.Draw(picture)
@@ -56,7 +53,7 @@ def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float) -> None:
     xs = np.linspace(-SIDE_REACH, SIDE_REACH, PIECES)
     points = np.stack([np.tile(xs, len(zs)), np.zeros(len(zs) * PIECES), np.repeat(zs, PIECES)], 1)
     for line in project(points, camera).reshape(len(zs), PIECES, 2):
-        seen = line[_near(line, camera)]
+        seen = line[_in_range(line, camera)]
         if len(seen) > 1:
             pen.line(seen.ravel().tolist(), fill=LINE, width=width)
     if spacing > 1.0:
@@ -64,10 +61,10 @@ def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float) -> None:
 
 
 def _distances(pen: ImageDraw.ImageDraw, camera: Camera, zs: Array) -> None:
-    """Say how far each line is, the rounder numbers first, wherever there is room."""
+    """Label the lines with their z where there is room, round numbers first."""
     font = ImageFont.load_default(size=max(10, camera.height // 32))
     places = project(np.stack([np.full(len(zs), LABEL_X), np.zeros(len(zs)), zs], axis=1), camera)
-    near = _near(places, camera)
+    near = _in_range(places, camera)
     taken: list[tuple[float, float, float, float]] = []
     for z, place in sorted(
         zip(zs[near].tolist(), places[near].tolist(), strict=True),
@@ -84,25 +81,25 @@ def _distances(pen: ImageDraw.ImageDraw, camera: Camera, zs: Array) -> None:
             pen.text(place, words, fill=INK, font=font, anchor="lb")
 
 
-def _near(places: Array, camera: Camera) -> NDArray[np.bool_]:
-    """Which pixels (..., 2) are before the camera and not absurdly far outside the picture."""
+def _in_range(places: Array, camera: Camera) -> NDArray[np.bool_]:
+    """Mask of the pixels (..., 2) in front of the camera and not far outside the picture."""
     with np.errstate(invalid="ignore"):
         near: NDArray[np.bool_] = np.abs(places).max(axis=-1) < 8 * camera.width
     return near
 
 
 def _shadows(camera: Camera, solids: Sequence[Thing]) -> Iterator[list[tuple[float, float]]]:
-    """The shadow of each solid in the picture; all solids are convex."""
+    """Outline of each solid's shadow in the picture; all solids are convex."""
     sun = np.asarray(SUN)
     for thing in solids:
         points = silhouette(thing)
         places = project(points - sun * (points[:, 1:2] / sun[1]), camera)
-        if _near(places, camera).all():
-            yield hull(places)
+        if _in_range(places, camera).all():
+            yield convex_hull(places)
 
 
 def silhouette(thing: Thing) -> Array:
-    """Points of a solid between which its shadow lies."""
+    """(K, 3) points of a solid whose projections span its shadow."""
     if thing.shape == "sphere":
         across, upwards, _ = axes_of(np.asarray(SUN))
         points: Array = CIRCLE[:, :1] * across + CIRCLE[:, 1:] * upwards
@@ -114,8 +111,8 @@ def silhouette(thing: Thing) -> Array:
     return rims * thing.size @ frame_of(thing.rotation) + thing.position
 
 
-def hull(places: Array) -> list[tuple[float, float]]:
-    """The outline around points of the plane, by Andrew's monotone chain."""
+def convex_hull(places: Array) -> list[tuple[float, float]]:
+    """Convex hull of (K, 2) points, by Andrew's monotone chain."""
     points = sorted((float(x), float(y)) for x, y in places)
     outline: list[tuple[float, float]] = []
     for way in (points, points[::-1]):

@@ -1,7 +1,4 @@
-"""Owns cameras: where to stand so that everything is in the picture, and where a point appears.
-
-Game frame: left-handed, y up. What is in the picture is render.py's and film.py's.
-"""
+"""Cameras that fit points into a picture, and projection. Game frame: left-handed, y up."""
 
 from __future__ import annotations
 
@@ -17,10 +14,10 @@ from agentflow.env.scene import Vec3
 Size = tuple[int, int]
 """Width and height in pixels."""
 THREE_QUARTER = (0.72, 0.42, -0.62)
-"""From the middle of a machine towards the eye: right, above and behind, so that z+ (where
-things fly and drive) leads into the picture and to the right."""
+"""Direction from a machine to the eye: right, above and behind, so that z+ leads into the picture
+and to the right."""
 SIDE = (0.9, 0.3, -0.35)
-"""From further right: distance along z+ shows as width."""
+"""Direction from farther right, so that distance along z+ shows as width."""
 VIEWS: dict[str, Vec3] = {
     "front": (0.0, 0.0, 1.0),
     "back": (0.0, 0.0, -1.0),
@@ -29,12 +26,12 @@ VIEWS: dict[str, Vec3] = {
     "top": (0.0, 1.0, -1e-6),
     "three-quarter": THREE_QUARTER,
 }
-"""From the middle of a machine towards the eye; the top view has z+ at its upper edge."""
+"""Directions from a machine to the eye; the top view has z+ at its upper edge."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A view of the world, game frame."""
+    """A pinhole camera, game frame."""
 
     eye: Vec3
     target: Vec3
@@ -45,30 +42,29 @@ class Camera:
 
     @cached_property
     def axes(self) -> tuple[Array, Array, Array]:
-        """Unit vectors to the right, to the top and towards the eye."""
+        """Unit vectors to the right, up and towards the eye."""
         return axes_of(np.subtract(self.eye, self.target))
 
     @property
     def focal_length(self) -> float:
-        """How many pixels one metre takes that is one metre ahead."""
+        """Focal length in pixels."""
         return self.height / 2 / tan(radians(self.field_of_view) / 2)
 
 
 @dataclass(frozen=True)
 class View:
-    """A direction to look from, a picture size, and how much of it to fill."""
+    """A viewing direction, a picture size, and how much of the picture to fill."""
 
     back: tuple[float, float, float] = THREE_QUARTER
     size: Size = (800, 600)
     field_of_view: float = 30.0
     """Vertical, degrees."""
     fill: float = 0.82
-    """Share of the picture's width or height that the points may take."""
+    """Share of the picture's width or height that the points may fill."""
 
 
 def axes_of(back: Array) -> tuple[Array, Array, Array]:
-    """Unit vectors to the right, to the top and towards the eye, of a camera that looks along
-    -back."""
+    """Unit vectors to the right, up and towards the eye of a camera that looks along -back."""
     towards = back / np.linalg.norm(back)
     right = np.cross((0.0, 1.0, 0.0), -towards)
     right /= np.linalg.norm(right)
@@ -76,11 +72,12 @@ def axes_of(back: Array) -> tuple[Array, Array, Array]:
 
 
 def fit(points: Array, view: View, nearest: float = 6.0) -> tuple[Array, float]:
-    """Target and distance from which all points are in the picture, as close as that allows.
+    """Target (3,) and smallest distance at which all points are in the picture, m.
 
     Args:
         points: (K, 3), m.
-        nearest: least distance, m.
+        view: Direction and picture.
+        nearest: Minimum distance, m.
     """
     right, up, towards = axes_of(np.asarray(view.back, dtype=np.float64))
     across = np.stack([points @ right, points @ up, points @ towards], axis=1)
@@ -95,7 +92,7 @@ def fit(points: Array, view: View, nearest: float = 6.0) -> tuple[Array, float]:
 
 
 def camera_at(target: Array, distance: float, view: View) -> Camera:
-    """The camera of a view, at this distance from its target."""
+    """The camera of a view at a distance from its target."""
     _, _, towards = axes_of(np.asarray(view.back, dtype=np.float64))
     eye = target + distance * towards
     return Camera(
@@ -108,7 +105,7 @@ def camera_at(target: Array, distance: float, view: View) -> Camera:
 
 
 def project(points: Array, camera: Camera) -> Array:
-    """(K, 2) pixels of (K, 3) points; nan behind the camera."""
+    """Project (K, 3) points to (K, 2) pixels; nan behind the camera."""
     right, up, towards = camera.axes
     seen = points - np.asarray(camera.eye)
     depth = -(seen @ towards)

@@ -1,7 +1,4 @@
-"""Owns films of rollouts: broken blocks red, the path of what is scored dotted; GIF or MP4.
-
-Every frame is posed from the trace, so nothing is simulated here.
-"""
+"""Films of rollouts as GIF or MP4: broken blocks in red, the path of the boulder or root dotted."""
 
 from __future__ import annotations
 
@@ -13,9 +10,9 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from agentflow.env.drawing.cameras import SIDE, Camera, Size, View, camera_at, fit, project
-from agentflow.env.drawing.figures import Figures, Pose
 from agentflow.env.drawing.mp4 import save_mp4
-from agentflow.env.drawing.stills import caption, shoot
+from agentflow.env.drawing.solids import MachineSolids, Pose
+from agentflow.env.drawing.stills import caption, render_image
 from agentflow.env.rollout import Array, Rollout, Trace
 from agentflow.env.scene import IDENTITY, Scene, Thing
 from agentflow.env.tasks.base import Task
@@ -23,10 +20,11 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 GRID = 5.0
-"""Metres between the lines on the ground."""
+"""Distance between the lines on the ground, m."""
 SMOOTHING = 0.8
-"""Seconds over which the camera's path is averaged."""
-TALL, TALLER = 2.0, 1000.0
+"""Time over which the camera's path is averaged, s."""
+TALL, ENDLESS = 2.0, 1000.0
+"""Height above which things can hide the machine, and the height they are then taken to have, m."""
 TRAIL = (200, 40, 30)
 COLORS = 96
 
@@ -34,35 +32,35 @@ COLORS = 96
 def save_film(
     machine: Machine, task: Task, rollout: Rollout, path: Path, *, size: Size = (640, 480)
 ) -> None:
-    """Film a rollout, one frame per sample of its trace; the path's ending says how it is kept.
+    """Film a rollout, one frame per sample of its trace.
 
     Args:
-        machine: What was simulated.
-        task: At what.
-        rollout: With a trace, whose samples are equally far apart.
-        path: `.gif` or `.mp4`.
+        machine: The simulated machine.
+        task: Its task.
+        rollout: A rollout with an evenly sampled trace.
+        path: File to write, `.gif` or `.mp4`.
         size: Width and height in pixels.
     """
     assert rollout.trace is not None
     frames = _frames(machine, task, rollout, rollout.trace, size)
     if path.suffix == ".mp4":
-        save_mp4(list(frames), path, interval_of(rollout.trace))
+        save_mp4(list(frames), path, frame_interval(rollout.trace))
     else:
-        _save_gif(list(frames), path, interval_of(rollout.trace))
+        _save_gif(list(frames), path, frame_interval(rollout.trace))
 
 
-def hero_of(machine: Machine) -> int:
-    """The block whose path is marked: the boulder, or else the root."""
+def tracked_block(machine: Machine) -> int:
+    """The block whose path is drawn: the boulder, or else the root."""
     return next((step.id for step in machine if library()[step.type].joint.kind == "loose"), 0)
 
 
-def interval_of(trace: Trace) -> float:
-    """Seconds from one sample to the next."""
+def frame_interval(trace: Trace) -> float:
+    """Time between two samples, s."""
     return float(trace.times[1] - trace.times[0]) if len(trace.times) > 1 else 1.0
 
 
-def broken_at(rollout: Rollout, time: float) -> set[int]:
-    """Blocks whose connection has given way by then."""
+def broken_blocks(rollout: Rollout, time: float) -> set[int]:
+    """Blocks whose connection has broken by a time, s."""
     return {item.block for item in rollout.broken if item.time <= time}
 
 
@@ -71,15 +69,15 @@ def _frames(
 ) -> Iterator[Image.Image]:
     """One picture per sample of the trace."""
     assert rollout.scene is not None
-    hero, figures = hero_of(machine), Figures(machine)
-    for index, camera in enumerate(_cameras(trace, hero, View(back=SIDE, size=size))):
+    tracked, machine_solids = tracked_block(machine), MachineSolids(machine)
+    for index, camera in enumerate(_cameras(trace, tracked, View(back=SIDE, size=size))):
         time = float(trace.times[index])
         alive = set(np.flatnonzero(trace.alive[index]).tolist())
         pose = Pose(trace.centre[index], trace.rotation[index], alive)
-        solids = figures.things(pose, broken_at(rollout, time))
-        others = _unhidden(_things_at(rollout.scene, trace, index), camera)
-        picture = shoot(camera, solids, others, GRID)
-        _mark(picture, camera, trace.centre[:index, hero])
+        solids = machine_solids.things(pose, broken_blocks(rollout, time))
+        others = _remove_occluders(_things_at(rollout.scene, trace, index), camera)
+        picture = render_image(camera, solids, others, GRID)
+        _draw_trail(picture, camera, trace.centre[:index, tracked])
         caption(picture, f"{task.name}   {time:4.1f} s   score {rollout.score or 0.0:.1f}")
         yield picture
 
@@ -98,7 +96,7 @@ def _save_gif(frames: Sequence[Image.Image], path: Path, interval: float) -> Non
 
 
 def _things_at(scene: Scene, trace: Trace, index: int) -> list[Thing]:
-    """The scene's things where they are in one sample."""
+    """The scene's objects where they are in one sample."""
     moved = []
     for thing in scene.things:
         if thing.name in trace.things:
@@ -110,14 +108,14 @@ def _things_at(scene: Scene, trace: Trace, index: int) -> list[Thing]:
     return moved
 
 
-def _unhidden(things: Sequence[Thing], camera: Camera) -> list[Thing]:
-    """The things, without tall ones between the eye and what it looks at (or the ground below)."""
+def _remove_occluders(things: Sequence[Thing], camera: Camera) -> list[Thing]:
+    """Leave out tall objects between the eye and its target (or the ground below it)."""
     eye = np.asarray(camera.eye)
     way = np.array([camera.target[0], 0.0, camera.target[2]]) - eye
     kept = []
     for thing in things:
         middle, half = np.asarray(thing.position), np.asarray(thing.size) / 2
-        half[1] = TALLER  # also where the eye looks over them: they hide what is near them
+        half[1] = ENDLESS  # even if the eye looks over them: they hide what is close behind them
         bounds = np.sort(np.stack([middle - half - eye, middle + half - eye]) / way, axis=0)
         enters, leaves = float(bounds[0].max()), float(bounds[1].min())
         low = thing.size[1] <= TALL or thing.rotation != IDENTITY
@@ -126,20 +124,20 @@ def _unhidden(things: Sequence[Thing], camera: Camera) -> list[Thing]:
     return kept
 
 
-def _cameras(trace: Trace, hero: int, view: View) -> list[Camera]:
-    """One camera per sample that keeps the root's surroundings and the hero in the picture."""
+def _cameras(trace: Trace, tracked: int, view: View) -> list[Camera]:
+    """One camera per sample that keeps blocks near the root and the tracked block in view."""
     margin = np.array([[x, y, z] for x in (-3, 3) for y in (-1, 2) for z in (-3, 3)], dtype=float)
     poses = []
     for centre in trace.centre:
         near = np.linalg.norm(centre - centre[0], axis=1) < 12.0
-        points = np.concatenate([centre[near], centre[[hero]]])
+        points = np.concatenate([centre[near], centre[[tracked]]])
         poses.append(fit((points[:, None] + margin).reshape(-1, 3), view))
     path = np.array([[*target, distance] for target, distance in poses])
-    smooth = _averaged(path, max(1, round(SMOOTHING / interval_of(trace))))
+    smooth = _moving_average(path, max(1, round(SMOOTHING / frame_interval(trace))))
     return [camera_at(row[:3], float(row[3]), view) for row in smooth]
 
 
-def _averaged(path: Array, width: int) -> Array:
+def _moving_average(path: Array, width: int) -> Array:
     """Moving average over `width` rows on either side."""
     padded = np.pad(path, ((width, width), (0, 0)), mode="edge")
     kernel = np.ones(2 * width + 1) / (2 * width + 1)
@@ -147,7 +145,7 @@ def _averaged(path: Array, width: int) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _mark(picture: Image.Image, camera: Camera, trail: Array) -> None:
+def _draw_trail(picture: Image.Image, camera: Camera, trail: Array) -> None:
     pen, radius = ImageDraw.Draw(picture), picture.height / 240
     for x, y in project(trail, camera):
         if np.isfinite(x):

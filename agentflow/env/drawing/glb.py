@@ -1,7 +1,6 @@
-"""Owns the binary glTF 2.0 container: nodes, meshes by shape and colour, one animation.
+"""Writer of binary glTF 2.0 files: nodes, meshes by shape and colour, one animation.
 
-What a machine or a rollout consists of is gltf.py's. glTF is right-handed with y up; x changes its
-sign on the way in, so that z+ stays where things face.
+glTF is right-handed with y up; the writer negates x, so that machines still face z+.
 """
 
 from __future__ import annotations
@@ -39,30 +38,31 @@ PROFILES: Mapping[Shape, tuple[int, Array]] = {
     "cone": (SIDES, np.array([(0, -0.5), (0.5, -0.5), (0, 0.5)])),
     "sphere": (SIDES, np.stack([np.sin(_BENDS) / 2, -np.cos(_BENDS) / 2], axis=1)),
 }
-"""Every shape of size 1 as sides around y and the (radius, height) of its rings, upwards."""
+"""Each shape of size 1 as a surface of revolution: sides around y, and (radius, height) of its
+rings from bottom to top."""
 
 
 class Glb:
-    """A file in the making. Vectors and quaternions are given in the game frame."""
+    """Builder of one file. Takes vectors and quaternions in the game frame."""
 
     def __init__(self) -> None:
         self._lists: dict[str, list[dict[str, Any]]] = {}
         self._binary = bytearray()
-        self._made: dict[object, int] = {}
+        self._cache: dict[object, int] = {}
         self._channels: list[dict[str, Any]] = []
         self._samplers: list[dict[str, Any]] = []
 
     def node(self, name: str, children: Sequence[int] = (), **fields: Any) -> int:
-        """A node; its index. `fields` as in glTF, but in the game frame."""
+        """Add a node and return its index. `fields` as in glTF, but in the game frame."""
         entry: dict[str, Any] = {"name": name}
         if children:
             entry["children"] = list(children)
         for key, value in fields.items():
-            entry[key] = _mirrored(key, value).tolist() if key in MIRROR else value
-        return self._new("nodes", entry)
+            entry[key] = _to_gltf(key, value).tolist() if key in MIRROR else value
+        return self._append("nodes", entry)
 
     def solid(self, thing: Thing, color: Rgba | None = None) -> int:
-        """A node that shows a thing where it is, perhaps in another colour."""
+        """Add a node that shows an object, optionally in another colour."""
         size = (thing.size[0],) * 3 if thing.shape == "sphere" else thing.size
         return self.node(
             thing.name,
@@ -73,25 +73,33 @@ class Glb:
         )
 
     def line(self, name: str, points: Array, color: Rgba) -> int:
-        """A node that shows a line through (K, 3) points."""
-        position = self._accessor(_mirrored("translation", points))
+        """Add a node that shows a line through (K, 3) points."""
+        position = self._accessor(_to_gltf("translation", points))
         primitive = {
             "attributes": {"POSITION": position},
             "mode": LINE_STRIP,
             "material": self._material(color),
         }
-        return self.node(name, mesh=self._new("meshes", {"primitives": [primitive]}))
+        return self.node(name, mesh=self._append("meshes", {"primitives": [primitive]}))
 
     def animate(
         self, node: int, path: Path, times: Array, values: Array, *, step: bool = False
     ) -> None:
-        """Let a node's place, orientation or size follow (T, 3 or 4) values, or jump to them."""
+        """Animate a node's translation, rotation or scale with (T, 3 or 4) values.
+
+        Args:
+            node: Index of the node.
+            path: Property to animate.
+            times: (T,) s.
+            values: One row per time.
+            step: Jump to each value instead of interpolating.
+        """
         key = ("times", times.tobytes())
-        if key not in self._made:
-            self._made[key] = self._accessor(times[:, None].astype(np.float32))
+        if key not in self._cache:
+            self._cache[key] = self._accessor(times[:, None].astype(np.float32))
         sampler = {
-            "input": self._made[key],
-            "output": self._accessor(_mirrored(path, values)),
+            "input": self._cache[key],
+            "output": self._accessor(_to_gltf(path, values)),
             "interpolation": "STEP" if step else "LINEAR",
         }
         self._channels.append(
@@ -100,7 +108,7 @@ class Glb:
         self._samplers.append(sampler)
 
     def to_bytes(self, roots: Sequence[int]) -> bytes:
-        """The file; `roots` are the nodes that hang on no other."""
+        """Contents of the file; `roots` are the nodes without a parent."""
         document: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "agentflow"},
             "scene": 0,
@@ -117,59 +125,62 @@ class Glb:
         chunks += pack("<I4s", len(self._binary), b"BIN\0") + self._binary
         return pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
-    def _new(self, kind: str, entry: dict[str, Any]) -> int:
+    def _append(self, kind: str, entry: dict[str, Any]) -> int:
         entries = self._lists.setdefault(kind, [])
         entries.append(entry)
         return len(entries) - 1
 
     def _accessor(self, values: NDArray[Any]) -> int:
-        """Keep (K, 1, 3 or 4) numbers; four bytes each, so that everything is aligned."""
+        """Store a (K, 1, 3 or 4) array; four bytes per number keep everything aligned."""
         view = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": values.nbytes}
         self._binary += values.tobytes()
         entry = {
-            "bufferView": self._new("bufferViews", view),
+            "bufferView": self._append("bufferViews", view),
             "componentType": FLOAT if values.dtype == np.float32 else UNSIGNED,
             "count": len(values),
             "type": TYPES[values.shape[1]],
             "min": values.min(axis=0).tolist(),
             "max": values.max(axis=0).tolist(),
         }
-        return self._new("accessors", entry)
+        return self._append("accessors", entry)
 
     def _mesh(self, shape: Shape, color: Rgba) -> int:
-        if (shape, color) not in self._made:
+        if (shape, color) not in self._cache:
             primitive = self._surface(shape) | {"material": self._material(color)}
             entry = {"name": shape, "primitives": [primitive]}
-            self._made[shape, color] = self._new("meshes", entry)
-        return self._made[shape, color]
+            self._cache[shape, color] = self._append("meshes", entry)
+        return self._cache[shape, color]
 
     def _surface(self, shape: Shape) -> dict[str, Any]:
-        if shape not in self._made:
-            points, triangles = _lathed(*PROFILES[shape])
-            self._made[shape] = self._accessor(points)
-            self._made[shape, "triangles"] = self._accessor(triangles.reshape(-1, 1))
-        position, indices = self._made[shape], self._made[shape, "triangles"]
+        if shape not in self._cache:
+            points, triangles = _revolve(*PROFILES[shape])
+            self._cache[shape] = self._accessor(points)
+            self._cache[shape, "triangles"] = self._accessor(triangles.reshape(-1, 1))
+        position, indices = self._cache[shape], self._cache[shape, "triangles"]
         return {"attributes": {"POSITION": position}, "indices": indices}
 
     def _material(self, color: Rgba) -> int:
-        if color not in self._made:
+        if color not in self._cache:
             linear = [round(_linear(part), 6) for part in color[:3]]
             surface = {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0}
-            self._made[color] = self._new("materials", {"pbrMetallicRoughness": surface})
-        return self._made[color]
+            self._cache[color] = self._append("materials", {"pbrMetallicRoughness": surface})
+        return self._cache[color]
 
 
-def _mirrored(path: str, values: Any) -> NDArray[np.float32]:
+def _to_gltf(path: str, values: Any) -> NDArray[np.float32]:
     return np.asarray(values * np.array(MIRROR[path]), dtype=np.float32)
 
 
 def _linear(part: float) -> float:
-    """Light of an sRGB colour part, 0..1 (IEC 61966-2-1)."""
+    """Linear value of an sRGB colour component, 0 to 1 (IEC 61966-2-1)."""
     return float(part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4)
 
 
-def _lathed(sides: int, profile: Array) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """(V, 3) points and (F, 3) triangles, counter-clockwise from outside in glTF's frame."""
+def _revolve(sides: int, profile: Array) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """(V, 3) points and (F, 3) triangles of a surface of revolution.
+
+    Triangles are counter-clockwise when seen from outside, in glTF's frame.
+    """
     turns = 2 * np.pi * (np.arange(sides) + 0.5) / sides
     radius, height = profile[:, :1], np.repeat(profile[:, 1:], sides, axis=1)
     points = np.stack([radius * np.cos(turns), height, radius * np.sin(turns)], axis=2)

@@ -1,7 +1,7 @@
-"""Owns MP4 files: AV1 frames as Pillow encodes them, in boxes that every player takes for a film.
+"""MP4 files with AV1 frames, encoded by Pillow.
 
-An animated AVIF is an MP4 in all but its labels, so nothing but Pillow is needed. Boxes are those
-of ISO/IEC 14496-12: a size and a name of four bytes each, then the content.
+An animated AVIF differs from an MP4 only in its labels, so relabelling Pillow's output is enough.
+Boxes follow ISO/IEC 14496-12: size and name of four bytes each, then the content.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ from agentflow.errors import UsageError
 
 QUALITY = 75
 SPEED = 8
-"""The slowest of libaom's speeds that costs far less than drawing."""
+"""libaom speed: the slowest that takes far less time than drawing."""
 FOLDERS = (b"moov", b"trak", b"mdia")
 DURATION = {b"mvhd": 32, b"tkhd": 36, b"mdhd": 32}
-"""Where each header (of version 1) says how long the film lasts, from the start of its box."""
-MADE, HANDLER, BRAND = 12, 16, 8
-"""Where a header says when it was made, what a track is, and what a file is."""
+"""Offset of the duration in each header box (version 1)."""
+CREATED, HANDLER, BRAND = 12, 16, 8
+"""Offsets of the creation time, the track's handler type and the file's brand in their boxes."""
 UNUSED = (b"meta", b"edts")
-"""The still that an AVIF shows first, and how often it repeats."""
+"""Boxes to drop: the AVIF's still image and its repetition count."""
 
 
 def save_mp4(frames: Sequence[Image.Image], path: Path, interval: float) -> None:
-    """Keep frames as an MP4 (AV1) of constant rate.
+    """Write frames to an MP4 (AV1) with a constant frame rate.
 
     Args:
-        frames: Of one size; one alone is shown twice, because it would be no film.
-        path: Where to.
-        interval: Seconds that each is shown.
+        frames: Frames of one size; a single frame is shown twice, because a film needs two.
+        path: File to write.
+        interval: Duration of each frame, s.
 
     Raises:
-        UsageError: This Pillow cannot encode AV1.
+        UsageError: The installed Pillow cannot encode AV1.
     """
     if not features.check("avif"):
-        raise UsageError("MP4 needs a Pillow that writes AVIF: pip install --upgrade pillow")
+        raise UsageError("MP4 needs a Pillow with AVIF support: pip install --upgrade pillow")
     buffer = BytesIO()
     frames[0].save(
         buffer,
@@ -57,7 +57,7 @@ def save_mp4(frames: Sequence[Image.Image], path: Path, interval: float) -> None
 
 
 def as_mp4(animation: bytes) -> bytes:
-    """Relabel an animated AVIF: a film, shown once, made at no particular time."""
+    """Relabel an animated AVIF as a film that plays once, without a creation time."""
     film = bytearray(animation)
     boxes = dict(_boxes(film, 0, len(film)))
     pack_into("4s", film, BRAND, b"iso8")
@@ -66,13 +66,13 @@ def as_mp4(animation: bytes) -> bytes:
         pack_into("4s", film, boxes[name] + 4, b"free")
     length = unpack_from(">Q", film, boxes[b"mdhd"] + DURATION[b"mdhd"])
     for name, place in DURATION.items():
-        pack_into(">QQ", film, boxes[name] + MADE, 0, 0)
+        pack_into(">QQ", film, boxes[name] + CREATED, 0, 0)
         pack_into(">Q", film, boxes[name] + place, *length)
     return bytes(film)
 
 
 def _boxes(film: bytearray, start: int, end: int) -> Iterator[tuple[bytes, int]]:
-    """Name and place of every box that matters here; the one track has one of each."""
+    """Name and offset of every relevant box; there is one track, so names are unique."""
     while start < end:
         size, name = unpack_from(">I4s", film, start)
         yield name, start

@@ -1,7 +1,4 @@
-"""Owns the drawing of plans, with metres on their axes: as SVG for pages, as PNG for files.
-
-What is in a plan is plans.py's.
-"""
+"""Drawing of level plans with axes in metres, as SVG or PNG."""
 
 from __future__ import annotations
 
@@ -13,48 +10,49 @@ from typing import Protocol
 
 from PIL import Image, ImageDraw, ImageFont
 
-from agentflow.env.drawing.plans import Outline, Plan, Point, base_name
+from agentflow.env.drawing.plans import LevelPlan, Outline, Point, base_name
 from agentflow.env.scene import Vec3
 
 WIDTH, TALLEST = 900.0, 420.0
-"""Width of a drawing, and the most that a plan's picture is high, in points."""
+"""Width of a drawing, and maximum height of one plan, in points."""
 LEFT, RIGHT, TOP, BOTTOM = 48.0, 12.0, 26.0, 30.0
-"""Around a plan's picture."""
+"""Margins around a plan, in points."""
 STEPS = (1, 2, 5, 10, 20, 50)
+"""Possible distances of grid lines, m."""
 APART = 44.0
-"""Least distance of the numbers on an axis."""
+"""Minimum distance of grid lines, in points."""
 GRID, FRAME, START = "grid", "frame", "start"
-"""Kinds of lines; the drawer knows how they look."""
+"""Line styles."""
 LETTER = 6.5
-"""Width of a letter, about."""
+"""Approximate width of a letter, in points."""
 LABELS = 14
-"""Most things that are named in one plan."""
+"""Most labels in one plan."""
 
 
 class Pen(Protocol):
-    """Where a drawing goes. Points are in the drawing, y downwards."""
+    """A drawing backend. Coordinates are points of the drawing, y downwards."""
 
     def polygon(self, points: Sequence[Point], color: tuple[float, ...], filled: bool) -> None:
-        """A solid, or only its outline."""
+        """Draw a filled polygon, or only its outline."""
 
     def line(self, points: Sequence[Point], kind: str) -> None:
-        """A line of a kind."""
+        """Draw a line in one of the line styles."""
 
     def text(self, place: Point, words: str, anchor: str) -> None:
-        """Words; the anchor is `start`, `middle` or `end`."""
+        """Write text; the anchor is `start`, `middle` or `end`."""
 
-    def within(self, low: Point, high: Point) -> None:
-        """From now on nothing outside this rectangle is seen."""
+    def start_clip(self, low: Point, high: Point) -> None:
+        """Clip everything to a rectangle until `end_clip`."""
 
-    def anywhere(self) -> None:
-        """The end of `within`."""
+    def end_clip(self) -> None:
+        """End clipping."""
 
 
 @dataclass(frozen=True)
-class _Sheet:
-    """Where one plan lies in the drawing."""
+class _PlacedPlan:
+    """A plan and its place in the drawing."""
 
-    plan: Plan
+    plan: LevelPlan
     top: float
     scale: float
     """Points per metre."""
@@ -74,21 +72,21 @@ class _Sheet:
         return self.top + TOP + self.size[1] + BOTTOM
 
 
-def sheets(plans: Sequence[Plan]) -> tuple[list[_Sheet], float]:
-    """The plans below each other at one scale, and the height of all."""
+def place_plans(plans: Sequence[LevelPlan]) -> tuple[list[_PlacedPlan], float]:
+    """Stack plans at one scale; returns them and the height of the drawing in points."""
     scale = min(
         min((WIDTH - LEFT - RIGHT) / (plan.high[0] - plan.low[0]) for plan in plans),
         min(TALLEST / (plan.high[1] - plan.low[1]) for plan in plans),
     )
-    found: list[_Sheet] = []
+    placed: list[_PlacedPlan] = []
     for plan in plans:
-        found.append(_Sheet(plan, found[-1].bottom if found else 0.0, scale))
-    return found, found[-1].bottom
+        placed.append(_PlacedPlan(plan, placed[-1].bottom if placed else 0.0, scale))
+    return placed, placed[-1].bottom
 
 
-def draw_plans(plans: Sequence[Plan], wind: Vec3, pen: Pen) -> None:
-    """Draw plans below each other, and say how the wind blows."""
-    for sheet in sheets(plans)[0]:
+def draw_plans(plans: Sequence[LevelPlan], wind: Vec3, pen: Pen) -> None:
+    """Draw plans below each other and note the wind."""
+    for sheet in place_plans(plans)[0]:
         _draw(sheet, pen)
     if any(wind):
         words = "wind " + ", ".join(
@@ -97,10 +95,10 @@ def draw_plans(plans: Sequence[Plan], wind: Vec3, pen: Pen) -> None:
         pen.text((WIDTH - RIGHT, TOP - 10), words, "end")
 
 
-def _draw(sheet: _Sheet, pen: Pen) -> None:
+def _draw(sheet: _PlacedPlan, pen: Pen) -> None:
     plan = sheet.plan
     (x0, y0), (x1, y1) = sheet.at(plan.low), sheet.at(plan.high)
-    pen.within((x0, y1), (x1, y0))
+    pen.start_clip((x0, y1), (x1, y0))
     for number, across in _ticks(sheet):
         ends = ((number, plan.low[1]), (number, plan.high[1]))
         level = ((plan.low[0], number), (plan.high[0], number))
@@ -110,7 +108,7 @@ def _draw(sheet: _Sheet, pen: Pen) -> None:
     pen.line([sheet.at(point) for point in (*plan.start, plan.start[0])], START)
     if plan.sign > 0:
         pen.line([sheet.at((plan.low[0], 0.0)), sheet.at((plan.high[0], 0.0))], FRAME)
-    pen.anywhere()
+    pen.end_clip()
     pen.line([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)], FRAME)
     for number, across in _ticks(sheet):
         x, y = sheet.at((number, number))
@@ -121,8 +119,8 @@ def _draw(sheet: _Sheet, pen: Pen) -> None:
         pen.text(place, words, "middle")
 
 
-def _ticks(sheet: _Sheet) -> Iterator[tuple[int, bool]]:
-    """Whole metres that get a line and a number, and whether along z."""
+def _ticks(sheet: _PlacedPlan) -> Iterator[tuple[int, bool]]:
+    """Grid lines: their coordinate in whole metres, and whether it is z."""
     step = next((step for step in STEPS if step * sheet.scale >= APART), STEPS[-1])
     for axis in (0, 1):
         low, high = sheet.plan.low[axis], sheet.plan.high[axis]
@@ -130,8 +128,8 @@ def _ticks(sheet: _Sheet) -> Iterator[tuple[int, bool]]:
             yield number * step, axis == 0
 
 
-def _labels(sheet: _Sheet) -> Iterator[tuple[Point, str]]:
-    """Each kind of thing once, above its first piece in the picture, clear of other labels."""
+def _labels(sheet: _PlacedPlan) -> Iterator[tuple[Point, str]]:
+    """One label per kind of object, above its first visible piece and clear of other labels."""
     plan = sheet.plan
     taken: list[Point] = []
     named: set[str] = set()
@@ -140,7 +138,7 @@ def _labels(sheet: _Sheet) -> Iterator[tuple[Point, str]]:
                 max(y for _, y in plan.start), "machine")]  # fmt: skip
     for outline in plan.outlines:
         name = base_name(outline.name)
-        if outline.filled and name not in named and (place := _visible(outline, plan)):
+        if outline.filled and name not in named and (place := _label_point(outline, plan)):
             named.add(name)
             middles.append((*place, name))
     for across, up, name in middles[:LABELS]:
@@ -154,8 +152,8 @@ def _labels(sheet: _Sheet) -> Iterator[tuple[Point, str]]:
         yield place, name
 
 
-def _visible(outline: Outline, plan: Plan) -> Point | None:
-    """The upper middle of what is seen of an outline; None outside the picture."""
+def _label_point(outline: Outline, plan: LevelPlan) -> Point | None:
+    """Upper middle of an outline's visible part; None if it is outside the picture."""
     (x0, y0), (x1, y1) = plan.low, plan.high
     xs, ys = zip(*outline.points, strict=True)
     left, right, top = max(min(xs), x0), min(max(xs), x1), min(max(ys), y1)
@@ -163,10 +161,10 @@ def _visible(outline: Outline, plan: Plan) -> Point | None:
 
 
 class SvgPen:
-    """Draws SVG; colours of lines and words are the page's (classes `grid`, `frame`, ...)."""
+    """Draws SVG; the page styles lines by class (`grid`, `frame`, `start`)."""
 
     def __init__(self, name: str) -> None:
-        """`name` must be unique in the page."""
+        """Start a drawing whose name is unique in the page."""
         self._name, self._parts, self._clips = name, [""], 0
 
     def polygon(self, points: Sequence[Point], color: tuple[float, ...], filled: bool) -> None:
@@ -181,20 +179,20 @@ class SvgPen:
 
     def text(self, place: Point, words: str, anchor: str) -> None:
         x, y = place
-        told = escape(words)
-        self._parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{told}</text>')
+        label = escape(words)
+        self._parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{label}</text>')
 
-    def within(self, low: Point, high: Point) -> None:
+    def start_clip(self, low: Point, high: Point) -> None:
         self._clips += 1
         name, (x, y), (u, v) = f"{self._name}-{self._clips}", low, high
         box = f'<rect x="{x:.1f}" y="{y:.1f}" width="{u - x:.1f}" height="{v - y:.1f}"/>'
         self._parts.append(f'<clipPath id="{name}">{box}</clipPath><g clip-path="url(#{name})">')
 
-    def anywhere(self) -> None:
+    def end_clip(self) -> None:
         self._parts.append("</g>")
 
-    def done(self, height: float, about: str) -> str:
-        """The element."""
+    def to_svg(self, height: float, about: str) -> str:
+        """The finished <svg> element."""
         head = (
             f'<svg viewBox="0 0 {WIDTH:g} {height:.0f}" role="img" aria-label="{escape(about)}" '
             'font-size="12">'
@@ -204,43 +202,43 @@ class SvgPen:
 
 PAPER, INK = (250, 249, 246), (40, 42, 48)
 INKS = {GRID: (222, 221, 214), FRAME: (120, 122, 128), START: (30, 110, 190)}
-FINE = 2
-"""Pictures are drawn so many times larger than they are laid out."""
+SCALE = 2
+"""Pixels per point."""
 
 
 class PngPen:
-    """Draws a picture."""
+    """Draws a bitmap."""
 
     def __init__(self, height: float) -> None:
-        """A sheet of the drawing's width."""
-        self.picture = Image.new("RGB", (round(FINE * WIDTH), round(FINE * height)), PAPER)
+        """Start an empty drawing of this height in points."""
+        self.picture = Image.new("RGB", (round(SCALE * WIDTH), round(SCALE * height)), PAPER)
         self._canvas, self._place = self.picture, (0, 0)
-        self._font = ImageFont.load_default(size=12 * FINE)
+        self._font = ImageFont.load_default(size=12 * SCALE)
 
     def polygon(self, points: Sequence[Point], color: tuple[float, ...], filled: bool) -> None:
         red, green, blue = (round(255 * part) for part in color[:3])
         fill = (red, green, blue, 190) if filled else None
-        pen, places = ImageDraw.Draw(self._canvas, "RGBA"), self._all(points)
+        pen, places = ImageDraw.Draw(self._canvas, "RGBA"), self._to_pixels(points)
         pen.polygon(places, fill=fill)
-        pen.line([*places, places[0]], fill=(red, green, blue, 255), width=FINE)
+        pen.line([*places, places[0]], fill=(red, green, blue, 255), width=SCALE)
 
     def line(self, points: Sequence[Point], kind: str) -> None:
-        ImageDraw.Draw(self._canvas).line(self._all(points), fill=INKS[kind], width=FINE)
+        ImageDraw.Draw(self._canvas).line(self._to_pixels(points), fill=INKS[kind], width=SCALE)
 
     def text(self, place: Point, words: str, anchor: str) -> None:
         side = {"start": "l", "middle": "m", "end": "r"}[anchor]
-        (spot,) = self._all([place])
+        (spot,) = self._to_pixels([place])
         ImageDraw.Draw(self._canvas).text(spot, words, INK, self._font, anchor=f"{side}s")
 
-    def within(self, low: Point, high: Point) -> None:
-        self._place = (round(FINE * low[0]), round(FINE * low[1]))
-        far = (round(FINE * high[0]), round(FINE * high[1]))
+    def start_clip(self, low: Point, high: Point) -> None:
+        self._place = (round(SCALE * low[0]), round(SCALE * low[1]))
+        far = (round(SCALE * high[0]), round(SCALE * high[1]))
         self._canvas = self.picture.crop((*self._place, *far))
 
-    def anywhere(self) -> None:
+    def end_clip(self) -> None:
         self.picture.paste(self._canvas, self._place)
         self._canvas, self._place = self.picture, (0, 0)
 
-    def _all(self, points: Sequence[Point]) -> list[Point]:
+    def _to_pixels(self, points: Sequence[Point]) -> list[Point]:
         left, top = self._place
-        return [(FINE * x - left, FINE * y - top) for x, y in points]
+        return [(SCALE * x - left, SCALE * y - top) for x, y in points]

@@ -1,7 +1,4 @@
-"""Owns plans: a scene as outlines in metres, from above and from the right.
-
-Drawing them is drawings.py's.
-"""
+"""Plans of a level: outlines of its scene in metres, from above and from the right."""
 
 from __future__ import annotations
 
@@ -11,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from agentflow.env.drawing.backdrop import CIRCLE, hull, silhouette
-from agentflow.env.drawing.figures import Figures
+from agentflow.env.drawing.backdrop import CIRCLE, convex_hull, silhouette
+from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.physics.rotations import frame_of
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Start, Thing
@@ -24,93 +21,93 @@ from agentflow.machine.tree import Machine
 Point = tuple[float, float]
 
 LONG = 40.0
-"""Things longer than this reach beyond the picture, m."""
+"""Length above which objects may reach beyond the picture, m."""
 BEHIND, AHEAD, ASIDE = -22.0, 45.0, 22.0
-"""How far a picture follows long things along z- and z+, and along x to both sides, m."""
+"""Limits of the picture for such objects: along z-, along z+, and along x to both sides, m."""
 FARTHEST = 140.0
-"""Where every picture ends along z+, m."""
+"""Largest z in any picture, m."""
 MARGIN = 2.0
-"""m around what is shown."""
+"""Margin around the objects, m."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """What one thing covers in a plan."""
+    """Outline of one object in a plan."""
 
     name: str
     points: tuple[Point, ...]
-    """Across and upwards in the plan, m."""
+    """To the right and up in the plan, m."""
     color: tuple[float, float, float, float]
     filled: bool = True
-    """Things beside the section of the view from the right are only lines."""
+    """False for objects beside the cut of the view from the right."""
 
 
 @dataclass(frozen=True)
-class Plan:
-    """One view. z+ is to the right in both, so that they can stand below each other."""
+class LevelPlan:
+    """One view of a level; z+ is to the right."""
 
     title: str
     upwards: str
     """Axis that runs upwards in the picture."""
     sign: int
-    """-1 where numbers on that axis grow downwards."""
+    """-1 if numbers on that axis grow downwards."""
     low: Point
     high: Point
     outlines: tuple[Outline, ...]
-    """Those in front come last."""
+    """From back to front."""
     start: tuple[Point, ...]
-    """The building volume where the machine is put down."""
+    """The building volume at the machine's start."""
 
 
-def plans(task: Task) -> tuple[Plan, Plan]:
+def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
     """A level from above (z to the right, x downwards) and from the right (y upwards)."""
     scene, brief = task.scene(), task.brief
     things = (*scene.things, *_given(brief.given))
     volume = _volume(scene.start, brief.size_limit)
     low, high = _frame(things, volume)
-    above = Plan(
+    above = LevelPlan(
         "from above",
         "x",
         -1,
         (low[2], -high[0]),
         (high[2], -low[0]),
         tuple(_outline(thing, (2, 0), -1) for thing in sorted(things, key=_top)),
-        tuple(hull(volume[:, [2, 0]] * (1, -1))),
+        tuple(convex_hull(volume[:, [2, 0]] * (1, -1))),
     )
-    right = Plan(
+    right = LevelPlan(
         "from the right, cut along x = 0",
         "y",
         1,
         (low[2], low[1]),
         (high[2], high[1]),
         tuple(_outline(thing, (2, 1), 1) for thing in sorted(things, key=_nearness)),
-        tuple(hull(volume[:, [2, 1]])),
+        tuple(convex_hull(volume[:, [2, 1]])),
     )
     return above, right
 
 
 def base_name(name: str) -> str:
-    """What pieces of a thing, and things of a kind, have in common: "ring 1, piece 2" is "ring"."""
+    """Name of an object without numbers and pieces: "ring 1, piece 2" -> "ring"."""
     return re.sub(r"[\s\d-]+$", "", name.partition(",")[0])
 
 
 def _given(machine: Machine) -> list[Thing]:
     if machine == LONE_ROOT:
         return []
-    figures = Figures(machine)
+    shapes = MachineSolids(machine)
     names = {f"block {step.id}": library()[step.type].name for step in machine}
-    return [replace(solid, name=names[solid.name]) for solid in figures.things(figures.rest)]
+    return [replace(solid, name=names[solid.name]) for solid in shapes.things(shapes.rest)]
 
 
 def _volume(start: Start, size: tuple[float, float, float]) -> Array:
-    """(8, 3) corners of the building volume, as the machine is put down in it."""
+    """(8, 3) corners of the building volume at the machine's start."""
     corners = silhouette(Thing("", "box", size, (0.0, size[1] / 2, 0.0)))
     turned: Array = corners @ frame_of(start.rotation) + (0.0, start.height, 0.0)
     return turned
 
 
 def _frame(things: Sequence[Thing], volume: Array) -> tuple[Array, Array]:
-    """Lowest and highest x, y, z of what the plans show."""
+    """Lowest and highest (x, y, z) that the plans show."""
     lows, highs = [volume.min(axis=0)], [volume.max(axis=0)]
     reach = np.array([(-ASIDE, -np.inf, BEHIND), (ASIDE, np.inf, AHEAD)])
     for thing in things:
@@ -139,7 +136,7 @@ def _outline(thing: Thing, axes: tuple[int, int], sign: int) -> Outline:
     beside = axes == (2, 1) and thing.mass == 0 and not low <= 0 <= high
     small = (points.max(axis=0) - points.min(axis=0)).max() < LONG / 8
     places = points[:, axes] * (1, sign)
-    return Outline(thing.name, tuple(hull(places)), thing.color, small or not beside)
+    return Outline(thing.name, tuple(convex_hull(places)), thing.color, small or not beside)
 
 
 def _top(thing: Thing) -> float:

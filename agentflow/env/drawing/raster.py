@@ -1,7 +1,6 @@
-"""Owns drawing solids without a display: every pixel's ray meets them exactly, the nearest wins.
+"""Software renderer: casts one ray per pixel against exact solids and keeps the nearest hit.
 
-Each solid is an intersection of slabs and a quadric, tried only in the rectangle that it can
-cover. Cameras are views.py's, what lies behind all solids is backdrop.py's.
+Each solid is an intersection of slabs and a quadric, tested only in its bounding rectangle.
 """
 
 from __future__ import annotations
@@ -28,23 +27,23 @@ Numbers = tuple[float, float, float]
 SUN = (-4.0, 12.0, -7.0)
 """Direction towards the light, game frame."""
 SHADED, LIT = 0.68, 0.36
-"""Brightness of a surface along the light, and how much more (less) it is facing it (away)."""
+"""Brightness of a surface parallel to the light, and the gain when it faces the light."""
 LEVELS = 64
-"""Different brightnesses of one solid."""
+"""Number of brightness levels of one solid."""
 NEAR = 0.1
-"""Nearest distance that is drawn, m."""
+"""Near clipping distance, m."""
 OUTLINE, STEP = 0.6, 0.1
-"""Brightness of the lines around each block, and around a piece of it so much (m) in front."""
+"""Brightness of outlines, and the depth step within a block that gets one (m)."""
 BAND = 64
-"""Rows that are worked on at a time, so that they stay in the processor's cache."""
+"""Rows drawn at a time, so that they fit into the processor's cache."""
 TINY = 1e-9
-"""Keeps rays from being exactly parallel to a solid's side."""
+"""Keeps rays from being exactly parallel to a side."""
 CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 
 
 @dataclass(frozen=True)
 class _Ray:
-    """The eye and the directions of the pixels of a rectangle, in a solid's own half extents."""
+    """Eye and pixel directions of a rectangle, in a solid's frame and half extents."""
 
     start: Numbers
     way: Triple
@@ -53,18 +52,20 @@ class _Ray:
 
 
 def draw(camera: Camera, things: Sequence[Thing], ground: Image.Image) -> Image.Image:
-    """The things before the ground; things of one name get one outline.
+    """Draw objects over the ground; objects with the same name share one outline.
 
     Args:
-        ground: The picture behind them, RGBA and of the camera's size, as is what is returned.
+        camera: The view.
+        things: Objects to draw.
+        ground: Background, RGBA, of the camera's size; so is the result.
     """
     depth = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
     ink = np.zeros(depth.shape, dtype=np.uint32)
     names = {name: i for i, name in enumerate(dict.fromkeys(t.name for t in things), start=1)}
-    with np.errstate(all="ignore"):  # rays that miss yield nan, which is nearer than nothing
+    with np.errstate(all="ignore"):  # rays that miss yield nan, which compares false
         for number, thing in enumerate(things, start=1):
             _add(depth, ink, camera, thing, number * LEVELS)
-    pixels = _coloured(ink, things, ground)
+    pixels = _apply_colours(ink, things, ground)
     owners = np.array([0, *(names[thing.name] for thing in things)])
     lines = _lines(ink // LEVELS, depth, owners)
     pixels[lines] = (pixels[lines] * (OUTLINE, OUTLINE, OUTLINE, 1.0)).astype(np.uint8)
@@ -78,8 +79,8 @@ def corners_of(thing: Thing) -> Array:
     return corners
 
 
-def _coloured(ink: Inks, things: Sequence[Thing], ground: Image.Image) -> NDArray[np.uint8]:
-    """Colours instead of inks, which are the number of a thing and its brightness."""
+def _apply_colours(ink: Inks, things: Sequence[Thing], ground: Image.Image) -> NDArray[np.uint8]:
+    """Replace inks (an object's number and brightness) by colours."""
     colours = np.array([(0.0, 0.0, 0.0), *(thing.color[:3] for thing in things)])
     table = 255.0 * colours[:, None, :] * np.linspace(0.0, 1.0, LEVELS)[:, None]
     palette = np.full((len(colours) * LEVELS, 4), 255, dtype=np.uint8)
@@ -91,7 +92,7 @@ def _coloured(ink: Inks, things: Sequence[Thing], ground: Image.Image) -> NDArra
 
 
 def _lines(number: Inks, depth: Grid, owners: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """The pixels where another owner begins, or another piece far behind."""
+    """Mask of the outline pixels: where the owner changes, or the depth jumps."""
     lines = np.zeros(number.shape, dtype=np.bool_)
     for down, right in ((1, 0), (0, 1)):
         here, there = np.s_[down:, right:], np.s_[: -down or None, : -right or None]
@@ -103,7 +104,7 @@ def _lines(number: Inks, depth: Grid, owners: NDArray[np.int64]) -> NDArray[np.b
 
 
 def _add(depth: Grid, ink: Inks, camera: Camera, thing: Thing, first_ink: int) -> None:
-    """Draw one solid where it is nearest."""
+    """Draw one solid where it is the nearest."""
     corners = corners_of(thing)
     rows, columns = _rectangle(corners, camera)
     for top in range(rows.start, rows.stop, BAND):
@@ -159,25 +160,25 @@ def _ray(camera: Camera, thing: Thing, place: tuple[slice, slice]) -> _Ray:
 
 
 def _slab(start: float, way: Grid) -> tuple[Grid, Grid]:
-    """Where rays enter and leave -1..1 on one axis."""
+    """Distances at which rays enter and leave -1..1 on one axis."""
     inverse = 1.0 / way
     middle, reach = -start * inverse, np.abs(inverse)
     return middle - reach, middle + reach
 
 
 def _quadric(a: Grid, b: Grid, c: float) -> tuple[Grid, Grid]:
-    """The two roots of a t^2 + 2 b t + c, ascending where a > 0; nan without any."""
+    """Roots of a t^2 + 2 b t + c, ascending where a > 0; nan without real roots."""
     root = np.sqrt(b * b - a * c)
     return (-b - root) / a, (-b + root) / a
 
 
-def _met(enter: Grid, leave: Grid) -> Grid:
-    """Where rays enter, infinite where they miss."""
+def _hit_distance(enter: Grid, leave: Grid) -> Grid:
+    """Distance at which rays enter; infinite where they miss."""
     return np.where(enter <= leave, enter, np.float32(np.inf))
 
 
-def _facing(ray: _Ray, normal: tuple[Grid | float, Grid | float, Grid | float]) -> Grid:
-    """Cosine between the light and a surface with this normal in half extents."""
+def _light_cosine(ray: _Ray, normal: tuple[Grid | float, Grid | float, Grid | float]) -> Grid:
+    """Cosine between the light and a surface normal given in half extents."""
     x, y, z = (part / half for part, half in zip(normal, ray.half, strict=True))
     along = x * ray.sun[0] + y * ray.sun[1] + z * ray.sun[2]
     return np.asarray(along / np.sqrt(x * x + y * y + z * z + 1e-12), dtype=np.float32)
@@ -190,7 +191,7 @@ def _box(ray: _Ray) -> tuple[Grid, Grid]:
     leave = np.minimum(np.minimum(x_out, y_out), z_out)
     lights = (np.sign(ray.start) * ray.sun).astype(np.float32)
     bright = np.where(enter == x, lights[0], np.where(enter == y, lights[1], lights[2]))
-    return _met(enter, leave), bright
+    return _hit_distance(enter, leave), bright
 
 
 def _sphere(ray: _Ray) -> tuple[Grid, Grid]:
@@ -199,7 +200,7 @@ def _sphere(ray: _Ray) -> tuple[Grid, Grid]:
         x * x + y * y + z * z, a * x + b * y + c * z, a * a + b * b + c * c - 1.0
     )
     normal = (a + enter * x, b + enter * y, c + enter * z)
-    return _met(enter, leave), _facing(ray, normal)
+    return _hit_distance(enter, leave), _light_cosine(ray, normal)
 
 
 def _cylinder(ray: _Ray) -> tuple[Grid, Grid]:
@@ -208,14 +209,14 @@ def _cylinder(ray: _Ray) -> tuple[Grid, Grid]:
     cap, cap_out = _slab(b, y)
     bright = np.where(
         side > cap,
-        _facing(ray, (a + side * x, 0.0, c + side * z)),
+        _light_cosine(ray, (a + side * x, 0.0, c + side * z)),
         np.float32(np.sign(b) * ray.sun[1]),
     )
-    return _met(np.maximum(side, cap), np.minimum(side_out, cap_out)), bright
+    return _hit_distance(np.maximum(side, cap), np.minimum(side_out, cap_out)), bright
 
 
 def _cone(ray: _Ray) -> tuple[Grid, Grid]:
-    """Tip at y = 1; a ray steeper than its side stays in it from one side of the tip on."""
+    """Cone with its tip at y = 1; rays steeper than its side never leave it past the tip."""
     (a, b, c), (x, y, z) = ray.start, ray.way
     left, shrink = (1.0 - b) * 0.5, y * -0.5
     steepness = x * x + z * z - shrink * shrink
@@ -229,10 +230,10 @@ def _cone(ray: _Ray) -> tuple[Grid, Grid]:
     tall = (1.0 - b - enter * y) * 0.25
     bright = np.where(
         side > cap,
-        _facing(ray, (a + enter * x, tall, c + enter * z)),
+        _light_cosine(ray, (a + enter * x, tall, c + enter * z)),
         np.float32(np.sign(b) * ray.sun[1]),
     )
-    return _met(enter, np.minimum(side_out, cap_out)), bright
+    return _hit_distance(enter, np.minimum(side_out, cap_out)), bright
 
 
 _SHAPES = {"box": _box, "sphere": _sphere, "cylinder": _cylinder, "cone": _cone}

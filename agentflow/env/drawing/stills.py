@@ -1,7 +1,4 @@
-"""Owns stills: a machine as built, from one side or from six, and how one picture is made.
-
-Films of rollouts are film.py's.
-"""
+"""Pictures of machines as built, from one view or from all six."""
 
 from __future__ import annotations
 
@@ -16,8 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from agentflow.env.drawing.backdrop import backdrop
 from agentflow.env.drawing.cameras import VIEWS, Camera, Size, View, camera_at, fit
-from agentflow.env.drawing.figures import Figures
 from agentflow.env.drawing.raster import corners_of, draw
+from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.scene import Thing
 from agentflow.errors import UnknownNameError
 from agentflow.machine.tree import Machine
@@ -25,20 +22,21 @@ from agentflow.machine.tree import Machine
 SHEET = "sheet"
 """Name of the picture that shows all views."""
 COLUMNS = 3
-"""Views side by side on a sheet."""
+"""Views per row of a sheet."""
 SMOOTH = 2
-"""Pictures are drawn this many times larger, then averaged."""
+"""Supersampling: pictures are drawn this many times larger, then averaged."""
 INK = (30, 32, 36)
 
 
 def render_png(
     machine: Machine, path: Path, *, view: str = "three-quarter", size: Size = (800, 600)
 ) -> None:
-    """A machine as built, filling the picture.
+    """Save a picture of a machine as built.
 
     Args:
-        machine: Machine-valid.
-        view: One of `views.VIEWS`, or `sheet` for all of them, each half as wide and high.
+        machine: A machine-valid machine.
+        path: PNG file to write.
+        view: One of `cameras.VIEWS`, or `sheet` for all of them, each half as wide and high.
         size: Width and height in pixels.
 
     Raises:
@@ -54,17 +52,17 @@ def png_url(machine: Machine, *, view: str, size: Size) -> str:
     return "data:image/png;base64," + base64.b64encode(content.getvalue()).decode()
 
 
-def shoot(
+def render_image(
     camera: Camera, solids: Sequence[Thing], others: Sequence[Thing], spacing: float
 ) -> Image.Image:
-    """A picture of the solids (which cast shadows) and the other things on a lined ground."""
+    """Draw solids (which cast shadows) and other objects on the ground."""
     large = replace(camera, width=SMOOTH * camera.width, height=SMOOTH * camera.height)
     ground = backdrop(large, solids, spacing)
     return draw(large, (*others, *solids), ground).reduce(SMOOTH).convert("RGB")
 
 
 def caption(picture: Image.Image, text: str) -> None:
-    """Write into the upper left corner."""
+    """Write text into the upper left corner of a picture."""
     font = ImageFont.load_default(size=max(12, picture.height // 24))
     ImageDraw.Draw(picture).text((10, 8), text, fill=INK, font=font)
 
@@ -72,25 +70,21 @@ def caption(picture: Image.Image, text: str) -> None:
 def _picture(machine: Machine, view: str, size: Size) -> Image.Image:
     if view not in (*VIEWS, SHEET):
         raise UnknownNameError("view", view, (*VIEWS, SHEET))
-    solids = _standing(machine)
+    shapes = MachineSolids(machine)
+    solids = shapes.things(shapes.rest)
     if view == SHEET:
         return _sheet(solids, (size[0] // 2, size[1] // 2))
     return _still(solids, view, size)
 
 
-def _standing(machine: Machine) -> list[Thing]:
-    figures = Figures(machine)
-    return figures.things(figures.rest)
-
-
 def _still(solids: Sequence[Thing], name: str, size: Size) -> Image.Image:
     view = View(back=VIEWS[name], size=size)
     target, distance = fit(np.concatenate([corners_of(solid) for solid in solids]), view)
-    return shoot(camera_at(target, distance, view), solids, (), spacing=1.0)
+    return render_image(camera_at(target, distance, view), solids, (), spacing=1.0)
 
 
 def _sheet(solids: Sequence[Thing], size: Size) -> Image.Image:
-    """All views in rows, each with its name."""
+    """All views in rows, each labelled with its name."""
     rows = -(-len(VIEWS) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * size[0], rows * size[1]))
     for index, name in enumerate(VIEWS):

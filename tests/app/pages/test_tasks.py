@@ -9,7 +9,7 @@ from PIL import Image
 
 from agentflow.app.pages.tasks import draw_task, picture_name, write_page
 from agentflow.app.tasks import task_json
-from agentflow.env.drawing.plans import base_name, plans
+from agentflow.env.drawing.plans import base_name, level_plans
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UnknownNameError, UsageError
 
@@ -17,7 +17,7 @@ OWN = "family: throwing\ntitle: low <walls>\ngood: 12\nparameters:\n  wall: {hei
 
 
 def test_a_plan_is_in_metres() -> None:
-    above, right = plans(get_task("throwing"))
+    above, right = level_plans(get_task("throwing"))
     front = next(line for line in above.outlines if line.name == "front wall")
     assert (min(front.points), max(front.points)) == ((10.6, -10.6), (11.4, 10.6))
     (low, high) = (min(y for _, y in line.points) for line in right.outlines[:2])
@@ -28,7 +28,7 @@ def test_a_plan_is_in_metres() -> None:
 
 
 def test_what_is_given_is_drawn() -> None:
-    above, _ = plans(get_task("gearing/5"))
+    above, _ = level_plans(get_task("gearing/5"))
     names = {base_name(line.name) for line in above.outlines}
     assert names == {"Plate", "Powered Cog", "Medium Cog"}
 

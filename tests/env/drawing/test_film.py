@@ -110,7 +110,7 @@ def test_tall_things_before_the_machine_are_left_out_low_ones_are_not() -> None:
         Thing("behind", "box", (1.0, 5.0, 90.0), (-12.0, 2.5, 0.0)),
         Thing("aside", "box", (1.0, 5.0, 5.0), (12.0, 2.5, 40.0)),
     ]
-    kept = film._unhidden(things, camera)
+    kept = film._remove_occluders(things, camera)
     assert [thing.name for thing in kept] == ["low", "behind", "aside"]
 
 

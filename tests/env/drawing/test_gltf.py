@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agentflow.env.drawing.figures import Figures
 from agentflow.env.drawing.gltf import machine_glb, rollout_glb
+from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.physics.rotations import rotate
 from agentflow.env.rollout import Broken, Rollout
 from agentflow.env.simulation.simulate import simulate
@@ -80,7 +80,7 @@ def throw() -> tuple[Task, Rollout]:
 
 def test_a_machine_has_a_node_per_block_where_it_is() -> None:
     parsed = Parsed(machine_glb(SPRUNG))
-    nodes, rest = parsed.json["nodes"], Figures(SPRUNG).rest
+    nodes, rest = parsed.json["nodes"], MachineSolids(SPRUNG).rest
     assert list(parsed.blocks) == list(range(8))
     for block, index in parsed.blocks.items():
         if block != 7:
@@ -94,7 +94,7 @@ def test_a_machine_has_a_node_per_block_where_it_is() -> None:
 
 
 def test_turning_in_the_file_is_the_mirror_image_of_turning_in_the_game() -> None:
-    parsed, rest = Parsed(machine_glb(BALLASTED)), Figures(BALLASTED).rest
+    parsed, rest = Parsed(machine_glb(BALLASTED)), MachineSolids(BALLASTED).rest
     for block, index in parsed.blocks.items():
         turned = rotate(np.tile(parsed.json["nodes"][index]["rotation"], (3, 1)), np.eye(3))
         expected = rotate(np.tile(rest.rotation[block], (3, 1)), np.diag(MIRROR)) * MIRROR

@@ -12,7 +12,7 @@ from PIL import Image
 
 from agentflow.env.drawing.backdrop import LAND
 from agentflow.env.drawing.cameras import VIEWS
-from agentflow.env.drawing.figures import BROKEN, ROD_DIAMETER, Figures, Pose
+from agentflow.env.drawing.solids import BROKEN, ROD_DIAMETER, MachineSolids, Pose
 from agentflow.env.drawing.stills import render_png
 from agentflow.errors import UnknownNameError
 from agentflow.machine.tree import ROOT, Machine, Step
@@ -96,7 +96,7 @@ def test_an_unknown_view_is_named_with_those_that_exist(tmp_path: Path) -> None:
 
 
 def test_broken_blocks_are_red_and_broken_springs_are_gone() -> None:
-    figures = Figures(CAR)
+    figures = MachineSolids(CAR)
     rest = figures.rest
     whole = {thing.name for thing in figures.things(rest)}
     hurt = figures.things(Pose(rest.centre, rest.rotation, range(7)), {1})
@@ -106,7 +106,7 @@ def test_broken_blocks_are_red_and_broken_springs_are_gone() -> None:
 
 
 def test_a_spring_spans_the_faces_that_it_hangs_on() -> None:
-    figures = Figures(CAR)
+    figures = MachineSolids(CAR)
     spring = figures.rod(7, figures.rest)
     assert spring.size == pytest.approx((ROD_DIAMETER, 17**0.5, ROD_DIAMETER))
     moved = figures.rest.centre.copy()

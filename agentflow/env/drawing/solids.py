@@ -1,8 +1,4 @@
-"""Owns what a picture holds: the coloured solids of a machine at one moment of a trace.
-
-They are plain scene things, so that anything can draw them; cameras are views.py's, files are
-render.py's, film.py's and gltf.py's.
-"""
+"""The coloured solids of a machine in any pose, as scene objects."""
 
 from __future__ import annotations
 
@@ -22,31 +18,31 @@ from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.tree import Machine
 
 BROKEN: Color = (0.85, 0.1, 0.1, 1.0)
-"""Unlike the boulder's, which lies in it."""
+"""Differs from the boulder's colour, so that both can be seen."""
 SPOKE: Color = (0.75, 0.72, 0.62, 1.0)
 SPOKE_WIDTH, SPOKE_RISE = 0.14, 0.02
-"""Of the bar on a wheel that shows how it turns, m."""
+"""Width and height of the bar on a wheel that shows its rotation, m."""
 ROD_DIAMETER = 0.18
-"""Of what two-ended blocks are drawn as, m."""
+"""Diameter of two-ended blocks, m."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the blocks of a machine are at one moment."""
+    """Positions and orientations of a machine's blocks at one moment."""
 
     centre: Array
     """(N, 3) m."""
     rotation: Array
-    """(N, 4)."""
+    """(N, 4) quaternions."""
     alive: Collection[int]
-    """Blocks that still hang on their parent."""
+    """Blocks that are still connected to their parent."""
 
 
-class Figures:
-    """The shapes of one machine, ready to be put into any pose.
+class MachineSolids:
+    """The solids of one machine.
 
-    `solids` holds those of each block in the block's own frame, from its centre; two-ended blocks
-    have none there, because they stretch.
+    `solids` holds each block's solids in the block's own frame, relative to its centre; () for
+    two-ended blocks, because their length changes.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -65,24 +61,24 @@ class Figures:
                 rotate(inverse(rotations[parent]), end - centres[parent])
                 for parent, end in zip(machine[block].parents, ends, strict=True)
             )
-            for block, ends in _ends(geometry, centres[0]).items()
+            for block, ends in _rod_ends(geometry, centres[0]).items()
         }
-        """Block -> both its ends, each in the own frame of the parent that it hangs on."""
+        """Two-ended block -> both ends, each in the frame of the parent that it is attached to."""
 
     def things(self, pose: Pose, red: Collection[int] = ()) -> list[Thing]:
-        """The machine's solids, named by block; blocks in `red` are drawn in red."""
-        found: list[Thing] = []
+        """The solids in a pose, named by block; blocks in `red` are red."""
+        result: list[Thing] = []
         for step in self._machine:
             if step.two_ended:
                 solids = [self.rod(step.id, pose)] if step.id in pose.alive else []
             else:
                 place = _vec3(pose.centre[step.id]), _quat(pose.rotation[step.id])
-                solids = [posed(solid, *place) for solid in self.solids[step.id]]
-            found += (replace(s, color=BROKEN) for s in solids) if step.id in red else solids
-        return found
+                solids = [_to_world(solid, *place) for solid in self.solids[step.id]]
+            result += (replace(s, color=BROKEN) for s in solids) if step.id in red else solids
+        return result
 
     def rod(self, block: int, pose: Pose) -> Thing:
-        """A two-ended block, from one of its ends to the other."""
+        """The cylinder that shows a two-ended block."""
         a, b = (
             pose.centre[parent] + rotate(pose.rotation[parent], end)
             for parent, end in zip(self._machine[block].parents, self.ends[block], strict=True)
@@ -106,8 +102,8 @@ class Figures:
                     yield Thing(name, "box", _spoke(shape), position, rotation, color=SPOKE)
 
 
-def posed(thing: Thing, centre: Vec3, rotation: Quat) -> Thing:
-    """A thing of a block's own frame, in the world."""
+def _to_world(thing: Thing, centre: Vec3, rotation: Quat) -> Thing:
+    """Transform an object from a block's frame to the world."""
     position = add(centre, turned(rotation, thing.position))
     return replace(thing, position=position, rotation=product(rotation, thing.rotation))
 
@@ -116,8 +112,8 @@ def _spoke(wheel: Shape) -> Vec3:
     return (0.8 * wheel.size[0], wheel.size[1] + SPOKE_RISE, SPOKE_WIDTH)
 
 
-def _ends(geometry: Geometry, root: Array) -> dict[int, tuple[Array, Array]]:
-    """End points of the two-ended blocks as built, in the world where the root stands at `root`."""
+def _rod_ends(geometry: Geometry, root: Array) -> dict[int, tuple[Array, Array]]:
+    """Both ends of each two-ended block as built, in the world with the root at `root`."""
     shift = root - geometry.blocks[0].center
     return {
         placed.id: (np.asarray(placed.end_a) + shift, np.asarray(placed.end_b) + shift)
