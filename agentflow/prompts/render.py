@@ -1,7 +1,4 @@
-"""Owns how prompts are rendered: one pass, strict, and named by a content hash.
-
-What the variables hold is the roles' business (agents/); what the templates say is theirs.
-"""
+"""Render prompts from sets of Jinja templates, strictly and in one pass."""
 
 from __future__ import annotations
 
@@ -21,23 +18,23 @@ from agentflow.prompts.text import CL100K, as_json, clip, guard, oneline, quote,
 __all__ = ["PromptSet", "block_functions", "prompt_sets", "token_estimate"]
 
 _ABOUT = "set.yaml"
-"""What a set is for (`about`), the set whose templates it takes where it has none (`base`), and the
-tokens that system and user prompt together should fit into (`fits`)."""
+"""Settings of a set: description (`about`), the set that provides missing templates (`base`), and
+the token limit for system and user prompt together (`fits`)."""
 _ROOM = (1.0, 0.5, 0.25, 0.0)
-"""Shares of the room for what can be long, tried in turn until a prompt fits."""
+"""Shares of the usual space for long sections, tried in turn until a prompt fits."""
 _FUNCTIONS = "block_functions.yaml"
 _RETRY = "_parts/retry.j2"
 
 
 def prompt_sets() -> tuple[str, ...]:
-    """Names of the prompt sets that ship, in alphabetical order."""
+    """Names of the built-in prompt sets, sorted."""
     folders = (item for item in _home().iterdir() if item.is_dir())
     return tuple(sorted(item.name for item in folders if item.joinpath(_ABOUT).is_file()))
 
 
 @cache
 def block_functions() -> Mapping[int, str]:
-    """What each block type does, in one line by type id; the last column of the block table."""
+    """One line per block type on what it does: the last column of the Blocks table."""
     loaded: dict[int, str] = yaml.safe_load(_home().joinpath(_FUNCTIONS).read_text("utf-8"))
     return loaded
 
@@ -45,13 +42,12 @@ def block_functions() -> Mapping[int, str]:
 class PromptSet:
     """A named folder of templates: `<role>/system.j2`, `<role>/user.j2` and shared `_parts/`.
 
-    A set may be based on another, and then holds only the templates that differ.
-    Variables are inserted as they are and never rendered again; a variable that a template uses
-    and nobody gave is an error.
+    A set based on another contains only the templates that differ. Variables are inserted as they
+    are and never rendered again; a missing variable is an error.
     """
 
     def __init__(self, name: str = "default") -> None:
-        """Open a shipped set.
+        """Open a built-in set.
 
         Raises:
             UnknownNameError: No set has this name.
@@ -61,17 +57,17 @@ class PromptSet:
         self.name = name
         about = yaml.safe_load(_home().joinpath(name).joinpath(_ABOUT).read_text("utf-8"))
         self.about: str = about["about"]
-        """What the set is for, in one sentence."""
+        """Description of the set in one sentence."""
         self._files = dict(_walk(_home().joinpath(name), ""))
         if base := about.get("base"):
             self._files = {**PromptSet(base)._files, **self._files}
         self.fits: int | None = about.get("fits")
-        """Most tokens of a prompt, as far as leaving out can achieve it; None for no limit."""
+        """Token limit that prompts are shortened to where possible; None for no limit."""
         self._environment = _environment(self._files)
 
     @cached_property
     def digest(self) -> str:
-        """Content hash, 16 hex digits, over all that a prompt of the set depends on."""
+        """Content hash (16 hex digits) of everything that affects the set's prompts."""
         files = {**self._files, _FUNCTIONS: _home().joinpath(_FUNCTIONS).read_text("utf-8")}
         files |= {_ABOUT: str(self.fits)} if self.fits else {}
         digest = hashlib.sha256()
@@ -88,12 +84,12 @@ class PromptSet:
     def render(self, role: str, variables: Mapping[str, object]) -> tuple[str, str]:
         """Render the system and the user prompt of a role.
 
-        A set that has a limit gets `room`, the share of the usual room that its templates give to
-        what can be long; it is lowered until the prompts fit.
+        Sets with a token limit shorten long sections: the variable `room`, the share of the usual
+        space, is lowered until the prompts fit.
 
         Raises:
             UnknownNameError: The set has no prompts for this role.
-            PromptError: A template uses a variable that is missing; names both.
+            PromptError: A variable is missing; the message names template and variable.
         """
         if role not in self.roles:
             raise UnknownNameError("role", role, self.roles)
@@ -106,16 +102,16 @@ class PromptSet:
         return system, user
 
     def source(self, template: str) -> str:
-        """The text of a template; "" for one that the set does not have."""
+        """The text of a template; "" if the set does not have it."""
         return self._files.get(template, "")
 
     @property
     def templates(self) -> tuple[str, ...]:
-        """Paths of all templates, in alphabetical order."""
+        """Paths of all templates, sorted."""
         return tuple(sorted(self._files))
 
     def retry(self, problem: str) -> str:
-        """Render the message that sends a reply back with the reason why it was not accepted."""
+        """Render the message that rejects a reply and gives the reason."""
         return self._render(_RETRY, {"problem": problem})
 
     def _render(self, template: str, variables: Mapping[str, object]) -> str:
@@ -156,7 +152,7 @@ def _environment(files: Mapping[str, str]) -> jinja2.Environment:
 
 
 def _source(files: Mapping[str, str], path: str) -> tuple[str, str, None] | None:
-    """Source and file name of a template; the name shows up in tracebacks."""
+    """Source and file name of a template; the name appears in tracebacks."""
     return (files[path], path, None) if path in files else None
 
 

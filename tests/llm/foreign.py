@@ -1,4 +1,4 @@
-"""Servers that nobody here wrote, as processes on 127.0.0.1, from environments of their own."""
+"""Third-party servers as processes on 127.0.0.1, each from its own environment."""
 
 from __future__ import annotations
 

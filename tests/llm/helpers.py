@@ -1,4 +1,4 @@
-"""Short ways to ask."""
+"""Helpers for making requests."""
 
 from __future__ import annotations
 

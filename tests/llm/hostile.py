@@ -1,4 +1,4 @@
-"""An endpoint that misbehaves as told, in the test's own event loop on 127.0.0.1."""
+"""An endpoint that misbehaves on demand, in the test's event loop on 127.0.0.1."""
 
 from __future__ import annotations
 

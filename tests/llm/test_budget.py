@@ -21,7 +21,7 @@ def scripted() -> ScriptedClient:
     return ScriptedClient(lambda _: Reply(text="x", usage=Usage(prompt=30, completion=20)))
 
 
-async def test_calls_are_shared_by_all_clients_of_a_run() -> None:
+async def test_all_clients_of_a_run_share_the_call_limit() -> None:
     budget = Budget(BudgetSettings(calls=3))
     inner = scripted()
     one, other = BudgetClient(inner, budget), BudgetClient(inner, budget)
@@ -54,7 +54,7 @@ async def test_without_limits_it_only_counts() -> None:
 PRICE = Price(input=2.0, output=10.0, cached=0.5)
 
 
-async def test_money() -> None:
+async def test_cost() -> None:
     # 30 prompt tokens at 2, 20 completion tokens at 10 per million: 0.00026 a call.
     budget = Budget(BudgetSettings(money=0.0005))
     client = BudgetClient(scripted(), budget, PRICE)
@@ -81,7 +81,7 @@ async def test_the_cost_is_unknown_once_a_call_has_no_price() -> None:
     assert budget.cost is None
 
 
-async def test_limits_hold_where_no_tokens_are_reported_but_nothing_is_made_up() -> None:
+async def test_limits_hold_without_reported_tokens_but_estimates_are_not_shown() -> None:
     budget = Budget(BudgetSettings(tokens=12))
     client = BudgetClient(ScriptedClient(["x" * 16, "y"]), budget, PRICE)
     await client.complete(ask("12345678"))  # 2 tokens asked, 4 answered, by estimate
@@ -94,12 +94,12 @@ async def test_limits_hold_where_no_tokens_are_reported_but_nothing_is_made_up()
     assert free.cost == 0
 
 
-def test_a_budget_of_nothing_is_refused() -> None:
+def test_a_budget_of_zero_is_rejected() -> None:
     with pytest.raises(ValidationError):
         BudgetSettings(calls=0)
 
 
-async def test_a_resumed_run_is_never_refused_what_is_recorded(tmp_path: Path) -> None:
+async def test_a_resumed_run_repeats_recorded_calls_for_free(tmp_path: Path) -> None:
     path = tmp_path / "calls.jsonl"
     inner = scripted()
     with Tape(path, pytest.fail) as tape:

@@ -1,4 +1,4 @@
-"""The whole client, against a server that nobody here wrote."""
+"""The complete client against a third-party server."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ async def test_a_trailing_slash_does_not_matter(stub_url: str) -> None:
         assert (await client.complete(ask("say hello"))).text == "hello, machine builder"
 
 
-async def test_thoughts_are_split_off(stub_url: str) -> None:
+async def test_reasoning_is_separated(stub_url: str) -> None:
     async with opened(stub_url) as client:
         reply = await client.complete(ask("ponder before you answer"))
     assert (reply.text, reply.reasoning) == ("forty-two", "seven\nsteps")
@@ -81,7 +81,7 @@ async def test_any_character_arrives(stub_url: str) -> None:
         assert (await client.complete(ask("unicode"))).text == "a\u2028b \U0001f600 ü"
 
 
-async def test_a_busy_server_is_asked_again(stub_url: str) -> None:
+async def test_a_busy_server_is_retried(stub_url: str) -> None:
     waits: list[str] = []
     async with opened(stub_url, on_wait=waits.append) as client:
         reply = await client.complete(ask("are you busy"))
@@ -129,7 +129,7 @@ async def test_a_wrong_path_names_the_base_url(stub_url: str) -> None:
     )
 
 
-async def test_nobody_there() -> None:
+async def test_no_server() -> None:
     base_url = f"http://127.0.0.1:{free_port()}/v1"
     async with opened(base_url) as client:
         with pytest.raises(UnreachableError) as caught:
@@ -141,7 +141,7 @@ async def test_nobody_there() -> None:
 
 
 @pytest.mark.slow
-async def test_slow_is_not_stalled(stub_url: str) -> None:
+async def test_a_slow_server_is_not_a_stalled_one(stub_url: str) -> None:
     impatient = EndpointSettings.model_validate({"http": {"idle_s": 1}, "retry": {"attempts": 1}})
     async with opened(stub_url, settings=impatient) as client:
         reply = await client.complete(ask("take your time"))
@@ -190,7 +190,7 @@ async def test_the_key_is_in_no_log_and_no_traceback(
     assert KEY not in caplog.text
 
 
-async def test_parts_are_put_around_any_client(tmp_path: Path) -> None:
+async def test_any_client_can_be_wrapped(tmp_path: Path) -> None:
     inner = ScriptedClient(["one"])
     assert wrap(inner) is inner
     with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:

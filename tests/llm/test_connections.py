@@ -1,4 +1,4 @@
-"""Connections: one per call in flight, used again, and what the environment says about them."""
+"""Connections: one per concurrent call, reused, configured by the environment."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.llm.hostile import reply, serving
 
 
 @pytest.mark.slow
-async def test_calls_in_flight_have_a_connection_each_and_leave_it_to_the_next() -> None:
+async def test_concurrent_calls_have_one_connection_each_and_later_calls_reuse_it() -> None:
     async with serving(reply("x")) as server:
         client = client_for(server.base_url)
         for _ in range(4):
@@ -27,7 +27,7 @@ async def test_calls_in_flight_have_a_connection_each_and_leave_it_to_the_next()
     assert server.connections <= 100 + 3 * 36
 
 
-async def test_a_proxy_of_the_environment_is_used_except_for_loopback(
+async def test_a_proxy_from_the_environment_is_used_except_for_loopback(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     async with serving(reply("from the proxy"), reply("from the server")) as server:
@@ -44,7 +44,7 @@ async def test_a_proxy_of_the_environment_is_used_except_for_loopback(
     ]
 
 
-def test_an_unusable_proxy_or_certificate_of_the_environment_is_named(
+def test_an_invalid_proxy_or_certificate_in_the_environment_is_reported(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     missing = tmp_path / "none.pem"
@@ -62,7 +62,7 @@ def test_an_unusable_proxy_or_certificate_of_the_environment_is_named(
         client_for("https://models.invalid/v1")
 
 
-async def test_a_certificate_of_the_environment_is_trusted(
+async def test_a_certificate_from_the_environment_is_trusted(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     authority = trustme.CA()

@@ -1,4 +1,4 @@
-"""The client against a genuine decoder: transformers' server with a tiny model of random weights.
+"""The client against a real decoder: transformers' server with a tiny model of random weights.
 
 Optional, also in CI: `scripts/servers decoder` makes its environment.
 """
@@ -56,7 +56,7 @@ async def reply_of(endpoint: Endpoint, *, streamed: bool, **sampling: object) ->
     return reply
 
 
-async def test_a_decoder_streams_and_answers_whole(decoder: Endpoint) -> None:
+async def test_a_decoder_answers_with_and_without_streaming(decoder: Endpoint) -> None:
     streamed = await reply_of(decoder, streamed=True, max_tokens=24)
     whole = await reply_of(decoder, streamed=False, max_tokens=24)
     for reply in (streamed, whole):
@@ -67,21 +67,21 @@ async def test_a_decoder_streams_and_answers_whole(decoder: Endpoint) -> None:
 
 
 @pytest.mark.parametrize("streamed", [True, False])
-async def test_a_decoder_ends_where_it_is_told_to(decoder: Endpoint, streamed: bool) -> None:
+async def test_a_decoder_stops_at_stop_words_and_limits(decoder: Endpoint, streamed: bool) -> None:
     stop = tuple("0123456789")
     reply = await reply_of(decoder, streamed=streamed, max_tokens=900, stop=stop)
     assert reply.finish == "stop"
     assert reply.usage.completion < 900
 
 
-async def test_a_decoder_examined(decoder: Endpoint) -> None:
+async def test_diagnosis_of_a_decoder(decoder: Endpoint) -> None:
     found = await diagnose(decoder, HttpSettings())
     assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
     assert (found.streaming, found.usage, found.reasoning) == (True, True, False)
     assert (dict(found.refused), found.answered_as, found.problem) == ({}, "tiny@main", "")
 
 
-async def test_a_model_that_the_decoder_has_not_got(decoder: Endpoint) -> None:
+async def test_an_unknown_model_of_a_decoder(decoder: Endpoint) -> None:
     other = Endpoint("nonesuch", decoder.base_url)
     with pytest.raises(
         ModelNotFoundError, match=r"^model 'nonesuch' not found at .* \(400: Server is pin"

@@ -1,4 +1,4 @@
-"""What one question shows."""
+"""Diagnoses of endpoints."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ async def test_a_third_party_server(stub_url: str) -> None:
     assert 0 < (found.latency_s or 0) < took + 0.001
 
 
-async def test_a_server_with_habits() -> None:
+async def test_a_server_with_limitations() -> None:
     refusal = body({"error": {"message": "unsupported parameter", "param": "seed"}}, 400)
     async with serving(refusal, reply("{}", reasoning="hm")) as server:
         found = await examined(server.base_url)
@@ -37,7 +37,7 @@ async def test_a_server_with_habits() -> None:
     assert found.answered_as == "model-as-answered"
 
 
-async def test_what_is_wrong_is_said() -> None:
+async def test_problems_are_reported() -> None:
     async with serving(body("", 401), body("", 404), body("", 503)) as server:
         url = server.base_url
         refused, missing, busy = [await examined(url) for _ in range(3)]

@@ -1,4 +1,4 @@
-"""Where requests go, and that the key is seen nowhere."""
+"""Request URLs, and that the key never shows."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_base_url_is_what_precedes_the_path(base_url: str, shown: str, target: s
 @pytest.mark.parametrize(
     "base_url", ["127.0.0.1:8000/v1", "ftp://h", "", "http://", "http://h:port", "x"]
 )
-def test_a_base_url_without_scheme_or_host_is_refused(base_url: str) -> None:
+def test_a_base_url_without_scheme_or_host_is_rejected(base_url: str) -> None:
     with pytest.raises(ConfigError) as caught:
         Endpoint("m", base_url)
     assert str(caught.value) == (
@@ -36,13 +36,13 @@ def test_a_base_url_without_scheme_or_host_is_refused(base_url: str) -> None:
 
 
 @pytest.mark.parametrize("key", ["two words", "line\nbreak", "schlüssel"])
-def test_a_key_that_cannot_be_a_header_is_refused_unseen(key: str) -> None:
+def test_an_invalid_key_is_rejected_without_showing_it(key: str) -> None:
     with pytest.raises(ConfigError) as caught:
         Endpoint("m", "http://h", key, key_variable="OTHER_KEY")
     assert str(caught.value) == "OTHER_KEY contains characters not allowed in an API key"
 
 
-def test_secrets_are_scrubbed() -> None:
+def test_secrets_are_masked() -> None:
     endpoint = Endpoint("m", "http://user:pass-word@h", " abc123xyz \n")
     assert repr(endpoint) == "Endpoint(model='m', base_url='http://h')"
     text = "abc123xyz, pass-word, Bearer something, sk-foreign-key, disk-space-left"
@@ -51,7 +51,7 @@ def test_secrets_are_scrubbed() -> None:
 
 
 @pytest.mark.parametrize("user", ["user:pass-word", "only-a-token", "gho_a-token:x"])
-def test_what_a_base_url_proves_itself_with_is_scrubbed_in_each_form(user: str) -> None:
+def test_credentials_in_a_base_url_are_masked_in_each_form(user: str) -> None:
     endpoint, proof = Endpoint("m", f"http://{user}@h"), user.removeprefix("user:").split(":")[0]
     assert isinstance(endpoint.auth, httpx.Auth)
     sent = next(endpoint.auth.auth_flow(httpx.Request("POST", endpoint.url)))
@@ -59,5 +59,5 @@ def test_what_a_base_url_proves_itself_with_is_scrubbed_in_each_form(user: str) 
     assert told == "Basic ***, ***"
 
 
-def test_placeholder_keys_are_no_secrets() -> None:
+def test_placeholder_keys_are_not_secrets() -> None:
     assert Endpoint("m", "http://h", "EMPTY").scrub_known("EMPTY") == "EMPTY"

@@ -1,4 +1,4 @@
-"""What refusals mean and how they read."""
+"""Errors for error responses, and their messages."""
 
 from __future__ import annotations
 
@@ -91,14 +91,14 @@ def test_errors_by_status(status: int, kind: type[EndpointError], text: str) -> 
         "Server is pinned to 'tiny@main'; requested 'm@main'.",
     ],
 )
-def test_a_model_that_the_server_has_not_got_whatever_the_status(said: str) -> None:
+def test_an_unknown_model_with_any_status(said: str) -> None:
     error = error_for(ENDPOINT, ErrorResponse(400, said))
     told = f"model 'm' not found at http://h/v1 (400: {said}); check --model and --base-url"
     assert (type(error), str(error)) == (ModelNotFoundError, told)
 
 
 @pytest.mark.parametrize("status", [400, *range(401, 430), 500, 501, 502, 503, 504, 505, 529])
-def test_only_the_listed_statuses_are_repeated(status: int) -> None:
+def test_only_the_listed_statuses_are_retried(status: int) -> None:
     listed = {408, 409, 425, 429, 500, 502, 503, 504, 529}
     error = error_for(ENDPOINT, ErrorResponse(status, "x"))
     assert isinstance(error, TransientFault) == (status in listed)
@@ -109,7 +109,7 @@ def test_a_missing_key_names_its_variable() -> None:
     assert str(error) == "http://h requires an API key (401); set HOUSE_KEY"
 
 
-def test_giving_up_keeps_the_kind() -> None:
+def test_the_final_error_keeps_its_class() -> None:
     fault = error_for(ENDPOINT, ErrorResponse(503, "busy"))
     assert isinstance(fault, TransientFault)
     assert str(fault.final_error(1)) == "http://h/v1 is temporarily unavailable (503: busy)"
@@ -135,7 +135,7 @@ def test_messages_in_all_shapes(body: bytes, message: str) -> None:
     assert read_error_response(400, {}, body).message == message
 
 
-def test_the_servers_words_are_scrubbed_printable_and_short() -> None:
+def test_server_messages_are_masked_printable_and_short() -> None:
     words = "key my-own-key\n\x1b[31m" + "y" * 1000
     text = str(error_for(ENDPOINT, ErrorResponse(400, words)))
     assert text.startswith("http://h/v1 rejected the request (400: key *** [31myyy")
@@ -143,7 +143,7 @@ def test_the_servers_words_are_scrubbed_printable_and_short() -> None:
     assert len(text) < 350
 
 
-def test_a_redirection_names_its_target() -> None:
+def test_a_redirect_names_its_target() -> None:
     refusal = read_error_response(308, {"location": "https://h/v1"}, b"")
     assert refusal.message == "a redirect to https://h/v1"
 

@@ -1,4 +1,4 @@
-"""The whole client against a gateway and a mock that nobody here wrote (`scripts/servers`)."""
+"""The complete client against a third-party gateway and mock (`scripts/servers`)."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ async def failure(base_url: str, model: str, key: str = KEY) -> tuple[EndpointEr
     return caught.value, waits
 
 
-async def test_a_gateway_answers_many_at_once(gateway: str, tmp_path: Path) -> None:
+async def test_a_gateway_answers_concurrent_calls(gateway: str, tmp_path: Path) -> None:
     with Tape(tmp_path / "calls.jsonl", pytest.fail) as tape:
         async with opened(gateway, "greeting", tape=tape) as client:
             calls = [client.complete(ask("hi", f"a/{i}")) for i in range(32)]
@@ -106,7 +106,7 @@ async def test_a_gateway_answers_many_at_once(gateway: str, tmp_path: Path) -> N
     assert KEY not in (tmp_path / "calls.jsonl").read_text()
 
 
-async def test_a_gateway_takes_every_parameter_we_send(gateway: str) -> None:
+async def test_a_gateway_accepts_every_parameter(gateway: str) -> None:
     form = JsonSchema(name="reply", content={"type": "object"})
     request = ask("hi", max_tokens=50, seed=1, stop=("END",), response_format=form)
     async with opened(gateway, "greeting") as client:
@@ -116,7 +116,7 @@ async def test_a_gateway_takes_every_parameter_we_send(gateway: str) -> None:
 @pytest.mark.parametrize(
     ("model", "status", "words"), [("busy", 429, "rate limit"), ("broken", 500, "internal server")]
 )
-async def test_a_gateways_rate_limit_is_waited_for(
+async def test_calls_wait_for_a_gateways_rate_limit(
     gateway: str, model: str, status: int, words: str
 ) -> None:
     error, waits = await failure(gateway, model)
@@ -139,7 +139,7 @@ async def test_a_gateways_final_answers_are_final(gateway: str) -> None:
     )
 
 
-async def test_a_gateway_examined(gateway: str) -> None:
+async def test_diagnosis_of_a_gateway(gateway: str) -> None:
     found = await diagnose(Endpoint("greeting", gateway, KEY), HttpSettings())
     assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
     assert (found.streaming, found.usage, found.reasoning) == (True, True, False)

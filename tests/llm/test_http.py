@@ -1,4 +1,4 @@
-"""One attempt against endpoints that misbehave: the outcome is typed, the time is bounded."""
+"""One attempt against misbehaving endpoints: outcomes are typed, time is bounded."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.llm.hostile import (
 WHOLE = Usage(prompt=11, completion=7, reasoning=3, cached=5)
 
 
-async def test_a_stream_and_a_whole_answer_give_the_same_reply() -> None:
+async def test_streamed_and_complete_answers_give_the_same_reply() -> None:
     usage = {"choices": [], "usage": completion("")["usage"]}
     streamed = stream(chunk(content="hel"), chunk(content="lo"), chunk("stop"), usage)
     async with serving(streamed, reply("hello")) as server:
@@ -47,7 +47,7 @@ async def test_a_stream_and_a_whole_answer_give_the_same_reply() -> None:
     assert server.asked[0].body["model"] == "m"
 
 
-async def test_a_connection_is_used_again_after_a_stream() -> None:
+async def test_a_connection_is_reused_after_a_stream() -> None:
     async with serving(stream(chunk("stop", content="x"))) as server:
         client = client_for(server.base_url)
         for _ in range(5):
@@ -57,7 +57,7 @@ async def test_a_connection_is_used_again_after_a_stream() -> None:
 
 
 @pytest.mark.slow
-async def test_a_stream_that_stays_open_after_its_end_mark_is_left() -> None:
+async def test_a_stream_that_stays_open_after_its_end_mark_is_dropped() -> None:
     async def answer(writer: asyncio.StreamWriter) -> None:
         head = b"HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n\r\n"
         writer.write(head + b'data: {"choices":[{"delta":{"content":"x"}}]}\n\ndata: [DONE]\n\n')
@@ -67,13 +67,13 @@ async def test_a_stream_that_stays_open_after_its_end_mark_is_left() -> None:
         assert (await once(server.base_url)).text == "x"
 
 
-async def test_a_stream_without_an_end_mark_but_with_a_finish_reason_is_whole() -> None:
+async def test_a_stream_without_an_end_mark_but_with_a_finish_reason_is_complete() -> None:
     async with serving(stream(chunk(content="x"), chunk("length"), done=False)) as server:
         answer = await once(server.base_url)
     assert (answer.text, answer.finish) == ("x", "length")
 
 
-async def test_a_stream_labelled_as_something_else_is_a_stream() -> None:
+async def test_a_stream_with_the_wrong_content_type_is_a_stream() -> None:
     text = 'data: {"choices": [{"delta": {"content": "x"}, "finish_reason": "stop"}]}\n\n'
     async with serving(body(text + "data: [DONE]\n\n", kind="text/plain")) as server:
         assert (await once(server.base_url)).text == "x"
@@ -84,7 +84,7 @@ async def test_any_success_is_an_answer() -> None:
         assert (await once(server.base_url)).text == "x"
 
 
-async def test_half_a_character_in_a_question_is_replaced() -> None:
+async def test_a_lone_surrogate_in_a_prompt_is_replaced() -> None:
     async with serving(reply("x")) as server:
         await once(server.base_url, ask("a\ud83d \U0001f600"))
     assert server.asked[0].body["messages"][0]["content"] == "a\ufffd \U0001f600"
@@ -138,7 +138,7 @@ LOST: dict[str, tuple[Answer, str]] = {
 
 
 @pytest.mark.parametrize("fault", LOST)
-async def test_lost_answers_may_be_repeated(fault: str) -> None:
+async def test_lost_answers_may_be_retried(fault: str) -> None:
     answer, reason = LOST[fault]
     async with serving(answer) as server:
         started = time.perf_counter()
@@ -151,7 +151,7 @@ async def test_lost_answers_may_be_repeated(fault: str) -> None:
         assert str(caught.value).endswith("; check OPENAI_BASE_URL or --base-url")
 
 
-async def test_nobody_there() -> None:
+async def test_no_server() -> None:
     async with serving(silence) as server:
         base_url = server.base_url
     with pytest.raises(TransientFault) as caught:
@@ -192,7 +192,7 @@ async def test_other_answers_are_final(fault: str) -> None:
         assert server.base_url in str(caught.value)
 
 
-async def test_an_overload_inside_the_stream_may_be_repeated() -> None:
+async def test_an_overload_inside_the_stream_may_be_retried() -> None:
     error = {"error": {"message": "busy", "type": "overloaded_error"}}
     async with serving(stream(chunk(content="x"), error)) as server:
         with pytest.raises(TransientFault) as caught:
@@ -208,7 +208,7 @@ async def test_twenty_megabytes() -> None:
         assert (await once(server.base_url)).text == text
 
 
-async def test_more_than_the_largest_answer_is_refused() -> None:
+async def test_answers_above_the_size_limit_are_rejected() -> None:
     megabyte = b"x" * 2**20
     async with serving(raw(b"HTTP/1.1 200 OK\r\n\r\n", *[megabyte] * 70, close=True)) as server:
         with pytest.raises(RefusedError, match="more than 64 MB"):
@@ -220,7 +220,7 @@ async def test_null_content_is_an_empty_reply() -> None:
         assert (await once(server.base_url)).finish == "empty"
 
 
-async def test_a_refused_parameter_is_dropped_and_stays_dropped() -> None:
+async def test_an_unsupported_parameter_is_omitted_from_then_on() -> None:
     def refuses(name: str) -> Answer:
         text = f"Unsupported parameter: '{name}' is not supported with this model."
         return body({"error": {"message": text, "param": name}}, 400)
@@ -243,7 +243,7 @@ async def test_a_refused_parameter_is_dropped_and_stays_dropped() -> None:
     )
 
 
-async def test_the_key_is_in_nothing_that_comes_back() -> None:
+async def test_the_key_is_in_no_reply() -> None:
     echo = completion(f"your key is {KEY}", reasoning=KEY)
     async with serving(body({**echo, "model": KEY}), body(f"Bearer {KEY}", 500)) as server:
         client = client_for(server.base_url)

@@ -1,4 +1,4 @@
-"""Calls at once, calls and tokens per period."""
+"""Concurrent calls, calls and tokens per period."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ async def test_clients_of_one_endpoint_share_its_limits() -> None:
     assert inner.most == 2
 
 
-async def test_no_period_holds_more_calls_than_allowed() -> None:
+async def test_no_period_has_more_calls_than_allowed() -> None:
     inner = Slow(0)
     assert 0.4 <= await run(inner, 12, LimitSettings(rpm=5), period_s=0.2) < 5
     assert all(
@@ -81,7 +81,7 @@ async def test_tokens_are_counted_as_used_not_as_estimated() -> None:
     assert inner.begun[2] - inner.begun[0] >= 0.9
 
 
-async def test_a_call_larger_than_the_limit_still_runs_alone() -> None:
+async def test_a_call_above_the_token_limit_runs_alone() -> None:
     inner = Slow(0, tokens=1)
     client = LimitedClient(inner, Limiter(LimitSettings(tpm=1), period_s=0.1))
     await client.complete(ask("x" * 4000))
@@ -89,7 +89,7 @@ async def test_a_call_larger_than_the_limit_still_runs_alone() -> None:
     assert 0.09 < inner.begun[1] - inner.begun[0] < 5
 
 
-async def test_a_cancelled_call_gives_its_slot_back() -> None:
+async def test_a_cancelled_call_frees_its_slot() -> None:
     inner = Slow(30)
     client = LimitedClient(inner, Limiter(LimitSettings(concurrent=1)))
     task = asyncio.create_task(client.complete(ask()))

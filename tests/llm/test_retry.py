@@ -1,4 +1,4 @@
-"""How often and how long."""
+"""Number of attempts and waiting times."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ async def test_the_last_failure_is_final() -> None:
     assert len(inner.requests) == 4
 
 
-async def test_other_errors_pass_at_once() -> None:
+async def test_other_errors_are_raised_at_once() -> None:
     inner = failing(9, BUSY)
     with pytest.raises(RefusedError, match=r"^busy$"):
         await retrying(inner).complete(ask())
     assert len(inner.requests) == 1
 
 
-async def test_bugs_pass_at_once() -> None:
+async def test_bugs_are_raised_at_once() -> None:
     def broken(_request: Request) -> str:
         raise KeyError("bug")
 
@@ -75,7 +75,7 @@ async def test_waits_are_jittered_within_doubling_bounds() -> None:
     assert lines == [f"a/1: busy; retrying in {rng.uniform(0, bound):.1f} s" for bound in bounds]
 
 
-async def test_retry_after_is_obeyed_up_to_a_cap() -> None:
+async def test_retry_after_is_respected_up_to_a_cap() -> None:
     lines: list[str] = []
     fault = TransientFault(BUSY, retry_after_s=3600.0)
     client = retrying(failing(1, fault), lines.append, retry_after_cap_s=0.2)

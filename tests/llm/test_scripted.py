@@ -1,4 +1,4 @@
-"""Replies by list and by function."""
+"""Replies from a list and from a function."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from agentflow.llm.scripted import ScriptedClient
 from tests.llm.helpers import ask
 
 
-async def test_a_list_is_used_up_in_order() -> None:
+async def test_a_list_replies_in_order() -> None:
     given = Reply(text="half", finish="length")
     client = ScriptedClient(["one", "", given], name="s")
     assert await client.complete(ask()) == Reply(text="one", model="s")

@@ -1,4 +1,4 @@
-"""EventDecoder, however the bytes are cut."""
+"""Event decoding for any chunking of the bytes."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def framed(data: bytes, cuts: list[int]) -> tuple[bool | None, list[bytes]]:
 
 
 @given(st.lists(st.integers(0, 200), max_size=12))
-def test_events_do_not_depend_on_the_cuts(cuts: list[int]) -> None:
+def test_events_do_not_depend_on_chunk_boundaries(cuts: list[int]) -> None:
     assert framed(STREAM, cuts) == (True, EVENTS)
 
 
 @given(st.lists(st.integers(0, 200), max_size=6))
-def test_a_body_that_is_no_stream_comes_whole(cuts: list[int]) -> None:
+def test_a_body_that_is_not_a_stream_is_returned_whole(cuts: list[int]) -> None:
     assert framed(BODY, cuts) == (False, [BODY])
 
 
-def test_events_without_data_and_a_byte_order_mark_are_passed_over() -> None:
+def test_events_without_data_and_a_byte_order_mark_are_skipped() -> None:
     data = b"\xef\xbb\xbfdata:\n\ndata: one\n\nretry: 5\n\ndata:  \n\ndata: two\n\n"
     assert framed(data, []) == (True, [b"one", b"two"])
 

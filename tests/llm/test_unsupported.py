@@ -1,4 +1,4 @@
-"""Refused parameters in the wordings of several vendors."""
+"""Unsupported parameters in the messages of several vendors."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ WORDINGS = [
 
 
 @pytest.mark.parametrize(("name", "message", "param"), WORDINGS)
-def test_wordings(name: str, message: str, param: str) -> None:
+def test_vendor_messages(name: str, message: str, param: str) -> None:
     warnings: list[str] = []
     unsupported = UnsupportedParameters(warnings.append)
     assert unsupported.learn(ErrorResponse(400, message, param), FULL, "said")
@@ -73,7 +73,7 @@ def test_wordings(name: str, message: str, param: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "message", "param"), WORDINGS)
-async def test_wordings_over_the_network(name: str, message: str, param: str) -> None:
+async def test_vendor_messages_over_the_network(name: str, message: str, param: str) -> None:
     refusal = body({"error": {"message": message, "param": param or None}}, 400)
     request = ask(max_tokens=5, seed=1, stop=("END",), response_format="json_object")
     warnings: list[str] = []
@@ -99,7 +99,7 @@ async def test_wordings_over_the_network(name: str, message: str, param: str) ->
         "nonstop temperatures",
     ],
 )
-def test_mistakes_of_the_user_are_not_hidden(message: str) -> None:
+def test_user_errors_are_not_hidden(message: str) -> None:
     unsupported = UnsupportedParameters(lambda _line: pytest.fail("warned"))
     assert not unsupported.learn(ErrorResponse(400, message), FULL, "")
 
@@ -125,7 +125,7 @@ def test_without_a_stream_there_are_no_stream_options() -> None:
     assert not {"stream", "stream_options"} & set(unsupported.adapt(FULL))
 
 
-def test_a_known_refusal_is_dropped_again_without_a_warning() -> None:
+def test_a_known_parameter_is_omitted_without_another_warning() -> None:
     warnings: list[str] = []
     unsupported = UnsupportedParameters(warnings.append)
     refusal = read_error_response(422, {}, b'{"detail": "seed: Extra inputs are not permitted"}')
@@ -135,7 +135,7 @@ def test_a_known_refusal_is_dropped_again_without_a_warning() -> None:
     assert not unsupported.learn(refusal, unsupported.adapt(FULL), "")
 
 
-def test_other_statuses_teach_nothing() -> None:
+def test_other_statuses_are_ignored() -> None:
     assert not UnsupportedParameters(lambda _line: None).learn(
         ErrorResponse(500, "unsupported", "seed"), FULL, ""
     )
@@ -163,7 +163,7 @@ def test_a_schema_becomes_an_object_then_nothing() -> None:
     ]
 
 
-def test_who_refuses_an_object_may_still_take_a_schema() -> None:
+def test_an_endpoint_without_json_objects_may_support_schemas() -> None:
     unsupported = UnsupportedParameters(lambda _line: None)
     assert unsupported.learn(
         ErrorResponse(400, "'response_format.type' must be 'json_schema'"), FULL, ""

@@ -1,4 +1,4 @@
-"""Bodies out, replies in."""
+"""Request bodies and replies."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_reasoning_beside_the_text_in_a_stream(name: str) -> None:
         ("<think>a</think>b <think>c</think>d", "b d", "a\nc"),
     ],
 )
-def test_thoughts_inside_the_text(text: str, rest: str, thought: str) -> None:
+def test_reasoning_inside_the_text(text: str, rest: str, thought: str) -> None:
     assert split_reasoning(text) == (rest, thought)
 
 
@@ -117,12 +117,12 @@ def test_finish(text: str | None, word: str, finish: str) -> None:
     assert gathered(completion(text, word)).finish == finish
 
 
-def test_a_call_of_a_tool_is_an_empty_reply() -> None:
+def test_a_tool_call_is_an_empty_reply() -> None:
     calls = [{"type": "function", "function": {"name": "f", "arguments": "{}"}}]
     assert gathered(completion(None, "tool_calls", tool_calls=calls)).finish == "empty"
 
 
-def test_a_refusal_is_filtered_content() -> None:
+def test_a_refusal_counts_as_filtered_content() -> None:
     reply = gathered(completion(None, refusal="I will not."))
     assert (reply.text, reply.finish) == ("I will not.", "content_filter")
 
@@ -136,7 +136,7 @@ def test_content_as_parts() -> None:
     assert (reply.text, reply.reasoning) == ("hi", "hm")
 
 
-def test_an_emoji_cut_in_two_is_mended_and_half_of_one_replaced() -> None:
+def test_a_split_emoji_is_joined_and_half_of_one_replaced() -> None:
     reply = gathered(chunk(content="\ud83d"), chunk(content="\ude00 \ud83d"), chunk("stop"))
     assert reply.text == "\U0001f600 \ufffd"
     assert Reply.model_validate_json(reply.model_dump_json()) == reply
@@ -160,12 +160,12 @@ def test_usage(usage: dict[str, object], expected: Usage) -> None:
     assert read_usage(usage) == expected
 
 
-def test_no_choices_is_no_reply() -> None:
+def test_an_answer_without_choices_is_not_a_reply() -> None:
     with pytest.raises(NotACompletionError, match=r"^no choices$"):
         gathered({"choices": []})
 
 
-def test_a_stream_that_ends_with_the_whole_message_says_it_once() -> None:
+def test_a_stream_that_ends_with_the_whole_message_counts_it_once() -> None:
     parts = [chunk(reasoning_content="h"), chunk(reasoning_content="m"), chunk(content="hi")]
     assert gathered(*parts, completion("hi", reasoning_content="hm")) == gathered(
         completion("hi", reasoning_content="hm")
@@ -173,7 +173,7 @@ def test_a_stream_that_ends_with_the_whole_message_says_it_once() -> None:
     assert gathered(*parts, completion("")).text == "hi"
 
 
-def test_messages_beside_empty_deltas_or_in_their_place_are_taken() -> None:
+def test_messages_beside_or_instead_of_empty_deltas_are_read() -> None:
     empty = {"role": "assistant", "content": ""}
     both = {"choices": [{"delta": empty, "message": {"role": "assistant", "content": "hi"}}]}
     assert gathered(both).text == "hi"
@@ -198,7 +198,7 @@ def test_an_endpoint_that_reports_its_own_failure() -> None:
         (b"[" * 100_000, TruncatedAnswerError),
     ],
 )
-def test_what_is_no_completion(data: bytes, kind: type[Exception]) -> None:
+def test_answers_that_are_not_completions(data: bytes, kind: type[Exception]) -> None:
     with pytest.raises(kind):
         decode(data)
 

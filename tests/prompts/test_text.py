@@ -1,4 +1,4 @@
-"""What foreign text becomes before it enters a prompt."""
+"""Quoting of untrusted text in prompts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Asks the procedural client as a workflow does: real roles, real prompts, no physics."""
+"""Ask the procedural client as workflows do: real roles and prompts, no physics."""
 
 from __future__ import annotations
 

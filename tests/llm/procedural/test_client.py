@@ -1,4 +1,4 @@
-"""The client: pure in the request, an apology for what it cannot read, never an exception."""
+"""The client: deterministic, apologises for unreadable prompts, never raises."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ async def test_its_seed_the_sampling_seed_and_the_label_all_count() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "hello", "## Your reply\nWrite a poem.", "## Your reply"])
-async def test_what_it_cannot_read_gets_an_apology(text: str) -> None:
+async def test_unreadable_prompts_get_an_apology(text: str) -> None:
     assert (await ProceduralClient(0).complete(request(text))).text == APOLOGY
 
 
-async def test_no_message_at_all_gets_an_apology() -> None:
+async def test_a_request_without_messages_gets_an_apology() -> None:
     assert (
         await ProceduralClient(0).complete(Request(role="x", label="x", messages=()))
     ).text == APOLOGY
@@ -77,16 +77,14 @@ COGS = f'{PLATE},{{"type": 39, "id": 1, "parent": 0, "face_id": 140}}'
 @pytest.mark.parametrize(
     ("blocks", "reply"), [(PLATE, "There is no plate with a source."), (COGS, "Cogs at no place. ")]
 )
-async def test_a_target_that_is_not_there_is_nothing_to_drive(
-    blocks: str, reply: str, target: int
-) -> None:
+async def test_missing_targets_are_ignored(blocks: str, reply: str, target: int) -> None:
     asked = f"## Task\nblock {target} (target) turns in the same sense\n\n## Blocks\n| 38 | Cog |\n"
     text = f"{asked}\n## Current machine\n[{blocks}]\n\n## Your reply\nPlace cogs"
     assert (await ProceduralClient(0).complete(request(text))).text.startswith(reply)
 
 
 @pytest.mark.parametrize("form", FORMS[1:4])
-async def test_a_machine_to_look_at_must_be_there(form: str) -> None:
+async def test_a_missing_machine_gets_an_apology(form: str) -> None:
     text = f"## Current machine\n[]\n\n## Your reply\n{form}"
     assert (await ProceduralClient(0).complete(request(text))).text == APOLOGY
 

@@ -1,4 +1,4 @@
-"""Blueprints and machines: what the role parsers accept, over many seeds and tasks."""
+"""Blueprints and machines that the role parsers accept, for many seeds and tasks."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ MECHANISMS = {
 
 
 @pytest.mark.parametrize("task", MECHANISMS)
-async def test_the_objective_decides_on_the_mechanism(task: str) -> None:
+async def test_the_objective_determines_the_mechanism(task: str) -> None:
     brief = brief_of(task)
     plans = [(await blueprint_of(brief, seed)).definition.partition(":")[0] for seed in range(24)]
     assert set(plans) == MECHANISMS[task]
 
 
 @pytest.mark.parametrize(("task", "kinds"), [("jumping", {5, 9}), ("lifting", {5, 9})])
-async def test_springs_tie_what_stands_to_what_a_hinge_moves(task: str, kinds: set[int]) -> None:
+async def test_springs_connect_static_blocks_to_hinged_ones(task: str, kinds: set[int]) -> None:
     brief = brief_of(task)
     machine = await designs(brief, await blueprint_of(brief, 4), 4, "t")
     assert machine is not None
@@ -64,7 +64,7 @@ async def test_springs_tie_what_stands_to_what_a_hinge_moves(task: str, kinds: s
     assert len(moved.intersection(spring.parents)) == 1
 
 
-async def test_winches_hang_a_hook_of_grabbers_upright_from_a_crane() -> None:
+async def test_vertical_winches_hold_a_hook_of_grabbers_on_a_crane() -> None:
     brief = brief_of("picking")
     machine = await designs(brief, await blueprint_of(brief, 0), 0, "t")
     assert machine is not None
@@ -108,7 +108,7 @@ FOREIGN = (
 
 
 @pytest.mark.parametrize("blocks", FOREIGN)
-async def test_any_block_list_gives_something_valid(blocks: tuple[int, ...]) -> None:
+async def test_any_block_list_gives_a_valid_machine(blocks: tuple[int, ...]) -> None:
     brief = replace(brief_of("movement"), name="nobody-knows", blocks=blocks)
     blueprint = await blueprint_of(brief, 1)
     machine = await designs(brief, blueprint, 1, "t")
@@ -116,7 +116,7 @@ async def test_any_block_list_gives_something_valid(blocks: tuple[int, ...]) -> 
     assert check(machine, brief).task_valid
 
 
-async def test_a_demanded_block_that_no_mechanism_uses_gets_a_structure() -> None:
+async def test_a_required_block_that_no_mechanism_uses_gets_a_structure() -> None:
     brief: Brief = replace(brief_of("movement"), blocks=(0, 1, 2, 27), required={27: 1})
     blueprint = await blueprint_of(brief, 0)
     assert blueprint.structures[-1].types == (27,)

@@ -1,4 +1,4 @@
-"""Inspections that know where everything is, and queries that ask for what broke."""
+"""Inspections that find outermost blocks, and queries about broken ones."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ async def inspected(task: str, machine: Machine) -> Inspection:
 
 
 @pytest.mark.parametrize("task", ["throwing", "movement"])
-async def test_it_knows_where_everything_is(task: str) -> None:
+async def test_it_finds_the_outermost_blocks(task: str) -> None:
     brief = brief_of(task)
     for seed in range(3):
         machine = await designs(brief, await blueprint_of(brief, seed), seed, "t")
@@ -59,7 +59,7 @@ async def test_idle_blocks_and_lone_loads_are_named() -> None:
     assert ((4,), "useless: it bears nothing and stands on nothing") in told
 
 
-async def test_it_asks_for_what_broke_around_the_moment() -> None:
+async def test_it_queries_broken_blocks_around_the_time_of_breaking() -> None:
     machine = machine_of((1, 0, 4), (15, 1, 0))
     report = "Score: 0.00 m\nBroken: block 2 (Small Wooden Block) off block 1 at 0.30 s, load 1.20"
     given = QuerierInput(brief_of("movement"), machine, 0.0, report)
@@ -69,7 +69,7 @@ async def test_it_asks_for_what_broke_around_the_moment() -> None:
     assert outcome.output.queries == ({"id": 2, **asked}, {"id": 1, **asked})
 
 
-async def test_it_asks_for_the_root_when_nothing_broke() -> None:
+async def test_it_queries_the_root_when_nothing_broke() -> None:
     given = QuerierInput(brief_of("movement"), machine_of((2, 0, 3)), 1.0, "Score: 1.00 m")
     outcome = await ask(Querier(), given, context(0), "querier")
     assert outcome.output is not None

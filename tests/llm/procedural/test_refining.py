@@ -1,4 +1,4 @@
-"""Refinements: valid at once, in both formats, and never what the history shows to fail."""
+"""Refinements: valid, in both formats, and never a change that failed before."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ async def machine_for(task: str, seed: int) -> Machine:
 
 @pytest.mark.parametrize("task", ["throwing", "movement"])
 @pytest.mark.parametrize("form", ["steps", "whole_machine"])
-async def test_refinements_are_valid_and_various(task: str, form: str) -> None:
+async def test_refinements_are_valid_and_diverse(task: str, form: str) -> None:
     machine = await machine_for(task, 1)
     scripts = set()
     for number in range(10):
@@ -46,7 +46,7 @@ async def test_a_machine_that_tips_often_gets_a_wider_base() -> None:
     assert sum("widen or weigh down the base" in text for text in names) >= 6
 
 
-async def test_it_mends_the_step_that_failed_and_spares_what_did_not_help() -> None:
+async def test_it_fixes_the_failed_step_and_avoids_what_did_not_help() -> None:
     """Every step that was tried is refused; none comes again."""
     machine = machine_of((2, 0, 2), (2, 0, 3))
     tried = set[str]()
