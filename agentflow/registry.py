@@ -20,10 +20,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any, TypeVar
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from agentflow.errors import ConfigError, UnknownNameError
+
+if TYPE_CHECKING:  # loading it takes as long as a whole `agentflow --help`
+    from importlib.metadata import EntryPoint
 
 T = TypeVar("T")
 Check = Callable[[str, Any], str]
@@ -34,18 +37,18 @@ class Registry(Mapping[str, T]):
     """The things of one kind by name: ours in the given order, then others alphabetically."""
 
     def __init__(
-        self, kind: str, group: str, ours: Mapping[str, str], check: Check = lambda *_: ""
+        self, kind: str, group: str, ours: Mapping[str, str | T], check: Check = lambda *_: ""
     ) -> None:
         """Declare a registry; nothing is loaded and no distribution is searched yet.
 
         Args:
             kind: what its things are called in messages, e.g. "physics engine".
             group: entry-point group of other distributions.
-            ours: name -> "module:attribute", or "module" for a whole module.
+            ours: name -> "module:attribute", "module" for a whole module, or the thing itself.
             check: what is wrong with a thing from another distribution.
         """
         self.kind, self._group, self._check = kind, group, check
-        self._ours = {name: EntryPoint(name, value, group) for name, value in ours.items()}
+        self._ours = ours
         self._loaded: dict[str, T] = {}
 
     @property
@@ -74,13 +77,13 @@ class Registry(Mapping[str, T]):
         if name not in self._loaded:
             if name not in self:
                 raise UnknownNameError(self.kind, name, self)
-            ours = self._ours.get(name)
-            self._loaded[name] = ours.load() if ours else self._load(self._others[name])
+            ours = name in self._ours
+            self._loaded[name] = _import(self._ours[name]) if ours else self._load(name)
         return self._loaded[name]
 
     def describe(self, name: str) -> str:
-        """A known name with what it stands for and where it comes from, for messages."""
-        return self._describe(self._ours.get(name) or self._others[name])
+        """A name from another distribution and its origin, for messages."""
+        return self._describe(self._others[name])
 
     def _describe(self, entry: EntryPoint) -> str:
         origin = f" of the distribution {entry.dist.name!r}" if entry.dist else ""
@@ -88,6 +91,8 @@ class Registry(Mapping[str, T]):
 
     @cached_property
     def _others(self) -> dict[str, EntryPoint]:
+        from importlib.metadata import entry_points
+
         found: dict[str, EntryPoint] = {}
         for entry in sorted(entry_points(group=self._group), key=lambda entry: entry.name):
             if entry.name in self._ours or entry.name in found:
@@ -96,29 +101,55 @@ class Registry(Mapping[str, T]):
             found[entry.name] = entry
         return found
 
-    def _load(self, entry: EntryPoint) -> T:
+    def _load(self, name: str) -> T:
+        entry = self._others[name]
         try:
             thing: T = entry.load()
         except Exception as error:  # other people's code may raise anything
             problem = f"cannot be loaded: {type(error).__name__}: {error}"
             raise ConfigError(f"{self._describe(entry)} {problem}") from error
-        if problem := self._check(entry.name, thing):
+        if problem := self._check(name, thing):
             raise ConfigError(f"{self._describe(entry)} {problem}")
         return thing
 
 
-def subclass_of(base: type, named_by: str = "") -> Check:
+def instance_of(base: type | str) -> Check:
+    """A check that refuses everything but instances of a class.
+
+    Args:
+        base: The class, or "module:Class" to import it when it is needed.
+    """
+
+    def check(_: str, thing: Any) -> str:
+        kind: type = _import(base)
+        named = f"{kind.__module__}.{kind.__qualname__}"
+        return "" if isinstance(thing, kind) else f"is not an instance of {named}"
+
+    return check
+
+
+def subclass_of(base: type | str, named_by: str = "") -> Check:
     """A check that refuses everything but subclasses of a class.
 
     Args:
-        base: The class.
+        base: The class, or "module:Class" to import it when it is needed.
         named_by: Attribute that must hold the name under which a subclass is registered, if any.
     """
 
     def check(name: str, thing: Any) -> str:
-        if not (isinstance(thing, type) and issubclass(thing, base)):
-            return f"is not a subclass of {base.__module__}.{base.__qualname__}"
+        kind: type = _import(base)
+        if not (isinstance(thing, type) and issubclass(thing, kind)):
+            return f"is not a subclass of {kind.__module__}.{kind.__qualname__}"
         own_name = getattr(thing, named_by, None) if named_by else name
         return "" if own_name == name else f"calls itself {own_name!r}"
 
     return check
+
+
+def _import(thing: Any) -> Any:
+    """What a text "module:attribute" or "module" names; anything else as it is."""
+    if not isinstance(thing, str):
+        return thing
+    module, _, attribute = thing.partition(":")
+    found = import_module(module)
+    return getattr(found, attribute) if attribute else found

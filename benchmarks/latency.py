@@ -24,7 +24,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.prompts.render import PromptSet
-from agentflow.workflows.registry import workflow
+from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 
 
@@ -102,7 +102,7 @@ async def measure(options: argparse.Namespace) -> None:
     async with RolloutPool(options.workers) as pool:
         laboratory = Timed(task, pool, options.seed)
         start = time.perf_counter()
-        result = await workflow("hierarchical")(
+        result = await WORKFLOWS["hierarchical"](
             task.brief, lambda _: context, laboratory, WorkflowSettings(), notes, options.seed
         )
         wall = time.perf_counter() - start

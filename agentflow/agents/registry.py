@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from agentflow.agents.base import Role
 from agentflow.registry import Registry, subclass_of
+
+if TYPE_CHECKING:
+    from agentflow.agents.base import Role
 
 ROLES: Registry[type[Role[Any, Any]]] = Registry(
     "role",
@@ -18,7 +20,7 @@ ROLES: Registry[type[Role[Any, Any]]] = Registry(
         "refiner": "agentflow.agents.refiner:Refiner",
         "placer": "agentflow.agents.placer:Placer",
     },
-    subclass_of(Role, named_by="name"),
+    subclass_of("agentflow.agents.base:Role", named_by="name"),
 )
 
 

@@ -1,18 +1,16 @@
-"""Registry of search strategies."""
+"""The registry of search strategies."""
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Mapping
-from types import MappingProxyType
-from typing import Protocol
+from collections.abc import Awaitable
+from typing import TYPE_CHECKING, Protocol
 
-from agentflow.errors import UnknownNameError
-from agentflow.search.best_of_n import best_of_n
-from agentflow.search.events import Observer, ignore
-from agentflow.search.mcts import mcts
-from agentflow.search.node import C, Evaluate, Evaluation, Expand, SearchResult
-from agentflow.search.random import random
-from agentflow.search.settings import SearchSettings
+from agentflow.registry import Registry
+
+if TYPE_CHECKING:
+    from agentflow.search.events import Observer
+    from agentflow.search.node import C, Evaluate, Evaluation, Expand, SearchResult
+    from agentflow.search.settings import SearchSettings
 
 
 class Strategy(Protocol):
@@ -25,22 +23,18 @@ class Strategy(Protocol):
         expand: Expand[C],
         evaluate: Evaluate[C],
         settings: SearchSettings,
-        observe: Observer = ignore,
+        observe: Observer = ...,
     ) -> Awaitable[SearchResult[C]]:
         """Run the search."""
 
 
-STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
-    {"mcts": mcts, "best_of_n": best_of_n, "random": random}
+STRATEGIES: Registry[Strategy] = Registry(
+    "search strategy",
+    "agentflow.strategies",
+    {
+        "mcts": "agentflow.search.mcts:mcts",
+        "best_of_n": "agentflow.search.best_of_n:best_of_n",
+        "random": "agentflow.search.random:random",
+    },
+    lambda _, thing: "" if callable(thing) else "is not a function",
 )
-
-
-def strategy(name: str) -> Strategy:
-    """The strategy with this name.
-
-    Raises:
-        UnknownNameError: No strategy has this name.
-    """
-    if name not in STRATEGIES:
-        raise UnknownNameError("search strategy", name, STRATEGIES)
-    return STRATEGIES[name]

@@ -7,6 +7,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from agentflow.search.registry import STRATEGIES
+
 
 class UcbSettings(BaseModel):
     """How MCTS-style search balances exploitation and exploration."""
@@ -27,8 +29,9 @@ class SearchSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    strategy: Literal["mcts", "best_of_n", "random"] = Field(
-        "mcts", description="how the next machine to refine is selected"
+    strategy: str = Field(
+        "mcts",
+        description=f"how the next machine to refine is selected: {', '.join(STRATEGIES.ours)}",
     )
     rounds: int = Field(5, ge=0, description="expansions per search")
     width: int = Field(
@@ -36,3 +39,8 @@ class SearchSettings(BaseModel):
     )
     waves: int = Field(5, ge=1, description="maximum waves of attempts per expansion")
     ucb: UcbSettings = Field(UcbSettings(), description="selection settings of mcts")
+
+    @property
+    def children(self) -> int:
+        """Children that each expansion makes: the width, or one in random search."""
+        return 1 if self.strategy == "random" else self.width

@@ -1,1 +1,1 @@
-"""Workflows: plain control flow over roles, one file each, all yielding the same record."""
+"""Workflows: plain control flow over roles, one module each, all with the same result."""

@@ -1,13 +1,18 @@
-"""Owns the hierarchical workflow: plan, build by structure, criticise, refine, search."""
+"""The hierarchical workflow: plan, build by structure, criticise, refine, search."""
 
 from __future__ import annotations
 
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.construction import build
-from agentflow.workflows.stages.refinement import refine
+from agentflow.workflows.stages.refinement import count_calls, count_rollouts, refine
 from agentflow.workflows.stages.shared import design_machines, failure_reason
+from agentflow.workflows.workflow import Workflow
+
+STRUCTURES = 4
+"""Structures of a usual blueprint, as in runs/recorded-throwing."""
 
 
 async def hierarchical(run: WorkflowContext) -> WorkflowResult:
@@ -38,3 +43,12 @@ async def _plan(run: WorkflowContext) -> tuple[Blueprint | None, str]:
         return None, f"no valid blueprint: {failure_reason(outcome)}"
     run.record.event("blueprint", "meta_designer", **outcome.output.to_json())
     return outcome.output, ""
+
+
+def _calls(settings: WorkflowSettings) -> dict[str, int]:
+    if settings.meta_designer == "off":
+        return count_calls(settings)
+    return {"meta_designer": 1, **count_calls(settings, STRUCTURES * settings.candidates)}
+
+
+HIERARCHICAL = Workflow("hierarchical", hierarchical, _calls, count_rollouts)

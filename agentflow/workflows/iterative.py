@@ -1,14 +1,18 @@
-"""Owns the iterative workflow: whole machines, criticised, refined blindly, then by search."""
+"""The iterative workflow: whole machines, criticised, refined blindly, then by search."""
 
 from __future__ import annotations
 
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
-from agentflow.workflows.stages.refinement import refine
+from agentflow.workflows.stages.refinement import count_calls, count_rollouts, refine
 from agentflow.workflows.stages.shared import design_machines
+from agentflow.workflows.workflow import Workflow
 
 
 async def iterative(run: WorkflowContext) -> WorkflowResult:
     """Designer, inspector, blind refinement, feedback loop."""
     run.begin_stage("initial")
     return await refine(run, await design_machines(run), None)
+
+
+ITERATIVE = Workflow("iterative", iterative, count_calls, count_rollouts)

@@ -1,9 +1,11 @@
-"""Owns the placement workflows: many independent attempts to complete what a task gives.
+"""The placement workflows: many independent attempts to complete the structure that a task gives.
 
-No attempt learns of another and none is refined; the result counts how many do what is asked.
+No attempt knows of another and none is refined; the result counts how many succeed.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.errors import UsageError
@@ -13,17 +15,15 @@ from agentflow.workflows.base import Candidate, FirstAttempt, StageName, Workflo
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.shared import failure_reason, first_attempt_of, simulate
+from agentflow.workflows.workflow import Workflow, completes_machines
 
 STAGE: StageName = "initial"
 MOST_PLACED = 10
-"""Most blocks that a random placement adds; chosen: half as many again as the longest way needs."""
+"""Most blocks that a random placement adds: 1.5 times as many as the longest solution needs."""
 
 
 async def placement(run: WorkflowContext) -> WorkflowResult:
-    """`settings.placements` placers, one call each; what is valid is simulated.
-
-    Placers use the designer's model and sampling.
-    """
+    """Ask `settings.placements` placers, one call each, and simulate the valid machines."""
     run.begin_stage(STAGE)
 
     async def place(attempt: int) -> Candidate:
@@ -40,10 +40,7 @@ async def placement(run: WorkflowContext) -> WorkflowResult:
 
 
 async def random_placement(run: WorkflowContext) -> WorkflowResult:
-    """The baseline: blocks of allowed types on random free faces, 1 to 10 of them; all are valid.
-
-    No model is asked.
-    """
+    """Baseline without a model: 1 to 10 blocks of allowed types on random free faces."""
     run.begin_stage(STAGE)
     brief = run.brief
     size = len(brief.given) + 1, len(brief.given) + MOST_PLACED
@@ -63,6 +60,24 @@ def _attempts(run: WorkflowContext) -> range:
     return range(1, run.settings.trajectories + 1)
 
 
-def one_each(settings: WorkflowSettings) -> WorkflowSettings:
-    """With a trajectory per placement."""
+def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
+    """One trajectory per placement."""
     return settings.model_copy(update={"trajectories": settings.placements})
+
+
+PLACEMENT = Workflow(
+    "placement",
+    placement,
+    calls=lambda settings: {"placer": settings.placements},
+    rollouts=lambda settings: settings.placements,
+    fits=completes_machines,
+    adapt=_adapt,
+    counts_passes=True,
+)
+RANDOM_PLACEMENT = replace(
+    PLACEMENT,
+    name="random-placement",
+    stages=random_placement,
+    calls=lambda _: {},
+    asks_models=False,
+)

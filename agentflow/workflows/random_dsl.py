@@ -1,4 +1,4 @@
-"""Owns the no-model baseline: random machines and random legal edits, selected by score alone."""
+"""Baseline without a model: random machines and random legal edits, selected by score alone."""
 
 from __future__ import annotations
 
@@ -16,26 +16,27 @@ from agentflow.search.node import SearchCost
 from agentflow.search.tree import is_better
 from agentflow.workflows.base import Candidate, FirstAttempt, Stage, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.feedback import STAGE
 from agentflow.workflows.stages.shared import BLIND, simulate
+from agentflow.workflows.workflow import Workflow
 
 VALID = FirstAttempt(parsed=True, spatial=True, valid=True)
 MAX_REPEATS = 20
-"""Edits in a row that may lead to machines already tried before a search for new ones ends."""
+"""Attempts to find an edit that leads to a new machine before a climb gives up."""
 
 
 async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     """Random machines, one random edit each, then edits of each trajectory's best machine.
 
-    The stages are those of the other workflows and no model is asked. `settings.rollouts` are of
-    the whole run; without it every stage has one per trajectory, as published.
+    The stages are those of the other workflows. `settings.rollouts` limits the simulations of the
+    whole run; by default every stage has one per trajectory, as published.
     """
     settings = run.settings
     chances = {t: run.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
-    per_stage = settings.trajectories
-    total = settings.rollouts or 3 * per_stage
+    total = _rollouts(settings)
     run.begin_stage("initial")
-    drawn = [_drawn(run.brief, t, chances[t]) for t in list(chances)[:total]]
+    drawn = [_draw(run.brief, t, chances[t]) for t in list(chances)[:total]]
     initial = run.end_stage("initial", await simulate(run, "initial", drawn))
     left = total - initial.rollouts
     if run.is_over(initial) or left <= 0:
@@ -50,7 +51,11 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     return run.result()
 
 
-def _drawn(brief: Brief, trajectory: int, chance: random.Random) -> Candidate:
+def _rollouts(settings: WorkflowSettings) -> int:
+    return settings.rollouts or 3 * settings.trajectories
+
+
+def _draw(brief: Brief, trajectory: int, chance: random.Random) -> Candidate:
     try:
         return Candidate(trajectory, random_machine(chance, brief), first=VALID)
     except UsageError as error:
@@ -60,11 +65,11 @@ def _drawn(brief: Brief, trajectory: int, chance: random.Random) -> Candidate:
 async def _blind(
     run: WorkflowContext, candidates: Sequence[Candidate], chances: dict[int, random.Random]
 ) -> list[Candidate]:
-    """One edit of each machine, whatever it scored."""
+    """Edit each machine once, whatever its score."""
     edited = []
     for candidate in candidates:
         assert candidate.machine is not None
-        machine = _edited(run, candidate.machine, chances[candidate.trajectory])
+        machine = _edit(run, candidate.machine, chances[candidate.trajectory])
         reason = "" if machine else "no edit is legal"
         first = VALID if machine else FirstAttempt()
         edit = EditRecord("a random edit", "Success", before=candidate.score) if machine else None
@@ -72,7 +77,7 @@ async def _blind(
     return await simulate(run, BLIND, edited)
 
 
-def _edited(run: WorkflowContext, machine: Machine, chance: random.Random) -> Machine | None:
+def _edit(run: WorkflowContext, machine: Machine, chance: random.Random) -> Machine | None:
     try:
         return random_edit(machine, chance, run.brief)
     except UsageError:
@@ -80,7 +85,7 @@ def _edited(run: WorkflowContext, machine: Machine, chance: random.Random) -> Ma
 
 
 def _better_of(initial: Stage, blind: Stage) -> list[Candidate]:
-    """Of each trajectory the better of its two machines, the first among equals."""
+    """The better of the two machines of each trajectory; the first one if tied."""
     found = {candidate.trajectory: candidate for candidate in initial.survivors}
     for candidate in blind.survivors:
         assert candidate.evaluation is not None
@@ -93,7 +98,7 @@ def _better_of(initial: Stage, blind: Stage) -> list[Candidate]:
 
 @dataclass
 class _Climber:
-    """One trajectory's climb: the best machine so far and what was tried."""
+    """One trajectory's climb: the best machine so far and the machines tried."""
 
     best: Candidate
     chance: random.Random
@@ -101,10 +106,10 @@ class _Climber:
     search_cost: SearchCost
 
     def next(self, run: WorkflowContext) -> Machine | None:
-        """A machine one edit from the best that this climb has not tried; None without one."""
+        """A machine one edit away from the best that was not tried yet; None if none is found."""
         assert self.best.machine is not None
         for _ in range(MAX_REPEATS):
-            machine = _edited(run, self.best.machine, self.chance)
+            machine = _edit(run, self.best.machine, self.chance)
             if machine is None:
                 return None
             if machine not in self.seen:
@@ -119,7 +124,7 @@ async def _climb(
     chances: dict[int, random.Random],
     rollouts: int,
 ) -> list[Candidate]:
-    """Edits of each trajectory's best machine, kept when better, until the rollouts are spent."""
+    """Edit each trajectory's best machine, keeping improvements, until the rollouts are used up."""
     climbers = [
         _Climber(start, chances[start.trajectory], {start.machine}, SearchCost())
         for start in starts
@@ -135,7 +140,7 @@ async def _climb(
 
 
 async def _step(run: WorkflowContext, climber: _Climber, round_: int) -> bool:
-    """Try one edit; whether there was one to try."""
+    """Try one edit; returns whether there was one to try."""
     machine, old = climber.next(run), climber.best
     if machine is None:
         return False
@@ -157,3 +162,6 @@ async def _step(run: WorkflowContext, climber: _Climber, round_: int) -> bool:
         edit = EditRecord("a random edit", "Success", before=old.score, after=evaluation.score)
         climber.best = Candidate(old.trajectory, machine, evaluation, VALID, edit=edit)
     return True
+
+
+RANDOM_DSL = Workflow("random-dsl", random_dsl, lambda _: {}, _rollouts, asks_models=False)

@@ -1,4 +1,4 @@
-"""Owns the switches of the workflows (spec 5.2). Models and sampling come with the contexts."""
+"""Settings of workflows."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from agentflow.search.settings import SearchSettings
 
 
 class WorkflowSettings(BaseModel):
-    """What a workflow does; the same keys for all, so that a sweep can compare them."""
+    """Switches of a workflow; all workflows share these keys, so that sweeps can compare them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    trajectories: int = Field(8, ge=1, description="machines designed side by side")
+    trajectories: int = Field(8, ge=1, description="machines designed in parallel")
     placements: int = Field(
         50, ge=1, description="independent attempts (placement, random-placement)"
     )
@@ -27,15 +27,17 @@ class WorkflowSettings(BaseModel):
         "off: whole machines (hierarchical)",
     )
     rationales: tuple[str, ...] = Field(
-        (), description="plans that designers are to follow, one per trajectory and round again"
+        (), description="plans for designers to follow, one per trajectory, repeated if too few"
     )
     inspector: bool = Field(True, description="criticise machines before the blind refinement")
-    querier: bool = Field(True, description="ask for states of single blocks (feedback active)")
-    feedback: Literal["active", "basic", "score_only"] = Field(
-        "active", description="what refiners learn of a simulation"
+    querier: bool = Field(
+        True, description="ask for states of single blocks (with feedback active)"
     )
-    history: bool = Field(True, description="tell refiners the earlier edits")
-    spatial: bool = Field(True, description="tell designers and refiners the 3D information")
+    feedback: Literal["active", "basic", "score_only"] = Field(
+        "active", description="what refiners are told about a simulation"
+    )
+    history: bool = Field(True, description="show refiners the earlier edits")
+    spatial: bool = Field(True, description="show designers and refiners 3D information")
     representation: Literal["tree", "coordinates"] = Field(
         "tree", description="how machines are written: construction tree, or absolute coordinates"
     )
@@ -46,24 +48,24 @@ class WorkflowSettings(BaseModel):
     rollouts: int | None = Field(
         None,
         ge=1,
-        description="simulations of a whole run (random-dsl); by default 3 per trajectory",
+        description="simulations of a whole run (random-dsl); default: 3 per trajectory",
     )
     search: SearchSettings = Field(
-        SearchSettings(), description="the feedback loop; rounds 0 leaves it out"
+        SearchSettings(), description="the feedback loop; 0 rounds skip it"
     )
 
     @field_validator("meta_designer", mode="before")
     @classmethod
     def _off(cls, value: object) -> object:
-        """YAML reads a bare `off` as false."""
+        """Accept false, which is how YAML reads a bare `off`."""
         return "off" if value is False else value
 
     def rationale(self, trajectory: int) -> str:
-        """The plan that the designers of a trajectory (1, 2, ...) are to follow; "" for none."""
+        """The plan for the designers of a trajectory (1, 2, ...); "" for none."""
         plans = self.rationales
         return plans[(trajectory - 1) % len(plans)] if plans else ""
 
     @property
     def asks_querier(self) -> bool:
-        """Whether queried states reach the refiner, so that asking for them makes sense."""
+        """Whether to ask the querier: its answers reach the refiner only with active feedback."""
         return self.querier and self.feedback == "active"

@@ -1,4 +1,4 @@
-"""Owns the single-agent workflow: whole machines, revised by the same agent."""
+"""The single-agent workflow: whole machines, revised by the same agent."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.feedback import STAGE, feedback_loop
 from agentflow.workflows.stages.shared import INITIAL, design_machines, simulate
+from agentflow.workflows.workflow import Workflow
 
 
 async def single(run: WorkflowContext) -> WorkflowResult:
     """One designer per candidate; then each revises its machine, `search.rounds` times.
 
-    A revision is a refinement of the last machine with the designer's model and sampling,
-    told the default feedback: no inspector, and the settings are `chained`. With 0 rounds there is
-    no feedback.
+    A revision refines the last machine, with the designer's model and sampling and the default
+    feedback. There is no inspector. With 0 rounds there is no feedback.
     """
     run.begin_stage(INITIAL)
     initial = run.end_stage(INITIAL, await simulate(run, INITIAL, await design_machines(run)))
@@ -29,7 +29,19 @@ async def single(run: WorkflowContext) -> WorkflowResult:
     return run.result()
 
 
-def chained(settings: WorkflowSettings) -> WorkflowSettings:
+def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
     """Without a querier, and with the strategy `random`, which is a plain chain."""
     chain = settings.search.model_copy(update={"strategy": "random"})
     return settings.model_copy(update={"querier": False, "search": chain})
+
+
+def _calls(settings: WorkflowSettings) -> dict[str, int]:
+    many = settings.trajectories
+    return {"designer": many, "refiner": many * settings.search.rounds}
+
+
+def _rollouts(settings: WorkflowSettings) -> int:
+    return settings.trajectories * (1 + settings.search.rounds)
+
+
+SINGLE = Workflow("single", single, _calls, _rollouts, adapt=_adapt)

@@ -1,4 +1,4 @@
-"""Owns the numbers of a stage, as they stand in the stage table (spec 5.2)."""
+"""Statistics of stages: rows of the stage table, passes, the best machine."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Any
 from agentflow.workflows.base import Candidate, Stage
 
 PASS = 1.0
-"""Score of a success."""
+"""Lowest score that counts as a success."""
 
 
 def row(stage: Stage) -> dict[str, Any]:
     """The stage as one row of the table, over all trajectories of the run.
 
-    `mean`, `max` and `std` (of the population) are over the valid machines, `mean_all` counts the
-    invalid ones as 0. Machines that the computer could not score are in neither. None where there
-    is nothing to average. `parsed_first`, `spatial_first`, `valid_first` count first attempts,
-    `valid` what there is after the retries; in the feedback loop the first attempt is the first of
-    each search and `valid` counts the trees.
+    `mean`, `max` and `std` (of the population) are over the valid machines; `mean_all` counts
+    invalid ones as 0. Machines whose simulation failed are in neither. None if there is nothing to
+    average. `parsed_first`, `spatial_first` and `valid_first` count first attempts, `valid` counts
+    machines after the retries. In the feedback loop, the first attempt is the first one of each
+    search, and `valid` counts searches.
     """
     candidates = stage.candidates
     valid = [c.score for c in candidates if c.valid and c.score is not None]
@@ -44,10 +44,10 @@ def row(stage: Stage) -> dict[str, Any]:
 
 
 def passes(stage: Stage) -> dict[str, Any]:
-    """How many attempts of a stage got how far.
+    """Number of attempts of a stage that parsed, were spatially valid, and passed.
 
-    An attempt passes when it scores at least 1, which is what a task with success or failure
-    gives for success. Attempts that the computer could not score are not counted.
+    An attempt passes with a score of at least 1, which is what pass-or-fail tasks give for a
+    success. Attempts whose simulation failed are not counted.
     """
     scored = [c for c in stage.candidates if not c.valid or c.score is not None]
     count = sum(c.valid and c.score is not None and c.score >= PASS for c in scored)
@@ -61,7 +61,7 @@ def passes(stage: Stage) -> dict[str, Any]:
 
 
 def best_of(stages: tuple[Stage, ...]) -> tuple[Candidate, Stage] | None:
-    """The valid machine with the highest score; the earliest among equals; None without one."""
+    """The valid machine with the highest score, the earliest if tied; None without one."""
     found: tuple[Candidate, Stage] | None = None
     highest: float | None = None
     for stage in stages:

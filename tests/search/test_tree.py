@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agentflow.search.node import Evaluation
-from agentflow.search.registry import STRATEGIES, strategy
+from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings
 from agentflow.search.tree import is_better
 from tests.search.domain import Words
@@ -33,7 +33,7 @@ def test_better_is_valid_scored_and_above(new: Evaluation, old: Evaluation, expe
 async def test_a_root_that_is_fallen_back_to_is_not_tried_again(name: str) -> None:
     words = Words({f"round-1/node-0/try-{i}": None for i in (1, 2)}, {})
     numbers = SearchSettings(rounds=1, width=1, waves=2)
-    found = await strategy(name)("r", ROOT, words.expand, words.evaluate, numbers)
+    found = await STRATEGIES[name]("r", ROOT, words.expand, words.evaluate, numbers)
     assert [(node.candidate, node.evaluation) for node in found.nodes] == [("r", ROOT)] * 2
     assert (words.rollouts, found.cost.rollouts) == ([], 0)
 
@@ -44,7 +44,7 @@ async def test_a_budget_spent_before_the_first_answer_ends_it_without_an_expansi
 ) -> None:
     words = Words({}, {}, budget=0)
     numbers = SearchSettings(rounds=3, width=2, waves=3)
-    found = await strategy(name)("r", ROOT, words.expand, words.evaluate, numbers)
+    found = await STRATEGIES[name]("r", ROOT, words.expand, words.evaluate, numbers)
     assert len(words.waves) == 1
     assert (len(found.nodes), found.result, found.stopped) == (1, 0, True)
     assert (found.cost.expansions, found.cost.attempts) == (0, 0)

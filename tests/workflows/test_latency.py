@@ -14,6 +14,7 @@ import pytest
 from agentflow.llm.messages import Reply, Request
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
+from agentflow.search.registry import STRATEGIES
 from tests.workflows.world import Author, Run, Shelf
 
 LATENCY, ROLLOUT, WORKERS = 1.0, 0.15, 2
@@ -87,7 +88,7 @@ def critical_path(starts: list[tuple[str, float]]) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("refused", [0.0, 0.3])
-@pytest.mark.parametrize("strategy", ["mcts", "best_of_n", "random"])
+@pytest.mark.parametrize("strategy", STRATEGIES)
 def test_a_run_takes_little_longer_than_its_critical_path(refused: float, strategy: str) -> None:
     """Eight trajectories, five rounds, all switches on; a second per reply and two workers."""
     loop = JumpingLoop()

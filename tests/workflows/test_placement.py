@@ -26,9 +26,10 @@ from agentflow.workflows.base import (
     Stage,
     WorkflowResult,
 )
-from agentflow.workflows.registry import demand_fit, workflow
+from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import passes
+from agentflow.workflows.workflow import check_fit
 
 TASK = get_task("gearing")
 BRIEF = TASK.brief
@@ -78,7 +79,7 @@ def run(client: Any, count: int, record: Notes | None = None) -> WorkflowResult:
 
     settings = WorkflowSettings(placements=count)
     return asyncio.run(
-        workflow("placement")(BRIEF, context, Teeth(), settings, record or Notes(), seed=1)
+        WORKFLOWS["placement"](BRIEF, context, Teeth(), settings, record or Notes(), seed=1)
     )
 
 
@@ -128,7 +129,7 @@ def test_random_placements_are_valid_and_differ() -> None:
         raise AssertionError(role)
 
     settings = WorkflowSettings(placements=12)
-    work = workflow("random-placement")(BRIEF, nobody, Teeth(), settings, Notes(), seed=1)
+    work = WORKFLOWS["random-placement"](BRIEF, nobody, Teeth(), settings, Notes(), seed=1)
     (stage,) = asyncio.run(work).stages
     machines = {c.machine for c in stage.candidates}
     assert len(machines) == 12
@@ -150,13 +151,13 @@ def test_attempts_that_the_computer_could_not_score_do_not_count() -> None:
 
 
 def test_only_what_fits_is_accepted() -> None:
-    demand_fit("placement", BRIEF)
-    demand_fit("iterative", get_task("throwing").brief)
+    check_fit("placement", BRIEF)
+    check_fit("iterative", get_task("throwing").brief)
     with pytest.raises(UsageError) as caught:
-        demand_fit("hierarchical", BRIEF)
+        check_fit("hierarchical", BRIEF)
     assert str(caught.value) == (
         "gearing has no hierarchical workflow: nothing is refined there, cogs are placed again and "
         "again; use --workflow placement or random-placement"
     )
     with pytest.raises(UsageError, match=r"^throwing gives nothing to complete; use --workflow "):
-        demand_fit("random-placement", get_task("throwing").brief)
+        check_fit("random-placement", get_task("throwing").brief)

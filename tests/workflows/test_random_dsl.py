@@ -12,7 +12,7 @@ import pytest
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 from agentflow.workflows.base import WorkflowResult
-from agentflow.workflows.registry import workflow
+from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 from tests.workflows.world import BRIEF, Notes, Shelf
 
@@ -31,7 +31,7 @@ async def run(
 
     notes = Notes()
     numbers = WorkflowSettings.model_validate(settings)
-    return await workflow("random-dsl")(TASK, nobody, shelf, numbers, notes, seed), notes
+    return await WORKFLOWS["random-dsl"](TASK, nobody, shelf, numbers, notes, seed), notes
 
 
 async def test_eight_rollouts_per_stage() -> None:
@@ -114,7 +114,7 @@ async def test_completion_order_changes_nothing() -> None:
 async def test_a_task_that_no_random_machine_meets_is_a_result() -> None:
     numbers = WorkflowSettings(trajectories=1)
     task = replace(TASK, size_limit=(1.0, 1.0, 1.0))
-    result = await workflow("random-dsl")(task, lambda _: None, Shelf(), numbers, Notes())  # type: ignore
+    result = await WORKFLOWS["random-dsl"](task, lambda _: None, Shelf(), numbers, Notes())  # type: ignore
     assert result.best is None
     assert result.reason == (
         "no valid machine: found no valid machine of 5 to 20 blocks that the task allows; "

@@ -6,31 +6,51 @@ from dataclasses import replace
 
 import pytest
 
+from agentflow.agents.registry import ROLES
 from agentflow.errors import UnknownNameError, UnreachableError
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
-from agentflow.workflows.registry import OWN_SETTINGS, PLACEMENT, WITHOUT_MODEL, WORKFLOWS, workflow
-from tests.workflows.world import CRITIQUE, INQUIRY, Author, Run, Script, Shelf, edit, fenced, steps
+from agentflow.search.registry import STRATEGIES
+from agentflow.workflows.registry import WORKFLOWS
+from agentflow.workflows.settings import WorkflowSettings
+from tests.workflows.world import (
+    BRIEF,
+    CRITIQUE,
+    INQUIRY,
+    Author,
+    Run,
+    Script,
+    Shelf,
+    edit,
+    fenced,
+    steps,
+)
 
-ASKING = [name for name in WORKFLOWS if name not in {*WITHOUT_MODEL, *PLACEMENT}]
+ASKING = [name for name, flow in WORKFLOWS.items() if flow.asks_models and flow.fits(BRIEF)]
 MEDIUM = {"trajectories": 4, "search": {"rounds": 3, "width": 2, "waves": 2}}
 
 
 def test_by_name() -> None:
     with pytest.raises(UnknownNameError) as caught:
-        workflow("hierachical")
+        WORKFLOWS["hierachical"]
     assert str(caught.value) == (
         "unknown workflow 'hierachical'; known: hierarchical, iterative, single, random-dsl, "
         "placement, random-placement"
     )
 
 
-def test_own_settings_are_those_of_workflows() -> None:
-    assert OWN_SETTINGS.keys() <= WORKFLOWS.keys()
+@pytest.mark.parametrize("name", WORKFLOWS)
+def test_every_workflow_is_complete(name: str) -> None:
+    flow = WORKFLOWS[name]
+    assert flow.name == name
+    settings = flow.adapt(WorkflowSettings())
+    assert flow.rollouts(settings) > 0
+    assert bool(flow.calls(settings)) == flow.asks_models
+    assert set(flow.calls(settings)) <= set(ROLES)
 
 
 @pytest.mark.parametrize("name", ASKING)
-@pytest.mark.parametrize("strategy", ["mcts", "best_of_n", "random"])
+@pytest.mark.parametrize("strategy", STRATEGIES)
 async def test_every_workflow_with_every_strategy(name: str, strategy: str) -> None:
     run = Run(Author(seed=5), {**MEDIUM, "search": {**MEDIUM["search"], "strategy": strategy}})  # type: ignore[dict-item]
     result = await run(name)

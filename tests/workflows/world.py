@@ -22,7 +22,7 @@ from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import SimulationSummary, WorkflowResult
-from agentflow.workflows.registry import workflow
+from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 
 BRIEF = Brief(
@@ -245,7 +245,7 @@ class Run:
         self._client = BudgetClient(outer, Budget(BudgetSettings(calls=budget)))
 
     async def __call__(self, name: str = "hierarchical") -> WorkflowResult:
-        return await workflow(name)(
+        return await WORKFLOWS[name](
             BRIEF, self.context, self.shelf, self.settings, self.notes, self.seed
         )
 

@@ -19,9 +19,11 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
 from agentflow.metrics.intervals import wilson
 from agentflow.prompts.render import PromptSet
+from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.base import Record, WorkflowResult
-from agentflow.workflows.registry import PLACEMENT, WITHOUT_MODEL, demand_fit, workflow
+from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.statistics import passes, row
+from agentflow.workflows.workflow import check_fit
 
 
 @dataclass(frozen=True)
@@ -41,13 +43,13 @@ class Plan:
             ConfigError: A knob is unknown or out of range, or a price is missing.
             UsageError: The workflow is not meant for such a task.
         """
-        workflow(config.workflow)
+        STRATEGIES[config.settings.search.strategy], WORKFLOWS[config.workflow]  # known names
         answerers(config.model)
         try:
             task = get_task(config.task, config.knobs)
         except ConfigError as error:
             raise ConfigError(f"{error}{hint(config.knobs)}") from None
-        demand_fit(config.workflow, task.brief)
+        check_fit(config.workflow, task.brief)
         return cls(config, task, PromptSet(config.prompts))
 
 
@@ -89,7 +91,7 @@ async def conduct(
             if pool is None:
                 pool = await stack.enter_async_context(RolloutPool(config.workers))
             laboratory = PhysicsLaboratory(plan.task, pool, config.seed)
-            result = await workflow(config.workflow)(
+            result = await WORKFLOWS[config.workflow](
                 plan.task.brief,
                 context,
                 laboratory,
@@ -107,7 +109,7 @@ def answer(plan: Plan, conducted: Conducted) -> dict[str, Any]:
     result = conducted.result
     best = result.best
     machine = best.machine if best else None
-    counted = {"attempts": _counted(result)} if result.workflow in PLACEMENT else {}
+    counted = {"attempts": _counted(result)} if WORKFLOWS[result.workflow].counts_passes else {}
     return {
         "task": plan.task.name,
         "workflow": result.workflow,
@@ -133,7 +135,7 @@ def _counted(result: WorkflowResult) -> dict[str, Any]:
 
 def asked(config: DesignConfig, models: Models) -> str:
     """Who answers, as shown in results."""
-    return "none (random edits)" if config.workflow in WITHOUT_MODEL else models.name
+    return models.name if WORKFLOWS[config.workflow].asks_models else "none (random edits)"
 
 
 def conditions(plan: Plan) -> dict[str, str]:

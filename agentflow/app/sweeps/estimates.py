@@ -11,10 +11,8 @@ from agentflow.config.run import PROCEDURAL, DesignConfig
 from agentflow.env.tasks.base import Task
 from agentflow.llm.messages import Usage
 from agentflow.llm.wrappers.prices import Price
-from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.registry import WORKFLOWS
 
-STRUCTURES = 4
-"""Structures of a usual blueprint; measured: runs/recorded-throwing."""
 ROLLOUT_SECONDS = 0.2
 """Of a worker, for one trial in a window of 5 s; measured: 18 s for the 175 rollouts of
 `agentflow design --task throwing --seed 0` on two quiet cores."""
@@ -60,8 +58,9 @@ NOTHING = Estimate(0, 0, 0, 0.0, 0, 0.0)
 def estimate(plan: Plan) -> Estimate:
     """What a run will probably cost."""
     config = plan.config
-    calls = _calls(config.workflow, config.settings)
-    rollouts = _rollouts(config.workflow, config.settings)
+    workflow = WORKFLOWS[config.workflow]
+    settings = workflow.adapt(config.settings)
+    calls, rollouts = workflow.calls(settings), workflow.rollouts(settings)
     prompt = sum(count * ROLES[role].tokens[0] for role, count in calls.items())
     completion = sum(count * ROLES[role].tokens[1] for role, count in calls.items())
     return Estimate(
@@ -77,42 +76,6 @@ def estimate(plan: Plan) -> Estimate:
 def total(estimates: Iterable[Estimate]) -> Estimate:
     """Of several runs together."""
     return sum(estimates, NOTHING)
-
-
-def _calls(workflow: str, settings: WorkflowSettings) -> dict[str, int]:
-    """Role -> calls when every first attempt is valid."""
-    many, search = settings.trajectories, settings.search
-    if workflow == "placement":
-        return {"placer": settings.placements}
-    if workflow == "single":
-        return {"designer": many, "refiner": many * search.rounds}
-    if workflow not in ("iterative", "hierarchical"):
-        return {}
-    planned = workflow == "hierarchical" and settings.meta_designer != "off"
-    pieces = STRUCTURES * settings.candidates if planned else 1
-    return {
-        "meta_designer": int(planned),
-        "designer": many * pieces,
-        "inspector": many * settings.inspector,
-        "querier": many * search.rounds * settings.asks_querier,
-        "refiner": many * (1 + search.rounds * _width(settings)),
-    }
-
-
-def _rollouts(workflow: str, settings: WorkflowSettings) -> int:
-    """Machines, when all are different and valid."""
-    many, search = settings.trajectories, settings.search
-    if workflow in ("placement", "random-placement"):
-        return settings.placements
-    if workflow == "random-dsl":
-        return settings.rollouts or 3 * many
-    if workflow == "single":
-        return many * (1 + search.rounds)
-    return many * (2 + search.rounds * _width(settings))
-
-
-def _width(settings: WorkflowSettings) -> int:
-    return 1 if settings.search.strategy == "random" else settings.search.width
 
 
 def _seconds(task: Task, seed: int) -> float:

@@ -21,6 +21,7 @@ from agentflow.metrics.cells import Member as Numbers
 from agentflow.metrics.records import STAGES, RunRecord
 from agentflow.metrics.tables import Column, Row, Table
 from agentflow.runs import read_events
+from agentflow.workflows.registry import WORKFLOWS
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,7 @@ def read_swept(path: Path) -> Swept:
 
 
 def _width(config: DesignConfig) -> int:
-    chain = config.workflow == "single" or config.settings.search.strategy == "random"
-    return 1 if chain else config.settings.search.width
+    return WORKFLOWS[config.workflow].adapt(config.settings).search.children
 
 
 def layout(swept: Swept, *, published: bool = False) -> Table:

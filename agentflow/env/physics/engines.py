@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from agentflow.env.physics.engine import Engine, EngineIdentity
 from agentflow.errors import ConfigError
-from agentflow.registry import Registry
+from agentflow.registry import Registry, instance_of
 
 if TYPE_CHECKING:
     from agentflow.env.constants import Constants
@@ -56,15 +56,11 @@ class EngineSpec:
         return engine
 
 
-def _is_spec(_: str, thing: Any) -> str:
-    return "" if isinstance(thing, EngineSpec) else f"is not an instance of {__name__}.EngineSpec"
-
-
 ENGINES: Registry[EngineSpec] = Registry(
     "physics engine",
     "agentflow.engines",
     {"pybullet": "agentflow.env.physics.pybullet:PYBULLET"},
-    _is_spec,
+    instance_of(EngineSpec),
 )
 """All engines, the preferred one first."""
 

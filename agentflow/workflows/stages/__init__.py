@@ -1,1 +1,1 @@
-"""The stages that workflows are made of."""
+"""Stages shared by workflows."""

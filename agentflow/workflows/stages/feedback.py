@@ -17,7 +17,7 @@ from agentflow.errors import BudgetSpentError
 from agentflow.machine.tree import Machine
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, Evaluation, Node, SearchResult
-from agentflow.search.registry import strategy
+from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.base import Candidate, FirstAttempt, SimulationSummary, StageName
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.search_record import SearchRecorder
@@ -56,7 +56,7 @@ async def feedback_loop(
     name = f"traj-{candidate.trajectory}"
     trajectory = Trajectory(run, name, blueprint, model_role)
     notes = SearchRecorder(run.record, f"{STAGE}/{name}")
-    found = await strategy(numbers.strategy)(
+    found = await STRATEGIES[numbers.strategy](
         Version(candidate.machine, candidate.edit),
         candidate.evaluation,
         trajectory.expand,

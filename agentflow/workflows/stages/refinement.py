@@ -8,6 +8,7 @@ from agentflow.agents.meta_designer import Blueprint
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.feedback import STAGE, feedback_loop
 from agentflow.workflows.stages.shared import BLIND, INITIAL, refine_blindly, simulate
 
@@ -59,3 +60,25 @@ async def refine(
     if found:
         run.end_stage(STAGE, found)
     return run.result()
+
+
+def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
+    """Role -> calls of a run that designs and refines, if every first attempt is valid.
+
+    Args:
+        settings: The switches.
+        designs: Designer calls per trajectory.
+    """
+    many, search = settings.trajectories, settings.search
+    return {
+        "designer": many * designs,
+        "inspector": many * settings.inspector,
+        "querier": many * search.rounds * settings.asks_querier,
+        "refiner": many * (1 + search.rounds * search.children),
+    }
+
+
+def count_rollouts(settings: WorkflowSettings) -> int:
+    """Simulations of a run that designs and refines, if no two machines are equal."""
+    search = settings.search
+    return settings.trajectories * (2 + search.rounds * search.children)

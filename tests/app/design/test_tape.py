@@ -24,7 +24,7 @@ from agentflow.llm.wrappers.record import ReplayClient
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
-from agentflow.workflows.registry import workflow
+from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
 
@@ -46,7 +46,7 @@ def carry_out(folder: Path, chance: random.Random) -> tuple[WorkflowResult, RunD
 
 async def conduct(client: Client, run: RunDirectory, shelf: Shelf) -> WorkflowResult:
     context = AskContext(client, PROMPTS, max_retry=3)
-    return await workflow("hierarchical")(BRIEF, lambda _role: context, shelf, SETTINGS, run, 0)
+    return await WORKFLOWS["hierarchical"](BRIEF, lambda _role: context, shelf, SETTINGS, run, 0)
 
 
 def written(run: RunDirectory) -> Written:

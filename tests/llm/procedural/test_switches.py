@@ -13,8 +13,9 @@ from agentflow.errors import UsageError
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.validity import check
-from agentflow.workflows.registry import WITHOUT_MODEL, WORKFLOWS, demand_fit, workflow
+from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.workflow import check_fit
 from tests.llm.procedural.asking import PROMPTS, brief_of
 from tests.workflows.world import Notes, Shelf
 
@@ -50,7 +51,7 @@ async def run(task: str, name: str, switches: dict[str, Any]) -> None:
     brief, notes = brief_of(task), Notes()
     context = AskContext(ProceduralClient(1), PROMPTS, max_retry=5)
     settings = WorkflowSettings.model_validate({**TINY, **switches})
-    result = await workflow(name)(brief, lambda _: context, Shelf(), settings, notes)
+    result = await WORKFLOWS[name](brief, lambda _: context, Shelf(), settings, notes)
     attempts = notes.of("attempt")
     lost = {label: data["problem"] for label, data in attempts.items() if not data["parsed"]}
     assert attempts
@@ -78,7 +79,7 @@ async def test_every_combination_of_switches(task: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("task", FAMILIES)
 async def test_every_workflow_that_fits(task: str) -> None:
-    fitting = {name for name in WORKFLOWS if name not in WITHOUT_MODEL and fits(name, task)}
+    fitting = {name for name in WORKFLOWS if WORKFLOWS[name].asks_models and fits(name, task)}
     assert fitting == ({"placement"} if task in GIVEN else {"single", "iterative", "hierarchical"})
     for name in fitting:
         for representation in ("tree", "coordinates") if task in DESIGNED else ("tree",):
@@ -87,7 +88,7 @@ async def test_every_workflow_that_fits(task: str) -> None:
 
 def fits(name: str, task: str) -> bool:
     try:
-        demand_fit(name, brief_of(task))
+        check_fit(name, brief_of(task))
     except UsageError:
         return False
     return True
