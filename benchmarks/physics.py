@@ -23,9 +23,12 @@ from cars import CAR
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.loads import Loads
+from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.pybullet.world import PyBulletWorld
 from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry.placement import place
@@ -85,26 +88,34 @@ def _against_bare(repeats: int) -> None:
     bare.close()
 
 
-class Bare(PyBulletEngine):
-    """Takes the same steps as the engine, and does nothing else."""
+class BareWorld(PyBulletWorld):
+    """Takes the same steps as its parent, and does nothing else."""
 
     def _advance(self) -> None:
         pybullet.stepSimulation(self.client)
 
 
+class Bare(PyBulletEngine):
+    """Builds bare worlds."""
+
+    def build(self, assembly: Assembly, scene: Scene, rate: float) -> PyBulletWorld:
+        """Make a bare world."""
+        return BareWorld(self.client, self.physics, assembly, scene, rate)
+
+
 def _loop(engine: PyBulletEngine, steps: int, loads: bool = False) -> Taken:
     """Only steps, building not counted; motors start after the settling time."""
     assembly = assemble(CAR, place(CAR), constants())
-    engine.build(assembly, TASK.scene(), RATE)
+    world = engine.build(assembly, TASK.scene(), RATE)
     filters = Loads(assembly.joints, constants()["load_window"], 1.0 / RATE)
 
     def run() -> None:
         for step in range(steps):
             if step == SETTLE:
-                engine.switch("motors", 1.0)
-            engine.step()
+                world.switch("motors", 1.0)
+            world.step()
             if loads:
-                filters.update(engine.reactions)
+                filters.update(world.reactions)
 
     return _timed(run)
 

@@ -9,10 +9,13 @@ from math import inf, nan
 import pytest
 
 from agentflow.env.constants import constants
+from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.pybullet.world import PyBulletWorld
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
+from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
@@ -43,7 +46,7 @@ def short() -> Rollout:
     return simulate(CAR, SHORT)
 
 
-class Struck(PyBulletEngine):
+class StruckWorld(PyBulletWorld):
     """Gives the first body a velocity in the 100th step."""
 
     velocity = 0.0
@@ -52,9 +55,22 @@ class Struck(PyBulletEngine):
     def step(self) -> None:
         self.steps += 1
         if self.steps == 100:
-            uid = self._built[0].uid
+            uid = self._now.built[0].uid
             pybullet.resetBaseVelocity(uid, [0.0, self.velocity, 0.0], physicsClientId=self.client)
         super().step()
+
+
+class Struck(PyBulletEngine):
+    """Its first world is struck."""
+
+    velocity: float | None = None
+
+    def build(self, assembly: Assembly, scene: Scene, rate: float) -> PyBulletWorld:
+        if self.velocity is None:
+            return super().build(assembly, scene, rate)
+        world = StruckWorld(self.client, self.physics, assembly, scene, rate)
+        world.velocity, self.velocity = self.velocity, None
+        return world
 
 
 @pytest.mark.parametrize("velocity", [nan, inf, 1e4, 1e200])

@@ -9,8 +9,8 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Broken, Rollout
 from agentflow.env.scene import Scene
@@ -23,27 +23,22 @@ from tests.env.machines import BALLASTED, SHIPPED, machine, shipped, task_of
 from tests.env.test_statics import FOOT, SWING
 
 
-@pytest.fixture(scope="module")
-def engine() -> PyBulletEngine:
-    return PyBulletEngine()
-
-
-def start(engine: PyBulletEngine, tree: Machine, wind: float = 0.0) -> Assembly:
+def start(engine: Engine, tree: Machine, wind: float = 0.0) -> tuple[World, Assembly]:
     """The machine in full motion, 0.4 s after everything was switched on."""
     assembly = assemble(tree, place(tree), constants())
-    engine.build(assembly, Scene(wind=(wind, 0.0, 0.3 * wind)), 120.0)
+    world = engine.build(assembly, Scene(wind=(wind, 0.0, 0.3 * wind)), 120.0)
     for step in range(72):
         for entry in ("motors", "springs", "steering_hinges") if step == 24 else ():
-            engine.switch(entry, True)
-        engine.step()
-    return assembly
+            world.switch(entry, True)
+        world.step()
+    return world, assembly
 
 
-def part(engine: PyBulletEngine, joints: Sequence[int], close: float = 1e-10) -> None:
+def part(world: World, joints: Sequence[int], close: float = 1e-10) -> None:
     """Split, and see that everything goes on as it was."""
-    before, state = engine.momentum(), engine.state()
-    engine.split(joints)
-    after, same = engine.momentum(), engine.state()
+    before, state = world.momentum(), world.state()
+    world.split(joints)
+    after, same = world.momentum(), world.state()
     for name, value in before.items():
         assert np.abs(after[name] - value).max() <= close * np.abs(value).max()
     for name in ("position", "centre", "velocity", "angular_velocity", "length"):
@@ -84,35 +79,35 @@ CREEPER = machine(
 
 
 @pytest.mark.parametrize("tree", [BALLASTED, FLAIL, CREEPER], ids=["throw", "flail", "creeper"])
-def test_every_joint_can_go_in_mid_motion(engine: PyBulletEngine, tree: Machine) -> None:
+def test_every_joint_can_go_in_mid_motion(engine: Engine, tree: Machine) -> None:
     """One after the other, each from what the earlier ones left."""
-    assembly = start(engine, tree, 10.0)
+    world, assembly = start(engine, tree, 10.0)
     order = np.random.default_rng(1).permutation(len(assembly.joints)).tolist()
     for joint in order:
-        part(engine, [joint])
-        engine.step()
-        engine.step()
-    assert len(engine.state().position) == len(tree)
+        part(world, [joint])
+        world.step()
+        world.step()
+    assert len(world.state().position) == len(tree)
 
 
 @pytest.mark.parametrize("tree", [BALLASTED, FLAIL, CREEPER], ids=["throw", "flail", "creeper"])
-def test_several_joints_can_go_in_one_step(engine: PyBulletEngine, tree: Machine) -> None:
-    assembly = start(engine, tree, 10.0)
+def test_several_joints_can_go_in_one_step(engine: Engine, tree: Machine) -> None:
+    world, assembly = start(engine, tree, 10.0)
     order = np.random.default_rng(2).permutation(len(assembly.joints)).tolist()
     for few in range(0, len(order), 4):
-        part(engine, order[few : few + 4])
-        engine.step()
+        part(world, order[few : few + 4])
+        world.step()
 
 
-def test_a_loop_takes_over_where_a_moving_joint_goes(engine: PyBulletEngine) -> None:
+def test_a_loop_takes_over_where_a_moving_joint_goes(engine: Engine) -> None:
     """The seat of the swing, blown aside, then hangs on the other hinges, as it was but for what
     the solver left open in the loop."""
-    assembly = start(engine, machine(*SWING), 25.0)
-    assert abs(engine.state().angular_velocity[15]).max() > 0.05
+    world, assembly = start(engine, machine(*SWING), 25.0)
+    assert abs(world.state().angular_velocity[15]).max() > 0.05
     (loop,) = skeleton(len(assembly.parts), assembly.joints).loops
     gone = [i for i, joint in enumerate(assembly.joints) if joint.block == 13]
     assert loop not in gone
-    part(engine, gone, 1e-5)
+    part(world, gone, 1e-5)
 
 
 def broken_at(name: str, rate: float) -> tuple[Broken, ...]:
@@ -218,10 +213,10 @@ def test_several_connections_break_in_one_step(ruin: Rollout) -> None:
         assert not np.isnan(trace.utilisation[~gone, column]).any()
 
 
-def test_what_closes_a_loop_can_break(engine: PyBulletEngine) -> None:
-    assembly = start(engine, machine(*SWING), 25.0)
+def test_what_closes_a_loop_can_break(engine: Engine) -> None:
+    world, assembly = start(engine, machine(*SWING), 25.0)
     (loop,) = skeleton(len(assembly.parts), assembly.joints).loops
-    assert np.abs(engine.reactions[loop]).max() > 10.0
-    part(engine, [loop])
-    engine.step()
-    assert not engine.reactions[loop].any()
+    assert np.abs(world.reactions[loop]).max() > 10.0
+    part(world, [loop])
+    world.step()
+    assert not world.reactions[loop].any()

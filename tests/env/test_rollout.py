@@ -14,8 +14,11 @@ import pytest
 
 from agentflow.env.archive import load_npz, rollout_json, save_npz
 from agentflow.env.constants import constants
+from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.pybullet.world import PyBulletWorld
 from agentflow.env.rollout import Event, Rollout
+from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
@@ -126,7 +129,7 @@ def test_a_locked_joint_is_told() -> None:
     assert told == [Event(0.0, "locked", (1,), text)]
 
 
-class Exploding(PyBulletEngine):
+class ExplodingWorld(PyBulletWorld):
     """Diverges in the 100th step."""
 
     steps = 0
@@ -135,9 +138,13 @@ class Exploding(PyBulletEngine):
         super().step()
         self.steps += 1
 
-    @property
-    def head_speeds(self) -> tuple[float, float]:
-        return (0.0, 0.0) if self.steps < 100 else (nan, 0.0)
+    def speeds(self, thorough: bool = True) -> tuple[float, float]:
+        return super().speeds(thorough) if self.steps < 100 else (nan, 0.0)
+
+
+class Exploding(PyBulletEngine):
+    def build(self, assembly: Assembly, scene: Scene, rate: float) -> PyBulletWorld:
+        return ExplodingWorld(self.client, self.physics, assembly, scene, rate)
 
 
 def test_a_rollout_that_diverges_scores_nothing() -> None:
@@ -151,7 +158,7 @@ def test_a_rollout_that_diverges_scores_nothing() -> None:
     )
 
 
-class Unreadable(PyBulletEngine):
+class UnreadableWorld(PyBulletWorld):
     """Its joints' loads are no numbers from the 100th step on, though nothing is fast."""
 
     steps = 0
@@ -161,6 +168,11 @@ class Unreadable(PyBulletEngine):
         self.steps += 1
         if self.steps >= 100:
             self.reactions[0] = nan
+
+
+class Unreadable(PyBulletEngine):
+    def build(self, assembly: Assembly, scene: Scene, rate: float) -> PyBulletWorld:
+        return UnreadableWorld(self.client, self.physics, assembly, scene, rate)
 
 
 def test_a_load_that_is_no_number_is_a_divergence() -> None:

@@ -9,22 +9,29 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
+from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.pybullet.world import PyBulletWorld
 from agentflow.env.rollout import Array
+from agentflow.env.scene import Scene
 from agentflow.env.simulation.settling import Settling
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import ROOT, Machine
 
 RATE = 120.0
 Path = Callable[[float], float]
 
 
-class OnRails(PyBulletEngine):
+class OnRails(PyBulletWorld):
     """One block whose height is given for every moment."""
 
     now = 0.0
 
-    def __init__(self, path: Path) -> None:
-        super().__init__()
+    def __init__(self, client: int, path: Path) -> None:
+        tree = Machine((ROOT,))
+        super().__init__(
+            client, constants(), assemble(tree, place(tree), constants()), Scene(), RATE
+        )
         self._path = path
 
     def centres(self) -> Array:
@@ -33,13 +40,14 @@ class OnRails(PyBulletEngine):
 
 def settled(path: Path, slow: bool = True) -> float | None:
     """When it counts as settled, s; None if not within 3 s."""
-    engine = OnRails(path)
-    settling = Settling(Machine((ROOT,)), engine, RATE, constants())
+    engine = PyBulletEngine()
+    world = OnRails(engine.client, path)
+    settling = Settling(Machine((ROOT,)), world, RATE, constants())
     found = None
     for step in range(1, 361):
-        engine.now = step / RATE
+        world.now = step / RATE
         if settling.step(slow):
-            found = engine.now
+            found = world.now
             break
     engine.close()
     return found

@@ -18,6 +18,12 @@ if TYPE_CHECKING:  # an engine's identity needs no physics
 class TooLargeError(UsageError):
     """The machine has more parts in one piece than the engine can hold."""
 
+    def __init__(self, parts: int, limit: int) -> None:
+        super().__init__(
+            f"the machine has {parts} parts in one piece; the engine holds at most {limit}"
+        )
+        self.parts, self.limit = parts, limit
+
 
 @dataclass(frozen=True)
 class EngineIdentity:
@@ -32,12 +38,11 @@ class EngineIdentity:
         return f"{self.name} {self.version}"
 
 
-class Engine(Protocol):
-    """One world at a time. Everything is deterministic, bit by bit, for equal calls."""
+class World(Protocol):
+    """One machine in one scene, as time goes by. Equal calls give bitwise equal results.
 
-    @property
-    def identity(self) -> EngineIdentity:
-        """What rollouts of this engine record."""
+    Blocks are named by their ids, things by their names, the ground is "ground".
+    """
 
     @property
     def moving_things(self) -> tuple[str, ...]:
@@ -45,28 +50,21 @@ class Engine(Protocol):
 
     @property
     def reactions(self) -> Array:
-        """(J, 6) force (N) and torque (N m, about the pivot) that `a` exerts on `b` through each
-        joint of the spanning trees (tree.py) in the last step, 0 for the others; along the axes
-        of the part that hangs on the other, right-handed and z up."""
+        """(J, 6) force (N) and torque (N m, about the pivot) that part `a` exerts on part `b`
+        through each joint, mean over the last step.
 
-    @property
-    def top_speeds(self) -> tuple[float, float]:
-        """Greatest linear and angular speed of anything that moves, m/s and rad/s; not finite
-        when the simulation diverged."""
+        0 for joints that the spanning trees of `spanning_tree.skeleton` leave out, except moving
+        ones that close a loop. Axes: those of the part that hangs on the other, which at rest are
+        those of the game frame; for a loop those of the game frame itself.
+        """
 
-    @property
-    def head_speeds(self) -> tuple[float, float]:
-        """The same of one part of each piece of the machine, and of things: a quick look."""
+    def speeds(self, thorough: bool = True) -> tuple[float, float]:
+        """Greatest linear and angular speed of anything that moves, m/s and rad/s; not finite when
+        the simulation diverged.
 
-    @property
-    def locked(self) -> tuple[int, ...]:
-        """Moving joints that cannot move because rigid connections bridge them."""
-
-    def build(self, assembly: Assembly, scene: Scene, rate: float) -> None:
-        """Make a fresh world.
-
-        Raises:
-            TooLargeError: The machine has more parts in one piece than the engine can hold.
+        Args:
+            thorough: Otherwise the engine may look at only some parts, at least one of each piece
+                of the machine, and at all things.
         """
 
     def switch(self, entry: str, level: float) -> None:
@@ -80,15 +78,10 @@ class Engine(Protocol):
         """
 
     def step(self) -> None:
-        """Advance by one step, then read everything once.
-
-        For `start_time` after a switch that starts motors the engine may take finer steps, for
-        one of these: what they swing is up to speed within hundredths of a second, and may hit
-        what it is to throw in the middle of a step.
-        """
+        """Advance by 1 / rate seconds. How finely the engine divides that is up to it."""
 
     def split(self, broken: Sequence[int]) -> None:
-        """Remove these joints and rebuild what they held, keeping every position and velocity."""
+        """Remove these joints, keeping every position and velocity."""
 
     def state(self) -> State:
         """Everything that a record holds."""
@@ -100,7 +93,7 @@ class Engine(Protocol):
         """Keep the present state for `kept`."""
 
     def kept(self) -> State:
-        """All states kept since `build`, every array with a leading axis of times; at least one."""
+        """All states kept, every array with a leading axis of times; at least one."""
 
     def centre(self, body: Body) -> Vec3:
         """Centre of a block or a thing."""
@@ -112,8 +105,35 @@ class Engine(Protocol):
         """Building point of a block."""
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing is in contact with in this step."""
+        """What a block or thing was in contact with in the last step."""
 
     def momentum(self) -> Mapping[str, Array]:
         """Total `linear` and `angular` momentum (about the world's origin) and kinetic `energy`
         of the machine."""
+
+
+class Engine(Protocol):
+    """Builds worlds. Only the latest one may be used: building another ends it."""
+
+    @property
+    def identity(self) -> EngineIdentity:
+        """What rollouts of this engine record."""
+
+    @property
+    def limit(self) -> int | None:
+        """Most parts that one piece of a machine may have; None without a limit."""
+
+    def build(self, assembly: Assembly, scene: Scene, rate: float) -> World:
+        """Make a world in which the machine stands as the scene has it start.
+
+        Args:
+            assembly: The machine, on the ground at the world's middle.
+            scene: Everything else.
+            rate: Steps per second.
+
+        Raises:
+            TooLargeError: The machine has more parts in one piece than the engine can hold.
+        """
+
+    def close(self) -> None:
+        """Give back what the engine holds; may be called twice."""

@@ -1,14 +1,20 @@
-"""Owns the change between the game frame (left-handed, y up) and a right-handed one with z up.
+"""Between the game frame (left-handed, y up) and a right-handed frame with z up.
 
-Vectors swap y and z; that mirrors, so turning vectors and quaternions also change sign.
+Vectors swap y and z. That mirrors them, so axes of rotation and quaternions also change sign.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Quat, Vec3
+
+WRENCH_ORDER = np.array([0, 2, 1, 3, 5, 4])
+WRENCH_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
+"""Force and torque (6,) change frame as `(wrench * WRENCH_SIGNS)[WRENCH_ORDER]`."""
 
 
 def swap(vector: Sequence[float]) -> Vec3:

@@ -1,12 +1,13 @@
-"""Owns how connections that close loops inside rigid clusters share the load (spec 2.2).
+"""How connections that close loops inside rigid clusters share the load.
 
-An engine measures spanning trees, in which such connections carry nothing; trees are tree.py's.
+Engines measure spanning trees, in which such connections carry nothing. Here parts are rigid and
+connections elastic, each as stiff as the square of its strength: of all ways to hold the same
+loads, the elastic one strains the connections least (least sum of squared load over strength).
+What they bear is linear in the reactions of the tree, by a matrix made once per spanning tree.
 
-Parts are rigid, connections elastic, each as stiff as the square of its strength: of all ways to
-hold the same loads, the elastic one strains the connections least (least sum of squared load over
-strength). A reaction of the tree is a fixed matrix away from it, made once per spanning tree.
-All arithmetic is elementwise in a fixed order, no BLAS: the bits do not depend on the processor.
-Axes as engines have them, right-handed with z up.
+All arithmetic is elementwise in a fixed order, without BLAS, so the bits do not depend on the
+processor. The order of the axes is x, z, y, in a right-handed frame: sums in another order would
+change the last digits of recorded loads.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.physics.frames import swap
+from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS, swap
 from agentflow.env.physics.model import Joint, Strength
 from agentflow.env.physics.spanning_tree import Link, Skeleton
 from agentflow.env.physics.vectors import subtract
@@ -29,45 +30,45 @@ RIGID = Strength(1e8, 1e8)
 
 
 @dataclass(frozen=True)
-class Ring:
+class LoadLoop:
     """Connections that share load with each other and with no others."""
 
-    carrying: Indices
-    """(T,) those that the tree consists of."""
     joints: Indices
-    """(K,) all of them: `carrying`, then those that close loops."""
+    """(K,) those in the tree, then those that close loops."""
+    sources: Indices
+    """(6 T,) where in the flat reactions the numbers are that the tree's T connections bear."""
     matrix: Array
-    """(6 T, 6 K): reactions of the tree to what all bear, times which they are to be summed."""
+    """(6 T, 6 K): what each of those numbers adds to what each connection bears."""
 
     def shared(self, reactions: Array) -> Array:
         """(K, 6) what each connection bears, from the (J, 6) reactions of the tree."""
-        terms = self.matrix * reactions[self.carrying].reshape(-1, 1)
+        terms = self.matrix * reactions.ravel()[self.sources][:, None]
         return np.asarray(np.add.reduce(terms, axis=0)).reshape(-1, 6)
 
 
-def rings(joints: Sequence[Joint], plan: Skeleton) -> tuple[Ring, ...]:
-    """The rings of a machine, by their first closing joint.
+def load_loops(joints: Sequence[Joint], plan: Skeleton) -> tuple[LoadLoop, ...]:
+    """The load loops of a machine, by their first closing joint.
 
     Args:
         joints: All joints.
         plan: The spanning trees for which reactions are measured.
     """
-    up = {link.part: link for body in plan.bodies for link in body.links}
-    loops = {i: _loop(joints[i], up) for i in sorted((*plan.idle, *plan.locked))}
-    found: list[list[int]] = []
-    for closing, loop in loops.items():
-        one = [closing]
-        for other in [ring for ring in found if any(loops[i].keys() & loop for i in ring)]:
-            found.remove(other)
-            one = other + one
-        found.append(one)
+    up = {link.part: link for body in plan.pieces for link in body.links}
+    paths = {i: _path(joints[i], up) for i in sorted((*plan.idle, *plan.locked))}
+    groups: list[list[int]] = []
+    for closing, path in paths.items():
+        merged = [closing]
+        for group in [group for group in groups if any(paths[i].keys() & path for i in group)]:
+            groups.remove(group)
+            merged = group + merged
+        groups.append(merged)
     return tuple(
-        _ring(joints, [loops[i] for i in ring], ring)
-        for ring in sorted(sorted(ring) for ring in found)
+        _load_loop(joints, [paths[i] for i in group], group)
+        for group in sorted(sorted(group) for group in groups)
     )
 
 
-def _loop(closing: Joint, up: Mapping[int, Link]) -> dict[int, float]:
+def _path(closing: Joint, up: Mapping[int, Link]) -> dict[int, float]:
     """Tree joints between the two ends of a closing joint, with the sign by which a unit of what
     the closing joint bears relieves each."""
     ways = []
@@ -86,16 +87,16 @@ def _loop(closing: Joint, up: Mapping[int, Link]) -> dict[int, float]:
     }
 
 
-def _ring(
-    joints: Sequence[Joint], loops: Sequence[Mapping[int, float]], closing: Sequence[int]
-) -> Ring:
+def _load_loop(
+    joints: Sequence[Joint], paths: Sequence[Mapping[int, float]], closing: Sequence[int]
+) -> LoadLoop:
     """Solve for what the closing joints bear and for what that leaves to the tree.
 
     Minimises sum over the tree of (r - C x)^T F (r - C x) plus x^T F x, where C carries what the
     closing joints bear, x, to the joints of the tree, and F is the flexibility.
     """
-    carrying = sorted({joint for loop in loops for joint in loop})
-    transfer = _transfer(joints, loops, closing, carrying)
+    carrying = sorted({joint for path in paths for joint in path})
+    transfer = _transfer(joints, paths, closing, carrying)
     flexible = np.concatenate([_flexibility(joints[i]) for i in carrying])
     held = [np.flatnonzero(_held(joints[i])) + 6 * k for k, i in enumerate(closing)]
     kept = np.concatenate(held)
@@ -109,24 +110,29 @@ def _ring(
     matrix = np.zeros((6 * (count + len(closing)), 6 * count))
     matrix[: 6 * count] = np.eye(6 * count) - product(transfer, solved)
     matrix[6 * count + kept] = solved
-    return Ring(
-        np.array(carrying, dtype=np.intp),
+    sources = 6 * np.repeat(carrying, 6) + np.tile(WRENCH_ORDER, count)
+    columns = 6 * np.repeat(np.arange(count + len(closing)), 6) + np.tile(
+        WRENCH_ORDER, count + len(closing)
+    )
+    signs = np.tile(WRENCH_SIGNS, count)[:, None] * np.tile(WRENCH_SIGNS, count + len(closing))
+    return LoadLoop(
         np.array([*carrying, *closing], dtype=np.intp),
-        np.ascontiguousarray(matrix.T),
+        sources.astype(np.intp),
+        np.ascontiguousarray((matrix.T * signs)[:, columns]),
     )
 
 
 def _transfer(
     joints: Sequence[Joint],
-    loops: Sequence[Mapping[int, float]],
+    paths: Sequence[Mapping[int, float]],
     closing: Sequence[int],
     carrying: Sequence[int],
 ) -> Array:
     """(6 T, 6 I): what each joint of the tree is relieved of by what each closing joint bears."""
     row = {joint: 6 * k for k, joint in enumerate(carrying)}
     whole = np.zeros((6 * len(carrying), 6 * len(closing)))
-    for k, (i, loop) in enumerate(zip(closing, loops, strict=True)):
-        for joint, sign in loop.items():
+    for k, (i, path) in enumerate(zip(closing, paths, strict=True)):
+        for joint, sign in path.items():
             x, y, z = swap(subtract(joints[i].pivot, joints[joint].pivot))
             block = np.eye(6)
             block[3:, :3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]

@@ -1,29 +1,39 @@
-"""Owns what connections bear: the filtered loads, their share of the strength, what gives way.
-
-Measuring reactions and splitting bodies is the engine's; sharing load in loops is stiffness.py's.
-"""
+"""What connections bear: filtered loads, their share of the strength, and what breaks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import exp, isfinite
+from typing import NamedTuple
 
 import numpy as np
 
-from agentflow.env.physics.load_sharing import rings
+from agentflow.env.physics.frames import WRENCH_ORDER
+from agentflow.env.physics.load_sharing import LoadLoop, load_loops
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.physics.spanning_tree import Link, skeleton
 from agentflow.env.rollout import Array
 
 SAFE = 0.333
 """Three squares of at most this do not add up to 1."""
 
 
+class _Plan(NamedTuple):
+    """What holds until the next joint breaks."""
+
+    loops: tuple[LoadLoop, ...]
+    up: Mapping[int, Link]
+    """The link of each part that hangs on another."""
+    group: Sequence[int]
+    """Joints that share load with each joint, named by the first of them."""
+    locked: tuple[int, ...]
+
+
 class Loads:
     """Low-pass filtered load of every joint, from 0 at the start.
 
     Impacts last one step, so their unfiltered forces grow with the step rate; a window of some
-    hundredths of a second makes them comparable (spec 2.3). A step is not short beside it: of a hit
+    hundredths of a second makes them comparable. A step is not short beside it: of a hit
     in one step the filter shows 1 - exp(-step / window) over step / window, 68 % at 60 Hz, 82 % at
     120 Hz, 95 % at 480 Hz. So that finer steps do not break what the usual ones spare, they weigh
     as much as the usual step that they are part of. E connections: the breakable joints.
@@ -35,7 +45,7 @@ class Loads:
         """Start with nothing loaded.
 
         Args:
-            joints: All joints, as the engine numbers them.
+            joints: All joints of the assembly.
             window: Time constant of the filter, s; not 0.
             step: Time between readings, s.
             usual: The same at the default rate; longer steps weigh as they are.
@@ -57,19 +67,23 @@ class Loads:
         self._broken = np.zeros(len(joints), dtype=bool)
         self.connections = [i for i, joint in enumerate(joints) if joint.strength]
         """Joint index of each connection."""
-        self._plan()
+        self._parts = 1 + max((max(joint.a, joint.b) for joint in joints), default=0)
+        self._plan = self._make_plan()
 
-    def _plan(self) -> None:
-        """The spanning trees that the engine measures from the next step on, and their rings."""
-        joints = self._joints
-        count = 1 + max((max(joint.a, joint.b) for joint in joints), default=0)
-        plan = skeleton(count, joints, set(np.flatnonzero(self._broken).tolist()))
-        self._rings = rings(joints, plan)
-        self._up = {link.part: link for body in plan.bodies for link in body.links}
-        self._group = list(range(len(joints)))
-        for ring in self._rings:
-            for joint in ring.joints.tolist():
-                self._group[joint] = int(ring.joints[0])
+    def _make_plan(self) -> _Plan:
+        plan = skeleton(self._parts, self._joints, set(np.flatnonzero(self._broken).tolist()))
+        loops = load_loops(self._joints, plan)
+        group = list(range(len(self._joints)))
+        for loop in loops:
+            for joint in loop.joints.tolist():
+                group[joint] = int(loop.joints[0])
+        up = {link.part: link for piece in plan.pieces for link in piece.links}
+        return _Plan(loops, up, group, plan.locked)
+
+    @property
+    def locked(self) -> tuple[int, ...]:
+        """Moving joints that cannot move because rigid connections bridge them."""
+        return self._plan.locked
 
     def update(self, reactions: Array) -> dict[int, float]:
         """Take in one step's loads.
@@ -86,10 +100,10 @@ class Loads:
             The joints that give way with their load over strength, the most loaded first; none
             when a load is no number (see `finite`).
         """
-        if self._rings:
+        if self._plan.loops:
             reactions = reactions.copy()
-            for ring in self._rings:
-                reactions[ring.joints] = ring.shared(reactions)
+            for loop in self._plan.loops:
+                reactions[loop.joints] = loop.shared(reactions)
         level, before, spare = self._before, self._level, self._spare
         self._level, self._before = level, before
         np.multiply(reactions, self._take, level)
@@ -113,14 +127,14 @@ class Loads:
         """These joints were let go: from now on they bear nothing."""
         self._level[list(joints)] = 0.0
         self._broken[list(joints)] = True
-        self._plan()
+        self._plan = self._make_plan()
 
     def _giving(self, share: Array) -> list[int]:
         """The overloaded joints that give way now."""
         over = sorted(np.flatnonzero(share >= 1.0).tolist(), key=lambda i: (-share[i], i))
         first: dict[int, int] = {}
         for joint in over:
-            first.setdefault(self._group[joint], joint)
+            first.setdefault(self._plan.group[joint], joint)
         held = {group for joint in first.values() for group in self._carriers(joint)}
         return [joint for group, joint in first.items() if group not in held]
 
@@ -128,22 +142,22 @@ class Loads:
         """The groups between a joint and the root of its body, its own apart."""
         groups = set()
         for part in (self._joints[joint].a, self._joints[joint].b):
-            while part in self._up:
-                link = self._up[part]
-                groups.add(self._group[link.joint])
+            while part in self._plan.up:
+                link = self._plan.up[part]
+                groups.add(self._plan.group[link.joint])
                 part = link.parent
-        return groups - {self._group[joint]}
+        return groups - {self._plan.group[joint]}
 
     def _relieved(self, gone: Iterable[int]) -> list[int]:
         """The joints for which this step counts nothing, as others gave way."""
-        groups = {self._group[joint] for joint in gone}
+        groups = {self._plan.group[joint] for joint in gone}
         for joint in gone:
             groups |= self._carriers(joint)
-        return [joint for joint, group in enumerate(self._group) if group in groups]
+        return [joint for joint, group in enumerate(self._plan.group) if group in groups]
 
     def _squares(self) -> Array:
         """(J, 2) squares of force and of torque over strength."""
-        level = self._level
+        level = self._level.take(WRENCH_ORDER, axis=1)  # recorded loads were summed in this order
         return np.asarray(np.add.reduce((level * level).reshape(-1, 2, 3), axis=2))
 
     def utilisation(self) -> Array:

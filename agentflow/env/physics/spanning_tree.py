@@ -26,7 +26,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Body:
+class Piece:
     """One connected component: a root and its links, parents before children."""
 
     root: int
@@ -37,7 +37,7 @@ class Body:
 class Skeleton:
     """How the parts hang together."""
 
-    bodies: tuple[Body, ...]
+    pieces: tuple[Piece, ...]
     """By lowest part index, which is also the root."""
     cluster: tuple[int, ...]
     """Rigid cluster of each part, named by its lowest part index."""
@@ -94,7 +94,7 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
         else:
             (used if sets.join(joints[i].a, joints[i].b) else loops).append(i)
     return Skeleton(
-        _bodies(count, joints, sorted(used)),
+        _pieces(count, joints, sorted(used)),
         cluster,
         tuple(sorted(locked)),
         tuple(sorted(loops)),
@@ -102,12 +102,12 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
     )
 
 
-def _bodies(count: int, joints: Sequence[Joint], used: Sequence[int]) -> tuple[Body, ...]:
+def _pieces(count: int, joints: Sequence[Joint], used: Sequence[int]) -> tuple[Piece, ...]:
     near: list[list[int]] = [[] for _ in range(count)]
     for i in used:
         near[joints[i].a].append(i)
         near[joints[i].b].append(i)
-    bodies, seen = [], [False] * count
+    pieces, seen = [], [False] * count
     for root in range(count):
         if seen[root]:
             continue
@@ -122,5 +122,5 @@ def _bodies(count: int, joints: Sequence[Joint], used: Sequence[int]) -> tuple[B
                     seen[other] = True
                     queue.append(other)
                     links.append(Link(other, part, i, flip))
-        bodies.append(Body(root, tuple(links)))
-    return tuple(bodies)
+        pieces.append(Piece(root, tuple(links)))
+    return tuple(pieces)

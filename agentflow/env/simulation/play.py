@@ -1,7 +1,4 @@
-"""Owns the playing of one trial: settle, start, then step, read, break, watch, record to the end.
-
-Physics is the engine's, scores are the tasks', loads are loads.py's.
-"""
+"""One trial: settle, start, then step, read, break, watch and record to the end."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ from agentflow.env.physics.loads import Loads
 from agentflow.env.rollout import Broken, Event, Feedback, Rollout, Status, Trace, Verdict
 from agentflow.env.simulation.recorder import Recorder, digest
 from agentflow.env.simulation.settling import Settling
-from agentflow.env.simulation.world import EngineWorld
+from agentflow.env.simulation.world import RefereeView
 from agentflow.env.tasks.base import Task
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
@@ -38,7 +35,7 @@ class Play:
         physics: Constants,
     ) -> None:
         self._began = perf_counter()
-        self._machine, self._task, self._engine = machine, task, engine
+        self._machine, self._task, self._identity = machine, task, str(engine.identity)
         self._rate, self._power, self._wall_limit = rate, power, wall_limit
         self._every = max(1.0, interval * rate)
         self._value = physics
@@ -48,12 +45,17 @@ class Play:
         """Steps from one look at every part's speed to the next."""
         self._assembly = assemble(machine, place(machine), self._value)
         self._scene = task.scene(machine)
-        engine.build(self._assembly, self._scene, rate)
+        self._world = engine.build(self._assembly, self._scene, rate)
         self._loads = Loads(
             self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
         )
-        self._recorder = Recorder(self._assembly, self._loads.connections, engine.moving_things)
-        self._world = EngineWorld(engine)
+        self._recorder = Recorder(
+            self._assembly, self._loads.connections, self._world.moving_things
+        )
+        self._view = RefereeView(self._world)
+        self._referee = task.referee(machine)
+        self._speeds = 0.0, 0.0
+        """Greatest linear and angular speed seen in the last step."""
         self._steps = 0
         self._zero = 0
         """Steps that settling took."""
@@ -77,7 +79,7 @@ class Play:
         """Power off, until everything rests."""
         value = self._value
         least, most = value["settle_least"] * self._rate, value["settle_most"] * self._rate
-        settling = Settling(self._machine, self._engine, self._rate, value)
+        settling = Settling(self._machine, self._world, self._rate, value)
         while True:
             status = self._step()
             if status != "ok":
@@ -93,13 +95,12 @@ class Play:
     def _start(self) -> None:
         """t = 0: the referee takes its bearings, the first sample is taken."""
         self._zero = self._steps
-        for i in self._engine.locked:
+        for i in self._loads.locked:
             joint = self._assembly.joints[i]
             text = f"the moving joint of block {joint.block} cannot move: rigid parts bridge it"
             self._events.append(Event(0.0, "locked", (joint.block,), text))
-        self._referee = self._task.referee(self._machine)
-        self._referee.start(self._world)
-        self._engine.switch("gusts", 1.0)
+        self._referee.start(self._view)
+        self._world.switch("gusts", 1.0)
         self._sample()
 
     def _window(self) -> Status:
@@ -116,8 +117,8 @@ class Play:
             status = self._step()
             if status != "ok":
                 return status
-            self._world.time = (elapsed + 1) / self._rate
-            self._referee.watch(self._world)
+            self._view.time = (elapsed + 1) / self._rate
+            self._referee.watch(self._view)
             if elapsed + 1 >= samples * self._every - 1e-6:
                 samples += 1
                 self._sample()
@@ -136,7 +137,7 @@ class Play:
     def _switch(self, entry: str, level: float) -> None:
         """Do what the schedule asks for; decouplers let go of their parents."""
         if entry != "decouplers":
-            self._engine.switch(entry, level)
+            self._world.switch(entry, level)
             return
         gone = {*self._released, *(joint for _, joint, _ in self._broken)}
         loose = [
@@ -155,15 +156,14 @@ class Play:
     def _step(self) -> Status:
         """One step. What it breaks comes apart before the next, so contacts can still be seen."""
         if self._giving:
-            self._engine.split(self._giving)
-        self._engine.step()
+            self._world.split(self._giving)
+        self._world.step()
         self._steps += 1
         thorough = self._steps % self._look == 0
-        engine = self._engine
-        self._speeds = linear, angular = engine.top_speeds if thorough else engine.head_speeds
+        self._speeds = linear, angular = self._world.speeds(thorough)
         if not (linear <= self._fastest and isfinite(angular)):
             return "diverged"
-        broken = self._loads.update(self._engine.reactions)
+        broken = self._loads.update(self._world.reactions)
         if not self._loads.finite:
             return "diverged"
         self._giving = tuple(broken)
@@ -181,19 +181,19 @@ class Play:
 
     def _resting(self) -> bool:
         """Whether everything is slow; most of the time a quick look tells that not all is."""
-        return self._slow(self._speeds) and self._slow(self._engine.top_speeds)
+        return self._slow(self._speeds) and self._slow(self._world.speeds())
 
     def _slow(self, speeds: tuple[float, float]) -> bool:
         return speeds[0] < self._still[0] and speeds[1] < self._still[1]
 
     def _sample(self) -> None:
-        self._engine.keep()
+        self._world.keep()
         self._recorder.sample(self._elapsed / self._rate, self._loads.utilisation())
 
     def _result(self, status: Status) -> Rollout:
         trace = None
         if self._zero and status != "timeout":
-            trace = self._recorder.trace(self._engine.kept())
+            trace = self._recorder.trace(self._world.kept())
         broken = tuple(
             Broken(
                 block=self._assembly.joints[joint].block,
@@ -220,7 +220,7 @@ class Play:
             wall_seconds=perf_counter() - self._began,
             constants=self._value.digest,
             scene=self._scene,
-            engine=str(self._engine.identity),
+            engine=self._identity,
         )
 
     def _judge(

@@ -1,14 +1,11 @@
-"""Owns when a machine has settled: tells rest from the slow beginning of a fall.
-
-How fast everything moves is the engine's to say, stepping and ending the rollout's.
-"""
+"""When a machine has settled: tells rest from the slow beginning of a fall."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Engine
+from agentflow.env.physics.engine import World
 from agentflow.env.rollout import Array
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
@@ -28,16 +25,16 @@ class Settling:
     about in its container is held and does not count.
     """
 
-    def __init__(self, machine: Machine, engine: Engine, rate: float, physics: Constants) -> None:
+    def __init__(self, machine: Machine, world: World, rate: float, physics: Constants) -> None:
         """Begin before the first step.
 
         Args:
             machine: What stands there.
-            engine: Where it stands.
+            world: Where it stands.
             rate: Steps per second.
             physics: How much further an interval may carry.
         """
-        self._engine = engine
+        self._world = world
         self._far = physics["rest_drift"]
         self._gain, self._growth = physics["rest_gain"], 1.0 + physics["rest_growth"]
         self._interval = 2 * max(1, round(physics["rest_interval"] * rate / 2))
@@ -64,7 +61,7 @@ class Settling:
         self._slow = self._slow + 1 if slow else 0
         if self._steps % self._interval:
             return False
-        self._places.append(self._engine.centres()[self._free])
+        self._places.append(self._world.centres()[self._free])
         del self._places[: -MORE - 1]
         if self._slow < self._interval or len(self._places) <= INTERVALS:
             return False

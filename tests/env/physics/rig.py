@@ -10,8 +10,8 @@ import numpy as np
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.rotations import chain, inverse, rotate
 from agentflow.env.physics.vectors import add
 from agentflow.env.rollout import Array
@@ -52,7 +52,7 @@ class Rig:
 
     def __init__(
         self,
-        engine: PyBulletEngine,
+        engine: Engine,
         tree: Machine,
         *,
         wind: Sequence[float] = (0.0, 0.0, 0.0),
@@ -62,29 +62,28 @@ class Rig:
         """Mount the machine, or this assembly of it."""
         geometry = place(tree)
         assert not geometry.overlaps
-        self.engine = engine
         self.blocks: tuple[Placed, ...] = geometry.blocks
         self.assembly = raised(
             assembly or assemble(tree, geometry, constants()), ANCHOR if anchored else None
         )
         x, y, z = (float(speed) for speed in wind)
-        engine.build(self.assembly, Scene(wind=(x, y, z)), RATE)
-        self.rest = engine.state()
+        self.world = engine.build(self.assembly, Scene(wind=(x, y, z)), RATE)
+        self.rest = self.world.state()
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds * RATE)):
-            self.engine.step()
+            self.world.step()
 
     def turned(self, block: int, vector: Vec3, base: int = 0) -> Array:
         """Where a direction of a block at rest points now, as its base block sees it."""
-        state = self.engine.state()
+        state = self.world.state()
         now = chain(state.rotation[block], inverse(self.rest.rotation[block]))
         carrier = chain(state.rotation[base], inverse(self.rest.rotation[base]))
         return rotate(inverse(carrier), rotate(now, np.array(vector)))
 
     def angle(self, block: int, axis: Vec3, base: int = 0) -> float:
         """How far a block has turned about an axis, rad; asserts that it did about no other."""
-        state = self.engine.state()
+        state = self.world.state()
         now = chain(state.rotation[block], inverse(self.rest.rotation[block]))
         carrier = chain(state.rotation[base], inverse(self.rest.rotation[base]))
         x, y, z, w = chain(inverse(carrier), now)
@@ -94,11 +93,11 @@ class Rig:
 
     def spin(self, block: int, axis: Vec3) -> float:
         """rad/s about an axis fixed in the world."""
-        return float(np.dot(self.engine.state().angular_velocity[block], axis))
+        return float(np.dot(self.world.state().angular_velocity[block], axis))
 
     def moved(self, block: int) -> Array:
         """Of the block's centre against the root since both were mounted, m."""
-        gone = self.engine.state().centre - self.rest.centre
+        gone = self.world.state().centre - self.rest.centre
         return np.asarray(gone[block] - gone[0])
 
 

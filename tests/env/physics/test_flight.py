@@ -9,48 +9,44 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.laws.air import Members
 from agentflow.env.physics.laws.rotors import Blades
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.rotations import rotate
 from agentflow.env.scene import Scene
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
+from tests.env.conftest import MakeEngine
 from tests.env.machines import machine
-from tests.env.physics.rig import FACINGS, HEIGHT, RATE, Rig, weightless
+from tests.env.physics.rig import FACINGS, HEIGHT, RATE, Rig
 
 ROOT = (0, -1, -1)
 FLYING, LONG_BLADE, SHORT_BLADE = 14, 26, 55
 
 
-@pytest.fixture(scope="module")
-def calm() -> PyBulletEngine:
-    return PyBulletEngine(weightless())
-
-
 @pytest.mark.parametrize("face", range(6), ids=FACINGS)
-def test_a_flying_block_pushes_along_its_front(calm: PyBulletEngine, face: int) -> None:
+def test_a_flying_block_pushes_along_its_front(calm: Engine, face: int) -> None:
     rig = Rig(calm, machine(ROOT, (FLYING, 0, face)), anchored=False)
-    calm.step()
-    assert calm.top_speeds == (0.0, 0.0)
+    rig.world.step()
+    assert rig.world.speeds() == (0.0, 0.0)
     front = np.array(rig.blocks[1].front)
     mass = sum(part.mass for part in rig.assembly.parts)
     for level, speed in ((1, 100.0 / mass / RATE), (-1, 0.0), (-0.5, -50.0 / mass / RATE)):
-        calm.switch("motors", level)
-        calm.step()
-        found = calm.state().velocity[0]
+        rig.world.switch("motors", level)
+        rig.world.step()
+        found = rig.world.state().velocity[0]
         assert found == pytest.approx(speed * front, rel=1e-2, abs=6e-3)
     assert library()[FLYING].thrust == 100.0
 
 
-def test_a_flying_block_off_the_middle_turns_its_machine(calm: PyBulletEngine) -> None:
+def test_a_flying_block_off_the_middle_turns_its_machine(calm: Engine) -> None:
     """100 N at 1 m from the heavy root: torque over moment of inertia."""
     rig = Rig(calm, machine(ROOT, (15, 0, 2), (FLYING, 1, 3)), anchored=False)
     front = np.array(rig.blocks[2].front)
-    calm.switch("motors", 1)
-    calm.step()
-    momentum = calm.momentum()
+    rig.world.switch("motors", 1)
+    rig.world.step()
+    momentum = rig.world.momentum()
     high = (0.0, HEIGHT, 0.0)
     arm = rig.rest.centre[2] - high
     assert momentum["linear"] == pytest.approx(100.0 / RATE * front, rel=1e-2, abs=2e-3)
@@ -89,16 +85,14 @@ def test_blades_follow_the_law_of_the_reference(kind: int, face: int) -> None:
 @pytest.mark.parametrize(
     ("kind", "face", "sense"), [(26, 4, 1), (26, 5, -1), (55, 4, 1), (55, 5, -1)]
 )
-def test_a_rotor_lifts_as_its_blades_say(
-    calm: PyBulletEngine, kind: int, face: int, sense: int
-) -> None:
+def test_a_rotor_lifts_as_its_blades_say(calm: Engine, kind: int, face: int, sense: int) -> None:
     """Four blades round a rotating block, on a suspension that tells their force.
 
     A rotor that faces up turns clockwise seen from above, which drives blades to their Right.
     """
     tree = machine(ROOT, (16, 0, face), (22, 1, 0), *((kind, 2, side) for side in (1, 2, 3, 4)))
     rig = Rig(calm, tree)
-    calm.switch("motors", 1)
+    rig.world.switch("motors", 1)
     rig.run(4.0)
     block, speed = library()[kind], constants().of("motor_speed", 22)
     assert block.size is not None
@@ -109,20 +103,19 @@ def test_a_rotor_lifts_as_its_blades_say(
     assert lifted == pytest.approx(sense * push / constants()["suspension_stiffness"], rel=0.01)
 
 
-def test_a_machine_with_enough_thrust_climbs() -> None:
+def test_a_machine_with_enough_thrust_climbs(make_engine: MakeEngine) -> None:
     """100 N on 0.75 kg: it takes off at thrust over mass less gravity, less its drag."""
-    engine = PyBulletEngine()
+    engine = make_engine()
     tree = machine(ROOT, (FLYING, 0, 4))
-    engine.build(assemble(tree, place(tree), constants()), Scene(), RATE)
+    world = engine.build(assemble(tree, place(tree), constants()), Scene(), RATE)
     for _ in range(60):
-        engine.step()
-    low = engine.centre(0)[1]
-    engine.switch("motors", 1)
+        world.step()
+    low = world.centre(0)[1]
+    world.switch("motors", 1)
     speed = height = 0.0
     drag = (0.25 * 0.2 + 0.5 * 0.5) / 0.75
     for _ in range(60):
-        engine.step()
+        world.step()
         speed += (100.0 / 0.75 - 32.81 - drag * speed) / RATE
         height += speed / RATE
-    assert engine.centre(0)[1] - low == pytest.approx(height, rel=0.01)
-    engine.close()
+    assert world.centre(0)[1] - low == pytest.approx(height, rel=0.01)

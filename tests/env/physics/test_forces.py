@@ -10,12 +10,12 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.kinematics import matrices
 from agentflow.env.physics.laws.air import Drag, Members, Wind, Wrench
 from agentflow.env.physics.model import Part
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.pybullet.layout import hubs
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Array
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
+from tests.env.conftest import MakeEngine
 from tests.env.machines import BALLASTED, CAR
 from tests.env.physics.rig import RATE, Rig
 
@@ -81,21 +81,22 @@ def test_every_part_feels_the_wind(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize(("tree", "level"), [(CAR, 1.0), (BALLASTED, 0.0)], ids=["wheels", "arm"])
-def test_what_falls_loses_what_the_drag_of_its_parts_takes(tree: Machine, level: float) -> None:
+def test_what_falls_loses_what_the_drag_of_its_parts_takes(
+    tree: Machine, level: float, make_engine: MakeEngine
+) -> None:
     """Of every part, also of wheels, whose drag acts where their axles are."""
-    engine = PyBulletEngine()
+    engine = make_engine()
     rig = Rig(engine, tree, anchored=False)
-    engine.switch("motors", level)
+    rig.world.switch("motors", level)
     rig.run(0.5)
     parts = rig.assembly.parts
-    before, velocity = engine.momentum()["linear"], engine.state().velocity
-    engine.step()
+    before, velocity = rig.world.momentum()["linear"], rig.world.state().velocity
+    rig.world.step()
     weight = 32.81 * sum(part.mass for part in parts)
     drag = [part.mass * part.linear_drag * velocity[part.block] for part in parts]
-    change = (engine.momentum()["linear"] - before) * RATE
+    change = (rig.world.momentum()["linear"] - before) * RATE
     assert change == pytest.approx([0.0, -weight, 0.0] - np.sum(drag, axis=0), rel=1e-3, abs=0.05)
     assert abs(np.sum(drag, axis=0)[1]) > 10.0
-    engine.close()
 
 
 def test_the_drag_of_wheels_acts_on_what_holds_their_axles() -> None:

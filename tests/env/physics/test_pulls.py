@@ -8,24 +8,20 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.actors import Rope
 from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.laws.air import Members
 from agentflow.env.physics.laws.ropes import Ropes
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.placement import place
+from tests.env.conftest import MakeEngine
 from tests.env.machines import machine
-from tests.env.physics.rig import RATE, Rig, face_towards, weightless
+from tests.env.physics.rig import RATE, Rig, face_towards
 
 ROOT = (0, -1, -1)
 SPRING, WINCH = 9, 45
 
 
-@pytest.fixture(scope="module")
-def calm() -> PyBulletEngine:
-    return PyBulletEngine(weightless())
-
-
-def test_a_spring_pulls_as_its_law_says(calm: PyBulletEngine) -> None:
+def test_a_spring_pulls_as_its_law_says(calm: Engine) -> None:
     """It pulls a suspension in, which yields by the pull along its axis over its stiffness."""
     value = constants()
     base = (ROOT, (16, 0, 4), (35, 1, 0), (15, 0, 3))
@@ -34,9 +30,9 @@ def test_a_spring_pulls_as_its_law_says(calm: PyBulletEngine) -> None:
     rig = Rig(calm, machine(*base, (SPRING, 2, side, 3, top)))
     rig.run(0.5)
     assert rig.moved(2) == pytest.approx([0, 0, 0], abs=1e-6)
-    calm.switch("springs", 1)
+    rig.world.switch("springs", 1)
     rig.run(4.0)
-    length = float(calm.state().length[0])
+    length = float(rig.world.state().length[0])
     stretch = min((length - value["spring_length"]) / value["spring_ramp"], 1.0)
     assert stretch == 1.0
     ends = rig.blocks[4]
@@ -47,25 +43,25 @@ def test_a_spring_pulls_as_its_law_says(calm: PyBulletEngine) -> None:
     assert rig.moved(2)[1] == pytest.approx(-pull / value["suspension_stiffness"], rel=0.01)
 
 
-def test_a_spring_lets_go_at_its_natural_length(calm: PyBulletEngine) -> None:
+def test_a_spring_lets_go_at_its_natural_length(calm: Engine) -> None:
     """A log on a hinge is pulled up to the post until the spring is short."""
     base = (ROOT, (63, 0, 4), (5, 0, 3), (63, 2, 0))
     tree = machine(*base)
     post, log = face_towards(tree, 1, "x+"), face_towards(tree, 3, "y+")
     rig = Rig(calm, machine(*base, (SPRING, 1, post + 1, 3, log + 1)))
-    start = float(calm.state().length[0])
-    calm.switch("springs", 1)
+    start = float(rig.world.state().length[0])
+    rig.world.switch("springs", 1)
     rig.run(0.2)
-    assert calm.state().length[0] < start - 0.3
-    calm.switch("springs", 0)
-    before = calm.momentum()["energy"]
-    calm.step()
-    assert calm.momentum()["energy"] <= before
+    assert rig.world.state().length[0] < start - 0.3
+    rig.world.switch("springs", 0)
+    before = rig.world.momentum()["energy"]
+    rig.world.step()
+    assert rig.world.momentum()["energy"] <= before
 
 
-def test_a_winch_lifts_at_its_speed_and_lowers_again() -> None:
+def test_a_winch_lifts_at_its_speed_and_lowers_again(make_engine: MakeEngine) -> None:
     """A crane on a heavy foot lifts a log on a hinge with ballast at its end."""
-    engine = PyBulletEngine()
+    engine = make_engine()
     base = (
         ROOT,
         (35, 0, 1),
@@ -87,31 +83,30 @@ def test_a_winch_lifts_at_its_speed_and_lowers_again() -> None:
     crane = machine(*base, (WINCH, 5, post, 8, load))
     assembly = assemble(crane, place(crane), constants())
     assert assembly.pulls == ()
-    engine.build(assembly, Scene(), RATE)
+    world = engine.build(assembly, Scene(), RATE)
 
     def run(seconds: float) -> float:
         for _ in range(round(seconds * RATE)):
-            engine.step()
-        return float(engine.state().length[0])
+            world.step()
+        return float(world.state().length[0])
 
-    start, low = run(0.5), engine.centre(8)[1]
-    engine.switch("winches", 1)
+    start, low = run(0.5), world.centre(8)[1]
+    world.switch("winches", 1)
     run(0.5)
     middle = run(0.5)
     later = run(0.5)
     assert middle - later == pytest.approx(0.5 * constants()["winch_speed"], rel=0.05)
-    assert engine.centre(8)[1] > low + 1.0
-    engine.switch("winches", 0)
+    assert world.centre(8)[1] > low + 1.0
+    world.switch("winches", 0)
     held = run(0.5)
     assert held == pytest.approx(later, abs=0.03)
     assert run(1.0) == pytest.approx(held, abs=0.01)
-    engine.switch("winches", -1)
+    world.switch("winches", -1)
     assert run(0.5) == pytest.approx(held + 0.5, abs=0.05)
     assert start > held
-    engine.close()
 
 
-def test_a_winch_pulls_no_harder_than_its_force(calm: PyBulletEngine) -> None:
+def test_a_winch_pulls_no_harder_than_its_force(calm: Engine) -> None:
     """Between the anchor and a stiff suspension at its stop it pays out what it cannot hold."""
     value = constants()
     base = (ROOT, (16, 0, 4), (35, 1, 0), (15, 0, 3))
@@ -120,12 +115,12 @@ def test_a_winch_pulls_no_harder_than_its_force(calm: PyBulletEngine) -> None:
     rig = Rig(calm, machine(*base, (WINCH, 2, side, 3, top)))
     rig.run(0.5)
     assert rig.moved(2) == pytest.approx([0, 0, 0], abs=1e-6)
-    calm.switch("winches", 1)
+    rig.world.switch("winches", 1)
     rig.run(4.0)
     ends = rig.blocks[4]
     assert ends.end_a is not None
     assert ends.end_b is not None
-    length = float(calm.state().length[0])
+    length = float(rig.world.state().length[0])
     lean = (ends.end_a[1] + rig.moved(2)[1] - ends.end_b[1]) / length
     pull = -rig.moved(2)[1] * value["suspension_stiffness"] / lean
     assert pull == pytest.approx(value["winch_force"], rel=0.01)

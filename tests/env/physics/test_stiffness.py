@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.physics.frames import swap
-from agentflow.env.physics.load_sharing import product, rings, solve
+from agentflow.env.physics.load_sharing import load_loops, product, solve
 from agentflow.env.physics.model import Joint, Strength
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Array
@@ -18,8 +17,8 @@ WOOD, METAL = Strength(15000.0, 5000.0), Strength(25000.0, 8000.0)
 
 def shared(count: int, joints: list[Joint], reactions: Array) -> Array:
     found = reactions.copy()
-    for ring in rings(joints, skeleton(count, joints)):
-        found[ring.joints] = ring.shared(found)
+    for loop in load_loops(joints, skeleton(count, joints)):
+        found[loop.joints] = loop.shared(found)
     return found
 
 
@@ -28,7 +27,7 @@ def by_displacements(count: int, joints: list[Joint], reactions: Array) -> Array
     stiffness, pushes = np.zeros((6 * count, 6 * count)), np.zeros(6 * count)
     elements = []
     for joint, reaction in zip(joints, reactions, strict=True):
-        x, y, z = swap(joint.pivot)
+        x, y, z = joint.pivot
         move = np.eye(6)
         move[3:, :3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
         element = np.zeros((6 * count, 6))
@@ -83,12 +82,12 @@ def test_two_connections_side_by_side_share_by_the_lever() -> None:
     weight, d, e, c2 = 900.0, 2.0, 0.7, 1.0 / 9.0
     joints = [Joint(1, 0, 0, 1, pivot=(x, 0.0, 0.0), strength=WOOD) for x in (-d / 2, d / 2)]
     alone = np.zeros((2, 6))
-    alone[0] = [0.0, 0.0, weight, 0.0, -weight * (d / 2 + e), 0.0]
+    alone[0] = [0.0, weight, 0.0, 0.0, 0.0, weight * (d / 2 + e)]
     left, right = shared(2, joints, alone)
     lever = weight * e * d / (d * d + 4 * c2)
     turn = weight * e * c2 / (d * d / 2 + 2 * c2)
-    assert left == pytest.approx([0, 0, weight / 2 - lever, 0, -turn, 0])
-    assert right == pytest.approx([0, 0, weight / 2 + lever, 0, -turn, 0])
+    assert left == pytest.approx([0, weight / 2 - lever, 0, 0, 0, turn])
+    assert right == pytest.approx([0, weight / 2 + lever, 0, 0, 0, turn])
 
 
 def test_a_locked_hinge_shares_all_but_its_turn() -> None:
@@ -98,17 +97,17 @@ def test_a_locked_hinge_shares_all_but_its_turn() -> None:
     ]
     alone = np.array([[10.0, 20.0, 30.0, 40.0, 50.0, 60.0], [0.0] * 6])
     fixed, hinge = shared(2, joints, alone)
-    assert hinge == pytest.approx([5.0, 10.0, 15.0, 20.0, 0.0, 30.0])
-    assert fixed == pytest.approx([5.0, 10.0, 15.0, 20.0, 50.0, 30.0])
+    assert hinge == pytest.approx([5.0, 10.0, 15.0, 20.0, 25.0, 0.0])
+    assert fixed == pytest.approx([5.0, 10.0, 15.0, 20.0, 25.0, 60.0])
 
 
-def test_loops_that_have_nothing_in_common_are_rings_of_their_own() -> None:
+def test_loops_that_have_nothing_in_common_are_shared_apart() -> None:
     edges = [(0, 1), (1, 2), (2, 3), (3, 4), (0, 2), (2, 4)]
     joints = [Joint(b, a, a, b, pivot=(a, b, 0.0), strength=WOOD) for a, b in edges]
-    found = rings(joints, skeleton(5, joints))
-    assert [ring.joints.tolist() for ring in found] == [[0, 1, 4], [2, 3, 5]]
+    found = load_loops(joints, skeleton(5, joints))
+    assert [loop.joints.tolist() for loop in found] == [[0, 1, 4], [2, 3, 5]]
     tree = joints[:4]
-    assert rings(tree, skeleton(5, tree)) == ()
+    assert load_loops(tree, skeleton(5, tree)) == ()
 
 
 def test_arithmetic_in_order_is_arithmetic() -> None:

@@ -9,44 +9,34 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
-from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.engine import Engine, World
 from agentflow.env.scene import Scene, Thing
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
+from tests.env.conftest import MakeEngine
 from tests.env.machines import machine
-from tests.env.physics.rig import FACINGS, RATE, Rig, weightless
+from tests.env.physics.rig import FACINGS, RATE, Rig
 
 ROOT = (0, -1, -1)
 GRIP, ELASTIC, BALLAST, BOULDER = 49, 87, 35, 36
 GRAVITY = 32.81
 
 
-@pytest.fixture(scope="module")
-def engine() -> PyBulletEngine:
-    return PyBulletEngine()
-
-
-@pytest.fixture(scope="module")
-def calm() -> PyBulletEngine:
-    return PyBulletEngine(weightless())
-
-
-def start(engine: PyBulletEngine, tree: Machine, scene: Scene | None = None) -> None:
+def start(engine: Engine, tree: Machine, scene: Scene | None = None) -> World:
     geometry = place(tree)
     assert not geometry.overlaps
-    engine.build(assemble(tree, geometry, constants()), scene or Scene(), RATE)
+    return engine.build(assemble(tree, geometry, constants()), scene or Scene(), RATE)
 
 
-def run(engine: PyBulletEngine, seconds: float) -> None:
+def run(world: World, seconds: float) -> None:
     for _ in range(round(seconds * RATE)):
-        engine.step()
+        world.step()
 
 
 @pytest.mark.parametrize(("foot", "friction"), [(15, 0.8), (GRIP, sqrt(2.0 * 0.8)), (ELASTIC, 0.8)])
 def test_feet_slide_when_the_wind_beats_their_friction(
-    engine: PyBulletEngine, foot: int, friction: float
+    engine: Engine, foot: int, friction: float
 ) -> None:
     """A cross on four feet: geometric mean of the partners' friction, times its weight."""
     arms = (ROOT, *((BALLAST, 0, face) for face in range(4)))
@@ -63,9 +53,9 @@ def test_feet_slide_when_the_wind_beats_their_friction(
     limit = sqrt(friction * mass * GRAVITY / (0.6 * area))
     moved = []
     for share in (0.93, 1.07):
-        start(engine, tree, Scene(wind=(limit * share, 0.0, 0.0)))
-        run(engine, 1.5)
-        moved.append(engine.centre(0)[0])
+        world = start(engine, tree, Scene(wind=(limit * share, 0.0, 0.0)))
+        run(world, 1.5)
+        moved.append(world.centre(0)[0])
     assert moved[0] < 0.05
     assert moved[1] > 0.3
 
@@ -73,18 +63,16 @@ def test_feet_slide_when_the_wind_beats_their_friction(
 @pytest.mark.parametrize(
     ("pad", "bounce"), [(ELASTIC, 0.9), (GRIP, sqrt(0.18 * 0.9)), (15, sqrt(0.18 * 0.9))]
 )
-def test_a_lively_ball_bounces_as_the_pad_lets_it(
-    engine: PyBulletEngine, pad: int, bounce: float
-) -> None:
+def test_a_lively_ball_bounces_as_the_pad_lets_it(engine: Engine, pad: int, bounce: float) -> None:
     """Rebound speed over fall: the geometric mean of the partners' restitution."""
     tree = machine(ROOT, *((BALLAST, 0, face) for face in range(4)), (pad, 0, 4))
     top = place(tree).box_max[1] - place(tree).box_min[1]
     ball = Thing("ball", "sphere", (0.6,) * 3, (0.0, top + 2.3, 0.0), mass=0.1, restitution=0.9)
-    start(engine, tree, Scene((ball,)))
+    world = start(engine, tree, Scene((ball,)))
     fall = rise = 0.0
     for _ in range(round(0.8 * RATE)):
-        engine.step()
-        speed = float(engine.state().thing_velocity[0][1])
+        world.step()
+        speed = float(world.state().thing_velocity[0][1])
         fall, rise = min(fall, speed), max(rise, speed)
         if rise > 0.1:
             break
@@ -92,43 +80,26 @@ def test_a_lively_ball_bounces_as_the_pad_lets_it(
 
 
 @pytest.mark.parametrize("restitution", [0.18, 0.6])
-def test_the_ground_is_as_lively_as_the_constants_say(restitution: float) -> None:
+def test_the_ground_is_as_lively_as_the_constants_say(
+    restitution: float, make_engine: MakeEngine
+) -> None:
     physics = constants().changed({"restitution": restitution})
-    engine = PyBulletEngine(physics)
+    engine = make_engine(physics)
     ball = Thing("ball", "sphere", (0.6,) * 3, (5.0, 2.3, 0.0), mass=0.1)
     tree = machine(ROOT)
-    engine.build(assemble(tree, place(tree), physics), Scene((ball,)), RATE)
+    world = engine.build(assemble(tree, place(tree), physics), Scene((ball,)), RATE)
     speeds = []
     for _ in range(round(0.6 * RATE)):
-        engine.step()
-        speeds.append(float(engine.state().thing_velocity[0][1]))
-    engine.close()
+        world.step()
+        speeds.append(float(world.state().thing_velocity[0][1]))
     assert max(speeds) / -min(speeds) == pytest.approx(restitution, abs=0.08)
 
 
-@pytest.mark.parametrize("friction", [0.8, 0.2])
-def test_the_ground_is_as_rough_as_the_constants_say(friction: float) -> None:
-    """A box that slides to a stop: the way is v squared over twice friction times gravity."""
-    physics = constants().changed({"friction": friction})
-    engine = PyBulletEngine(physics)
-    tree = machine(ROOT)
-    slab = Thing("slab", "box", (2.0, 0.2, 2.0), (0.0, 0.1, 20.0), mass=1.0)
-    engine.build(assemble(tree, place(tree), physics), Scene((slab,), (0.0, 0.0, 0.0)), RATE)
-    run(engine, 0.5)
-    uid = engine._things["slab"]
-    pybullet.resetBaseVelocity(uid, (4.0, 0.0, 0.0), physicsClientId=engine.client)
-    start = engine.centre("slab")[0]
-    run(engine, 1.5)
-    way = engine.centre("slab")[0] - start
-    engine.close()
-    assert way == pytest.approx(16.0 / (2 * friction * GRAVITY), rel=0.1)
-
-
-def test_a_boulder_is_loose_and_rolls_as_its_friction_says(engine: PyBulletEngine) -> None:
+def test_a_boulder_is_loose_and_rolls_as_its_friction_says(engine: Engine) -> None:
     """Blown along and then left alone, it rolls; v = omega r."""
-    start(engine, machine(ROOT, (BOULDER, 0, 0)), Scene(wind=(0.0, 0.0, 6.0)))
-    run(engine, 2.0)
-    state = engine.state()
+    world = start(engine, machine(ROOT, (BOULDER, 0, 0)), Scene(wind=(0.0, 0.0, 6.0)))
+    run(world, 2.0)
+    state = world.state()
     radius = 0.95 - constants()["shrink"]
     speed = float(state.velocity[1][2])
     assert speed > 1.0
@@ -137,7 +108,7 @@ def test_a_boulder_is_loose_and_rolls_as_its_friction_says(engine: PyBulletEngin
 
 @pytest.mark.parametrize("kind", [1, 15, 30, BALLAST, 41, 63, GRIP, ELASTIC, 27, 4])
 @pytest.mark.parametrize("face", range(6), ids=FACINGS)
-def test_rigid_blocks_stay_as_they_were_built(calm: PyBulletEngine, kind: int, face: int) -> None:
+def test_rigid_blocks_stay_as_they_were_built(calm: Engine, kind: int, face: int) -> None:
     """Wind on every side: nothing moves against the root, and each weighs what the library says."""
     tree = machine(ROOT, (kind, 0, face))
     rig = Rig(calm, tree, wind=(12.0, 9.0, -15.0))
@@ -147,7 +118,7 @@ def test_rigid_blocks_stay_as_they_were_built(calm: PyBulletEngine, kind: int, f
     assert rig.assembly.parts[1].mass == library()[kind].mass
 
 
-def test_a_brace_makes_a_hinge_stiff(calm: PyBulletEngine) -> None:
+def test_a_brace_makes_a_hinge_stiff(calm: Engine) -> None:
     """The same hinged log with and without a brace to the post, in the same wind."""
     base = (ROOT, (63, 0, 4), (5, 0, 3), (63, 2, 0))
     free = Rig(calm, machine(*base), wind=(0.0, -12.0, 0.0))
@@ -159,21 +130,21 @@ def test_a_brace_makes_a_hinge_stiff(calm: PyBulletEngine) -> None:
 
 
 @pytest.mark.parametrize("higher", np.arange(0.0, 0.2, 0.01))
-def test_a_touch_is_seen_however_short(engine: PyBulletEngine, higher: float) -> None:
+def test_a_touch_is_seen_however_short(engine: Engine, higher: float) -> None:
     """At 25 m/s a ball may be above the ground before a step and on its way up after it."""
     ball = Thing("ball", "sphere", (1.0, 1.0, 1.0), (20.0, 10.0 + higher, 0.0), mass=1.0)
-    start(engine, machine(ROOT), Scene((ball,)))
-    while engine.state().thing_velocity[0, 1] <= 0.0:
-        engine.step()
-    assert engine.touching("ball") == {"ground"}
+    world = start(engine, machine(ROOT), Scene((ball,)))
+    while world.state().thing_velocity[0, 1] <= 0.0:
+        world.step()
+    assert world.touching("ball") == {"ground"}
 
 
-def test_things_that_never_move_are_not_tested_against_each_other(engine: PyBulletEngine) -> None:
+def test_things_that_never_move_are_not_tested_against_each_other(engine: Engine) -> None:
     """Rough ground is hundreds of them, side by side."""
     size = (1.0, 1.0, 1.0)
     stones = (Thing("a", "box", size, (5.0, 0.2, 0.0)), Thing("b", "box", size, (5.5, 0.2, 0.0)))
     ball = Thing("ball", "sphere", size, (5.0, 1.1, 0.0), mass=1.0)
-    start(engine, machine(ROOT), Scene((*stones, ball)))
-    run(engine, 0.25)
-    assert "a" not in engine.touching("b")
-    assert "a" in engine.touching("ball")
+    world = start(engine, machine(ROOT), Scene((*stones, ball)))
+    run(world, 0.25)
+    assert "a" not in world.touching("b")
+    assert "a" in world.touching("ball")

@@ -14,7 +14,7 @@ from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.model import Joint, Part, Shape
 from agentflow.env.physics.pybullet.layout import Built
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.spanning_tree import Body, Link
+from agentflow.env.physics.spanning_tree import Link, Piece
 from agentflow.env.physics.vectors import add, scale, subtract, turned
 from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
 
@@ -36,7 +36,7 @@ _KINDS = {
 }
 
 
-class Workshop:
+class BodyBuilder:
     """Makes shapes and bodies in one client; equal shapes are made once per world."""
 
     def __init__(self, client: int, physics: Constants) -> None:
@@ -68,61 +68,58 @@ class Workshop:
         self._surface(uid, -1, friction, restitution, 0.0)
         return uid
 
-    def machine(self, body: Body, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:
+    def machine(self, piece: Piece, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:
         """One connected component, at rest in its place.
 
         Raises:
             TooLargeError: It has more links than PyBullet can hold.
         """
-        if len(body.links) > MOST_LINKS:
-            raise TooLargeError(
-                f"the machine has {len(body.links) + 1} parts in one piece; "
-                f"the engine holds at most {MOST_LINKS + 1}"
-            )
-        frames = {body.root: parts[body.root].centre}
-        frames |= {link.part: joints[link.joint].pivot for link in body.links}
-        order = {body.root: 0} | {link.part: i for i, link in enumerate(body.links, 1)}
+        if len(piece.links) > MOST_LINKS:
+            raise TooLargeError(len(piece.links) + 1, MOST_LINKS + 1)
+        frames = {piece.root: parts[piece.root].centre}
+        frames |= {link.part: joints[link.joint].pivot for link in piece.links}
+        order = {piece.root: 0} | {link.part: i for i, link in enumerate(piece.links, 1)}
         lone = not any(shape.solid for part in order for shape in parts[part].shapes)
         solids = {part: self._part(parts[part], frames[part], lone) for part in order}
-        root = parts[body.root]
+        root = parts[piece.root]
         uid = pybullet.createMultiBody(
             root.mass,
-            solids[body.root],
+            solids[piece.root],
             -1,
             swap(root.centre),
-            linkMasses=[parts[link.part].mass for link in body.links],
-            linkCollisionShapeIndices=[solids[link.part] for link in body.links],
-            linkVisualShapeIndices=[-1] * len(body.links),
+            linkMasses=[parts[link.part].mass for link in piece.links],
+            linkCollisionShapeIndices=[solids[link.part] for link in piece.links],
+            linkVisualShapeIndices=[-1] * len(piece.links),
             linkPositions=[
-                swap(subtract(frames[link.part], frames[link.parent])) for link in body.links
+                swap(subtract(frames[link.part], frames[link.parent])) for link in piece.links
             ],
-            linkOrientations=[IDENTITY] * len(body.links),
+            linkOrientations=[IDENTITY] * len(piece.links),
             linkInertialFramePositions=[
-                swap(subtract(parts[link.part].centre, frames[link.part])) for link in body.links
+                swap(subtract(parts[link.part].centre, frames[link.part])) for link in piece.links
             ],
-            linkInertialFrameOrientations=[IDENTITY] * len(body.links),
-            linkParentIndices=[order[link.parent] for link in body.links],
-            linkJointTypes=[_KINDS[joints[link.joint].kind] for link in body.links],
-            linkJointAxis=[_axis(joints[link.joint], link) for link in body.links],
+            linkInertialFrameOrientations=[IDENTITY] * len(piece.links),
+            linkParentIndices=[order[link.parent] for link in piece.links],
+            linkJointTypes=[_KINDS[joints[link.joint].kind] for link in piece.links],
+            linkJointAxis=[_axis(joints[link.joint], link) for link in piece.links],
             flags=pybullet.URDF_USE_SELF_COLLISION
             | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT,
             physicsClientId=self.client,
         )
         pybullet.changeDynamics(uid, -1, maxJointVelocity=FASTEST, physicsClientId=self.client)
-        built = Built(uid, body, {body.root: -1} | self._indices(uid, body))
+        built = Built(uid, piece, {piece.root: -1} | self._indices(uid, piece))
         for part in order:
             self._dynamics(built, part, parts[part])
-        for link in body.links:
+        for link in piece.links:
             self._joint(built, link, joints[link.joint])
         return built
 
-    def _indices(self, uid: int, body: Body) -> dict[int, int]:
+    def _indices(self, uid: int, piece: Piece) -> dict[int, int]:
         """PyBullet renumbers links depth first but keeps their names: joint1, joint2, ..."""
         names = {
             pybullet.getJointInfo(uid, i, physicsClientId=self.client)[1]: i
-            for i in range(len(body.links))
+            for i in range(len(piece.links))
         }
-        return {link.part: names[b"joint%d" % i] for i, link in enumerate(body.links, 1)}
+        return {link.part: names[b"joint%d" % i] for i, link in enumerate(piece.links, 1)}
 
     def _dynamics(self, built: Built, part_index: int, part: Part) -> None:
         index = built.index[part_index]

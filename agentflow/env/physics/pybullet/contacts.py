@@ -57,7 +57,7 @@ class Contacts:
         return frozenset(found - {body})
 
 
-def group(client: int, plan: Skeleton, built: Sequence[Built]) -> None:
+def set_collisions_of_clusters(client: int, plan: Skeleton, built: Sequence[Built]) -> None:
     """Keep the parts of a rigid cluster from colliding with each other, and nothing else."""
     sizes: dict[int, int] = {}
     for cluster in plan.cluster:
@@ -71,12 +71,12 @@ def group(client: int, plan: Skeleton, built: Sequence[Built]) -> None:
             pybullet.setCollisionFilterGroupMask(body.uid, index, bit, mask, physicsClientId=client)
 
 
-def stand(client: int, standing: Sequence[int], moving: Sequence[int]) -> None:
-    """Let what stands for ever collide with all that moves, and things that move with everything.
+def set_collisions_of_scene(client: int, fixed: Sequence[int], moving: Sequence[int]) -> None:
+    """Let what never moves collide with all that moves, and things that move with everything.
 
-    Standing bodies that touch each other would cost a contact test each in every step.
+    Fixed bodies that touch each other would cost a contact test each in every step.
     """
-    for uid in standing:
+    for uid in fixed:
         pybullet.setCollisionFilterGroupMask(
             uid, -1, STANDING_GROUP, ~STANDING_GROUP, physicsClientId=client
         )

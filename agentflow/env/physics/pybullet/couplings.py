@@ -42,7 +42,7 @@ class Couplings:
         for i in plan.loops:
             joint = assembly.joints[i]
             self._loops.append((i, joint, self._loop(assembly, joint, where)))
-        carried = {link.joint: where[link.part] for body in plan.bodies for link in body.links}
+        carried = {link.joint: where[link.part] for body in plan.pieces for link in body.links}
         for mesh in assembly.actors.meshes:
             one, other = assembly.joints[mesh.a], assembly.joints[mesh.b]
             if (
@@ -66,8 +66,8 @@ class Couplings:
         self._loops = []
 
     def loads(self, rotation: Callable[[int], Quat]) -> list[tuple[int, list[float]]]:
-        """Joint and load (6,) of each loop in the last step, along the engine's axes; what the
-        spring of a sliding one pushes apart.
+        """Joint and load (6,) of each loop in the last step, game frame, without what the spring of
+        a sliding joint pushes.
 
         Args:
             rotation: Of a part, in the engine's frame.
@@ -83,7 +83,7 @@ class Couplings:
                 load = [*add(*states), *cross(arm, subtract(*states))]
             else:
                 load = [*states[0], 0.0, 0.0, 0.0]
-            found.append((i, load))
+            found.append((i, [*swap(load[:3]), *swap_turn(load[3:])]))
         return found
 
     def _collide(self, one: Handle, other: Handle, on: bool) -> None:

@@ -39,7 +39,7 @@ class Grips:
     """All grabbers of one machine."""
 
     def __init__(self, client: int, grips: Sequence[Grip], things: Mapping[str, int]) -> None:
-        """Set up with open hands.
+        """Start with nothing gripped.
 
         Args:
             client: PyBullet client.
@@ -51,6 +51,8 @@ class Grips:
         self._holds: dict[int, _Hold] = {}
         """By part of the grabber."""
         self._open = True
+        self._names: dict[Handle, Held] = {}
+        self._handles: dict[Held, Handle] = {}
 
     def __bool__(self) -> bool:
         return bool(self._grips)
@@ -62,7 +64,7 @@ class Grips:
         """
         for hold in self._holds.values():
             self._remove(hold)
-        self._names: dict[Handle, Held] = dict(self._loose)
+        self._names = dict(self._loose)
         for body in built:
             self._names |= {(body.uid, index): part for part, index in body.index.items()}
         self._handles = {held: handle for handle, held in self._names.items()}

@@ -13,7 +13,7 @@ import numpy as np
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.laws.air import Members
 from agentflow.env.physics.model import Assembly, Joint, Part
-from agentflow.env.physics.spanning_tree import Body, Skeleton
+from agentflow.env.physics.spanning_tree import Piece, Skeleton
 from agentflow.env.physics.vectors import cross, length, subtract
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Thing
@@ -31,13 +31,13 @@ class Built:
 
     uid: int
     """Body number in the engine."""
-    body: Body
+    piece: Piece
     index: Mapping[int, int]
     """Part -> link number in the engine; -1 is the base."""
 
 
 @dataclass(frozen=True)
-class Layout:
+class RowLayout:
     """One skeleton's rows: clusters in the order of their bodies, then the moving things."""
 
     members: Members
@@ -64,7 +64,7 @@ def lay_out(
     built: Sequence[Built],
     moving: Sequence[Thing],
     numbers: Mapping[str, int],
-) -> Layout:
+) -> RowLayout:
     """Give every cluster and every moving thing its row.
 
     Args:
@@ -94,7 +94,7 @@ def lay_out(
         for centre, row in zip(centres, rows, strict=True)
     ]
     handles += [(numbers[thing.name], -1) for thing in moving]
-    return Layout(
+    return RowLayout(
         Members(np.array(rows, dtype=np.intp), np.array(offsets).reshape(-1, 3)),
         tuple(handles),
         tuple(leading),
@@ -113,7 +113,7 @@ def hubs(assembly: Assembly, plan: Skeleton, members: Members) -> Members:
     """
     row, offset = members.row.copy(), members.offset.copy()
     parts = assembly.parts
-    for link in (link for body in plan.bodies for link in body.links):
+    for link in (link for body in plan.pieces for link in body.links):
         part, parent = parts[link.part], link.parent
         if not part.angular_drag and _on_axle(assembly.joints[link.joint], part):
             row[link.part] = members.row[parent]

@@ -17,22 +17,27 @@ Handled = tuple[int, int, Drive]
 
 
 class Motors:
-    """The joints of one world that a motor, friction or a spring-damper moves or holds."""
+    """The joints that a motor, friction or a spring-damper moves or holds."""
 
-    def __init__(self, client: int, levels: Mapping[str, float]) -> None:
-        """Set up without joints.
+    def __init__(
+        self,
+        client: int,
+        levels: Mapping[str, float],
+        built: Sequence[Built],
+        joints: Sequence[Joint],
+    ) -> None:
+        """Set every motor.
 
         Args:
             client: PyBullet client.
-            levels: How far each schedule entry is switched on.
+            levels: How far each schedule entry is switched on, looked up whenever motors are set.
+            built: The bodies, until the next split.
+            joints: All joints.
         """
         self._client, self._levels = client, levels
-
-    def bind(self, built: Sequence[Built], joints: Sequence[Joint]) -> None:
-        """Take note of where the joints are since the last split, and set them."""
         found: dict[str, list[Handled]] = {"revolute": [], "prismatic": [], "spherical": []}
         for body in built:
-            for link in body.body.links:
+            for link in body.piece.links:
                 joint = joints[link.joint]
                 if joint.kind in found:
                     found[joint.kind].append((body.uid, body.index[link.part], joint.drive))
@@ -41,7 +46,7 @@ class Motors:
         self._balls = found["spherical"]
         self.set()
 
-    def moves(self, entry: str) -> bool:
+    def are_started_by(self, entry: str) -> bool:
         """Whether a schedule entry starts any motor."""
         return any(drive.torque and drive.starts == entry for _, _, drive in self._single)
 
@@ -70,7 +75,7 @@ class Motors:
                 physicsClientId=client,
             )
 
-    def cushion(self) -> None:
+    def set_suspensions(self) -> None:
         """Apply the suspensions for one step; their dampers are brakes, which cannot set light
         blocks swinging."""
         client = self._client

@@ -16,7 +16,7 @@ from agentflow.env.physics.laws.ropes import Ropes
 from agentflow.env.physics.laws.rotors import Blades, Thrusters
 from agentflow.env.physics.laws.springs import Springs
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.layout import Built, Layout, hubs
+from agentflow.env.physics.pybullet.layout import Built, RowLayout, hubs
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.rows import Rows
 from agentflow.env.physics.pybullet.struts import Struts
@@ -36,7 +36,7 @@ class Pushes:
         assembly: Assembly,
         plan: Skeleton,
         built: Sequence[Built],
-        layout: Layout,
+        layout: RowLayout,
         laws: Sequence[Law],
     ) -> None:
         """Set up.
@@ -56,7 +56,7 @@ class Pushes:
         for i, handle in enumerate(layout.handles[layout.thing_rows], len(assembly.parts)):
             self._at[i] = handle
         unseen = {uid for uid, links in layout.bodies if not links}
-        joined = (body.uid for body in built if body.body.links)
+        joined = (body.uid for body in built if body.piece.links)
         self._stale = [uid for uid in joined if laws and uid in unseen]
         """Bodies whose links nobody reads; PyBullet then pushes them where they were a step ago."""
         led = {layout.handles[row] for row in self._drag.rows}
@@ -94,7 +94,7 @@ class Pushes:
                 pybullet.applyExternalForce(uid, index, force, at, pybullet.WORLD_FRAME, client)
 
 
-def actors_of(
+def actor_laws(
     assembly: Assembly, plan: Skeleton, members: Members, levels: Mapping[str, float], ropes: Ropes
 ) -> list[Law]:
     """Springs, thrusters, blades, winches and struts, where there are any."""
@@ -115,9 +115,9 @@ def actors_of(
     return laws
 
 
-def wind_of(
+def wind_laws(
     assembly: Assembly,
-    layout: Layout,
+    layout: RowLayout,
     scene: Scene,
     moving: Sequence[Thing],
     drag: float,

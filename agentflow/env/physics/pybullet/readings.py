@@ -31,7 +31,7 @@ from agentflow.env.physics.kinematics import (
     turn_back,
 )
 from agentflow.env.physics.model import Assembly, State
-from agentflow.env.physics.pybullet.layout import Layout
+from agentflow.env.physics.pybullet.layout import RowLayout
 from agentflow.env.physics.vectors import add, product, subtract, turned
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Quat, Vec3
@@ -40,7 +40,7 @@ from agentflow.env.scene import Quat, Vec3
 class Readings:
     """Reads one layout's rows."""
 
-    def __init__(self, assembly: Assembly, layout: Layout) -> None:
+    def __init__(self, assembly: Assembly, layout: RowLayout) -> None:
         self._assembly, self._layout = assembly, layout
         carriers = [parts[0] for parts in assembly.blocks]
         self._row = layout.members.row[carriers]

@@ -30,7 +30,7 @@ from agentflow.env.rollout import Array
 from agentflow.env.scene import Quat, Start, Vec3
 
 
-def put(client: int, built: Sequence[Built], start: Start) -> None:
+def place_at_start(client: int, built: Sequence[Built], start: Start) -> None:
     """Turn and raise bodies that stand as they were made, on the ground at the world's middle."""
     if start == Start():
         return
@@ -59,12 +59,12 @@ def restore(
         rows: (P, 13) of all parts.
         motions: Position and velocity of the joints that trees had, by joint.
     """
-    uid, root = built.uid, rows[built.body.root]
+    uid, root = built.uid, rows[built.piece.root]
     pybullet.resetBasePositionAndOrientation(
         uid, root[POSITION].tolist(), root[ROTATION].tolist(), client
     )
     pybullet.resetBaseVelocity(uid, root[VELOCITY].tolist(), root[SPIN].tolist(), client)
-    for link in built.body.links:
+    for link in built.piece.links:
         joint = assembly.joints[link.joint]
         index = built.index[link.part]
         if joint.kind == "spherical":

@@ -11,7 +11,7 @@ from math import sqrt
 import numpy as np
 
 from agentflow.env.physics.kinematics import WIDTH, Row
-from agentflow.env.physics.pybullet.layout import Layout
+from agentflow.env.physics.pybullet.layout import RowLayout
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.rollout import Array
 
@@ -19,7 +19,7 @@ from agentflow.env.rollout import Array
 class Rows:
     """The rows of one layout."""
 
-    def __init__(self, client: int, layout: Layout, things: Mapping[str, int]) -> None:
+    def __init__(self, client: int, layout: RowLayout, things: Mapping[str, int]) -> None:
         """Read them for the first time.
 
         Args:
@@ -38,6 +38,9 @@ class Rows:
             row += 1 + len(links)
         self._heads += [(i, things[name]) for i, name in enumerate(layout.things, row)]
         self._blank: list[Row] = [()] * len(layout.handles)
+        self._partial = False
+        self.known = self._blank
+        """Rows read so far; empty where nobody has asked yet."""
         self.heads = [row for row, _ in self._heads]
         """Rows of the bodies' roots and of moving things."""
         self.read()
@@ -50,7 +53,6 @@ class Rows:
             velocity, spin = pybullet.getBaseVelocity(uid, client)
             rows[row] = position + rotation + velocity + spin
         self.known = rows
-        """Rows read so far; empty where nobody has asked yet."""
         self._partial = bool(self._tails)
 
     def __getitem__(self, row: int) -> Row:

@@ -12,8 +12,10 @@ from struct import Struct
 
 import numpy as np
 
+from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
 from agentflow.env.physics.pybullet.layout import Built
 from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.spanning_tree import Link
 from agentflow.env.rollout import Array
 
 _FORCES = itemgetter(2)
@@ -33,25 +35,27 @@ class Sensors:
         """
         self._client = client
         self._bodies: list[tuple[int, list[int]]] = []
-        self._joints: list[int] = []
-        turned = []
+        links: list[Link] = []
         for body in built:
-            links = sorted(body.body.links, key=lambda link: link.joint)
-            if links:
-                self._bodies.append((body.uid, [body.index[link.part] for link in links]))
-            self._joints += [link.joint for link in links]
-            turned += [link.reversed for link in links]
-        in_order = self._joints == list(range(count))
-        self._order = None if in_order else np.array(self._joints, dtype=np.intp)
-        self._room = np.zeros((len(self._joints), 6))
-        self._pack = Struct(f"{self._room.size}d").pack_into
+            if body.piece.links:
+                own = sorted(body.piece.links, key=lambda link: link.joint)
+                self._bodies.append((body.uid, [body.index[link.part] for link in own]))
+                links += own
+        self._joints = [link.joint for link in links]
+        self._read = np.zeros(6 * len(links) + 1)
+        """What PyBullet tells of each joint, then a 0 for joints that are in no tree."""
+        self._pack = Struct(f"{6 * len(links)}d").pack_into
         """Twice as fast as anything that makes an array of numbers."""
-        self._turned = np.flatnonzero(turned)
-        self.bodies = tuple(uid for uid, _ in self._bodies)
-        """Those that have joints."""
+        self._source = np.full((count, 6), 6 * len(links), dtype=np.intp)
+        """Where in `_read` each number of the reactions is, and its sign."""
+        self._sign = np.tile(WRENCH_SIGNS, (count, 1))
+        for row, link in enumerate(links):
+            self._source[link.joint] = 6 * row + WRENCH_ORDER
+            if link.reversed:
+                self._sign[link.joint] *= -1.0
 
     def read(self, reactions: Array) -> None:
-        """Write what each joint of the trees bears into its row of (J, 6)."""
+        """Write what each joint of the trees bears into its row of (J, 6), game frame."""
         client = self._client
         if len(self._bodies) == 1:
             ((uid, links),) = self._bodies
@@ -62,12 +66,9 @@ class Sensors:
                 for uid, links in self._bodies
                 for state in pybullet.getJointStates(uid, links, client)
             ]
-        into = reactions if self._order is None else self._room
-        self._pack(into.data, 0, *chain.from_iterable(map(_FORCES, states)))
-        if len(self._turned):
-            into[self._turned] *= -1.0
-        if self._order is not None:
-            reactions[self._order] = into
+        self._pack(self._read.data, 0, *chain.from_iterable(map(_FORCES, states)))
+        self._read.take(self._source, out=reactions, mode="clip")  # "raise" would copy
+        np.multiply(reactions, self._sign, out=reactions)
 
     def motions(self) -> dict[int, tuple[float, float]]:
         """Position and velocity of every joint with one degree of freedom."""

@@ -26,13 +26,13 @@ def started(rate: float, steps: int) -> tuple[Mapping[str, Array], Array]:
     """State and mean reactions after so many steps since the motors were switched on."""
     engine = PyBulletEngine()
     assembly = assemble(BALLASTED, place(BALLASTED), constants())
-    engine.build(assembly, Scene(), rate)
-    engine.switch("motors", 1.0)
-    total = np.zeros_like(engine.reactions)
+    world = engine.build(assembly, Scene(), rate)
+    world.switch("motors", 1.0)
+    total = np.zeros_like(world.reactions)
     for _ in range(steps):
-        engine.step()
-        total += engine.reactions
-    state = vars(engine.state())
+        world.step()
+        total += world.reactions
+    state = vars(world.state())
     engine.close()
     return state, total / steps
 
@@ -59,13 +59,13 @@ def flywheel(drive: Drive) -> Assembly:
 @pytest.mark.parametrize("rate", [60.0, 120.0, 480.0])
 def test_a_motor_is_as_strong_while_it_starts_as_afterwards(rate: float) -> None:
     engine = PyBulletEngine(weightless())
-    engine.build(flywheel(Drive(50.0, 200.0)), Scene(), rate)
-    engine.switch("motors", 1.0)
+    world = engine.build(flywheel(Drive(50.0, 200.0)), Scene(), rate)
+    world.switch("motors", 1.0)
     speeds = []
     for _ in range(4):
         for _ in range(round(0.1 * rate)):
-            engine.step()
-        speeds.append(engine.state().angular_velocity[1, 1])
+            world.step()
+        speeds.append(world.state().angular_velocity[1, 1])
     assert speeds == pytest.approx([0.2, 0.4, 0.6, 0.8], rel=1e-3)
     engine.close()
 
@@ -74,11 +74,11 @@ def test_a_motor_is_as_strong_while_it_starts_as_afterwards(rate: float) -> None
 def test_only_what_has_a_motor_is_stepped_finely(torque: float, share: float) -> None:
     """One step falls by g / rate squared, four of a quarter each by 1 + 2 + 3 + 4 sixteenths."""
     engine = PyBulletEngine()
-    engine.build(flywheel(Drive(50.0, torque)), Scene(), 120.0)
-    high = engine.centre(0)[1]
-    engine.switch("motors", 1.0)
-    engine.step()
-    assert high - engine.centre(0)[1] == pytest.approx(share * 32.81 / 120**2, rel=1e-6)
+    world = engine.build(flywheel(Drive(50.0, torque)), Scene(), 120.0)
+    high = world.centre(0)[1]
+    world.switch("motors", 1.0)
+    world.step()
+    assert high - world.centre(0)[1] == pytest.approx(share * 32.81 / 120**2, rel=1e-6)
     engine.close()
 
 

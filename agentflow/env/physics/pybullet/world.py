@@ -1,0 +1,273 @@
+"""A running world in PyBullet, whose own frame is right-handed with z up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
+
+import numpy as np
+
+from agentflow.env.constants import Constants
+from agentflow.env.physics.frames import swap, swap_quaternion
+from agentflow.env.physics.kinematics import Row
+from agentflow.env.physics.laws.ropes import Ropes
+from agentflow.env.physics.model import Assembly, State
+from agentflow.env.physics.pybullet.bodies import BodyBuilder
+from agentflow.env.physics.pybullet.contacts import (
+    Contacts,
+    set_collisions_of_clusters,
+    set_collisions_of_scene,
+)
+from agentflow.env.physics.pybullet.couplings import Couplings
+from agentflow.env.physics.pybullet.grip import Grips
+from agentflow.env.physics.pybullet.layout import Built, RowLayout, lay_out
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.pybullet.motors import Motors
+from agentflow.env.physics.pybullet.pushes import Pushes, actor_laws, wind_laws
+from agentflow.env.physics.pybullet.readings import Readings
+from agentflow.env.physics.pybullet.restoring import place_at_start, restore
+from agentflow.env.physics.pybullet.rows import Rows, top_speeds
+from agentflow.env.physics.pybullet.sensing import Sensors
+from agentflow.env.physics.spanning_tree import Piece, Skeleton, skeleton
+from agentflow.env.physics.vectors import subtract, turned
+from agentflow.env.rollout import Array
+from agentflow.env.scene import Quat, Scene, Vec3
+from agentflow.env.tasks.base import Body
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The machine's bodies until it comes apart, and what reads and moves them."""
+
+    plan: Skeleton
+    built: tuple[Built, ...]
+    layout: RowLayout
+    readings: Readings
+    contacts: Contacts
+    sensors: Sensors
+    pushes: Pushes
+    motors: Motors
+    rows: Rows
+
+
+class PyBulletWorld:
+    """An `engine.World`, which says what each member promises."""
+
+    def __init__(
+        self, client: int, physics: Constants, assembly: Assembly, scene: Scene, rate: float
+    ) -> None:
+        """Clear the client and set everything up in it."""
+        pybullet.resetSimulation(physicsClientId=client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=1.0 / rate,
+            numSolverIterations=int(physics["solver_iterations"]),
+            deterministicOverlappingPairs=1,
+            jointFeedbackMode=pybullet.JOINT_FEEDBACK_IN_JOINT_FRAME,
+            physicsClientId=client,
+        )
+        pybullet.setGravity(0.0, 0.0, -physics["gravity"], physicsClientId=client)
+        self.client, self._physics = client, physics
+        self._assembly, self._scene = assembly, scene
+        self._rate, self._interval, self._blown = rate, 1.0 / rate, 0.0
+        self._finer = max(1, round(physics["start_rate"] / rate))
+        self._steps_divided = 0
+        """How many of the next steps are divided into finer ones, as motors are starting."""
+        self._broken: frozenset[int] = frozenset()
+        self._levels = dict.fromkeys(
+            ("motors", "steering_hinges", "springs", "winches", "gusts"), 0.0
+        )
+        self._builder = BodyBuilder(client, physics)
+        self._ground = self._builder.ground(scene.friction)
+        self.things = {thing.name: self._builder.thing(thing) for thing in scene.things}
+        """Body number of each thing."""
+        self._balance = {thing.name: thing.balance for thing in scene.things}
+        self._moving = tuple(thing for thing in scene.things if thing.mass > 0)
+        moving = {thing.name: self.things[thing.name] for thing in self._moving}
+        fixed = [uid for name, uid in self.things.items() if name not in moving]
+        set_collisions_of_scene(client, (self._ground, *fixed), tuple(moving.values()))
+        self.reactions = np.zeros((len(assembly.joints), 6))
+        self._kept: list[tuple[Readings, list[Row]]] = []
+        self._couplings = Couplings(client)
+        self._ropes = Ropes(assembly.actors.ropes, self._levels, self._interval)
+        self._grips = Grips(client, assembly.actors.grips, moving)
+        self._now = self._erect(skeleton(len(assembly.parts), assembly.joints), {})
+        place_at_start(client, self._now.built, scene.start)
+        self._read()
+
+    def switch(self, entry: str, level: float) -> None:
+        """Set motors, steering_hinges, springs, winches, grabbers or gusts."""
+        self._levels[entry] = float(level)
+        if entry == "grabbers":
+            self._grips.switch(level > 0)
+        elif self._now.motors.are_started_by(entry):
+            self._steps_divided = round(self._physics["start_time"] * self._rate)
+            self._divide_steps(self._finer)
+
+    def step(self) -> None:
+        """Advance by one step, then read everything once.
+
+        For `start_time` after a switch that starts motors it takes finer steps: what they swing is
+        up to speed within hundredths of a second, and may hit what it is to throw in the middle of
+        a step.
+        """
+        if not self._steps_divided:
+            self._advance()
+            return
+        total = np.zeros_like(self.reactions)
+        for _ in range(self._finer):
+            self._advance()
+            total += self.reactions
+        self.reactions[:] = total / self._finer
+        self._steps_divided -= 1
+        if not self._steps_divided:
+            self._divide_steps(1)
+
+    def split(self, broken: Sequence[int]) -> None:
+        """Remove joints and rebuild the bodies that they were part of."""
+        self._broken |= set(broken)
+        plan = skeleton(len(self._assembly.parts), self._assembly.joints, self._broken)
+        old, lasting = self._now, set(plan.pieces)
+        motions, parts = old.sensors.motions(), old.readings.parts(old.rows.table)
+        for built in old.built:
+            if built.piece not in lasting:
+                pybullet.removeBody(built.uid, physicsClientId=self.client)
+        standing = {built.piece: built for built in old.built if built.piece in lasting}
+        self.reactions[:] = 0.0
+        self._now = self._erect(plan, standing)
+        for built in self._now.built:
+            if built.piece not in standing:
+                restore(self.client, built, self._assembly, parts, motions)
+        self._read()
+
+    # --- what can be seen -------------------------------------------------------------------
+
+    @property
+    def moving_things(self) -> tuple[str, ...]:
+        """Names of the scene's things that can move."""
+        return self._now.layout.things
+
+    def speeds(self, thorough: bool = True) -> tuple[float, float]:
+        """Greatest linear and angular speed; unless thorough, of pieces' roots and of things."""
+        rows = self._now.rows
+        return top_speeds(rows.all) if thorough else rows.head_speeds
+
+    def state(self) -> State:
+        """Everything that a record holds."""
+        return self._now.readings.state(self._now.rows.table)
+
+    def centres(self) -> Array:
+        """(N, 3) block centres, as in `state`."""
+        return self._now.readings.centres(self._now.rows.table)
+
+    def keep(self) -> None:
+        """Keep the present state for `kept`."""
+        self._kept.append((self._now.readings, self._now.rows.all))
+
+    def kept(self) -> State:
+        """All states kept; those between two splits are worked out at once."""
+        stretches = []
+        for readings, stretch in groupby(self._kept, key=itemgetter(0)):
+            tables = np.array([rows for _, rows in stretch])
+            stretches.append(vars(readings.states(tables)))
+        return State(
+            **{name: np.concatenate([each[name] for each in stretches]) for name in stretches[0]}
+        )
+
+    def centre(self, body: Body) -> Vec3:
+        """Centre of a block or a thing."""
+        if isinstance(body, int):
+            return self._now.readings.centre(self._row(body), body)
+        place, turn = pybullet.getBasePositionAndOrientation(self.things[body], self.client)
+        return swap(subtract(place, turned(turn, swap(self._balance[body]))))
+
+    def rotation(self, body: Body) -> Quat:
+        """Orientation of a block or a thing."""
+        if isinstance(body, int):
+            return self._now.readings.rotation(self._row(body), body)
+        uid = self.things[body]
+        return swap_quaternion(pybullet.getBasePositionAndOrientation(uid, self.client)[1])
+
+    def origin(self, block: int) -> Vec3:
+        """Building point of a block."""
+        return self._now.readings.origin(self._row(block), block)
+
+    def touching(self, body: Body) -> frozenset[Body]:
+        """What a block or thing was in contact with in the last step."""
+        return self._now.contacts.touching(body)
+
+    def momentum(self) -> Mapping[str, Array]:
+        """Total momentum and kinetic energy of the machine."""
+        return self._now.readings.momentum(self._now.rows.table)
+
+    # --- inside -----------------------------------------------------------------------------
+
+    def _erect(self, plan: Skeleton, standing: Mapping[Piece, Built]) -> Structure:
+        """Make the bodies of `plan` that do not stand yet, then set up anew all that names them."""
+        client, assembly = self.client, self._assembly
+        built = tuple(
+            standing.get(piece) or self._builder.machine(piece, assembly.parts, assembly.joints)
+            for piece in plan.pieces
+        )
+        layout = lay_out(assembly, plan, built, self._moving, self.things)
+        laws = actor_laws(assembly, plan, layout.members, self._levels, self._ropes)
+        drag = self._physics["wind_drag"]
+        laws += wind_laws(assembly, layout, self._scene, self._moving, drag, self._wind_strength)
+        set_collisions_of_clusters(client, plan, built)
+        self._couplings.renew(assembly, plan, built)
+        if self._grips:
+            self._grips.bind(built)
+        return Structure(
+            plan,
+            built,
+            layout,
+            readings=Readings(assembly, layout),
+            contacts=Contacts(client, assembly, built, self._ground, self.things),
+            sensors=Sensors(client, built, len(assembly.joints)),
+            pushes=Pushes(client, assembly, plan, built, layout, laws),
+            motors=Motors(client, self._levels, built, assembly.joints),
+            rows=Rows(client, layout, self.things),
+        )
+
+    def _advance(self) -> None:
+        """Push, step, read."""
+        now = self._now
+        now.pushes(now.rows)
+        now.motors.set_suspensions()
+        pybullet.stepSimulation(self.client)
+        self._read()
+        if self._grips:
+            self._grips.watch()
+
+    def _read(self) -> None:
+        """Where the heads are, and what every joint bears."""
+        self._now.rows.read()
+        self._now.sensors.read(self.reactions)
+        for joint, load in self._couplings.loads(self._part_rotation):
+            self.reactions[joint] = load
+
+    def _row(self, block: int) -> Row:
+        return self._now.rows[self._now.readings.row_of[block]]
+
+    def _part_rotation(self, part: int) -> Quat:
+        """Orientation of a part in PyBullet's frame."""
+        _, _, _, x, y, z, w, *_ = self._now.rows[self._now.layout.members.row[part]]
+        return (x, y, z, w)
+
+    def _divide_steps(self, finer: int) -> None:
+        """Take so many steps for one from now on."""
+        self._interval = 1.0 / (self._rate * finer)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=self._interval, physicsClientId=self.client
+        )
+        self._ropes.step = self._interval
+        self._now.motors.set()
+        self._grips.tighten()
+
+    def _wind_strength(self) -> float:
+        """Share of the mean wind that blows in this step."""
+        if not self._levels["gusts"]:
+            return 1.0
+        self._blown += self._interval
+        return self._scene.strength(self._blown - self._interval)

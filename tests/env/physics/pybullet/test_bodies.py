@@ -1,0 +1,56 @@
+"""What only PyBullet can be asked: its constraints, and bodies that are given a speed."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.physics.actors import Actors
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.scene import Scene, Thing
+from agentflow.machine.geometry.placement import place
+from tests.env.machines import machine
+from tests.env.physics.rig import RATE
+from tests.env.physics.test_couplings import doors
+
+ROOT = (0, -1, -1)
+GRAVITY = 32.81
+
+
+def test_loops_are_bound_once_after_every_split() -> None:
+    """Splits far from a loop leave its body standing; its constraints are made anew, not added."""
+    engine, tree = PyBulletEngine(), doors()
+    rows = [(s.type, s.parent, s.face_id) for s in tree]
+    longer = machine(*rows, (15, 0, 0), (15, 8, 0))
+    assembly = assemble(longer, place(longer), constants())
+    world = engine.build(assembly, Scene(), RATE)
+    before = pybullet.getNumConstraints(engine.client)
+    assert before == 2
+    world.split([i for i, joint in enumerate(assembly.joints) if joint.block == 9])
+    assert pybullet.getNumConstraints(engine.client) == before
+    assert assembly.actors == Actors()
+    engine.close()
+
+
+@pytest.mark.parametrize("friction", [0.8, 0.2])
+def test_the_ground_is_as_rough_as_the_constants_say(friction: float) -> None:
+    """A box that slides to a stop: the way is v squared over twice friction times gravity."""
+    physics = constants().changed({"friction": friction})
+    engine = PyBulletEngine(physics)
+    tree = machine(ROOT)
+    slab = Thing("slab", "box", (2.0, 0.2, 2.0), (0.0, 0.1, 20.0), mass=1.0)
+    world = engine.build(
+        assemble(tree, place(tree), physics), Scene((slab,), (0.0, 0.0, 0.0)), RATE
+    )
+    for _ in range(60):
+        world.step()
+    uid = world.things["slab"]
+    pybullet.resetBaseVelocity(uid, (4.0, 0.0, 0.0), physicsClientId=engine.client)
+    start = world.centre("slab")[0]
+    for _ in range(180):
+        world.step()
+    way = world.centre("slab")[0] - start
+    engine.close()
+    assert way == pytest.approx(16.0 / (2 * friction * GRAVITY), rel=0.1)
