@@ -22,7 +22,8 @@ from random import Random
 
 from agentflow.machine import Machine, apply_script, check
 from agentflow.machine.edits.random import random_machine
-from agentflow.machine.formats.bsg_writing import read_bsg, to_bsg
+from agentflow.machine.formats.bsg_reading import read_bsg
+from agentflow.machine.formats.bsg_writing import to_bsg
 from agentflow.machine.formats.coordinates import to_coordinates
 from agentflow.machine.formats.detect import read_any
 

@@ -13,7 +13,7 @@ from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.orientation import ID_LIST, orientation_score, read_orientation
 from agentflow.agents.replies import Representation, find_sections
 from agentflow.machine.brief import Brief
-from agentflow.machine.description.geometry_info import tree_text
+from agentflow.machine.description.tree_text import tree_text
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import task_context
 from agentflow.machine.brief import Brief
-from agentflow.machine.formats.json_text import found_json
+from agentflow.machine.formats.json_text import iter_json
 from agentflow.machine.tree import Machine
 
 MAX_TYPES = 3
@@ -143,7 +143,7 @@ class _Refused(Exception):
 def _object_in(text: str) -> tuple[dict[str, Any] | None, bool]:
     """The object in a text that looks like a blueprint, else any, and whether it was repaired."""
     other: tuple[dict[str, Any] | None, bool] = (None, False)
-    for value, repaired in found_json(text, dict):
+    for value, repaired in iter_json(text, dict):
         if "machine_structure" in value:
             return value, repaired
         if other[0] is None:

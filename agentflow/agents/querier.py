@@ -10,7 +10,7 @@ from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import SAMPLE_REPORT, machine_context, report_context, task_context
 from agentflow.agents.replies import Representation, find_sections
 from agentflow.machine.brief import Brief
-from agentflow.machine.formats.parse import extract_json
+from agentflow.machine.formats.json_text import extract_json
 from agentflow.machine.tree import Machine
 
 THOUGHT = "Thought Process"
@@ -73,12 +73,12 @@ class Querier(Role[QuerierInput, Inquiry]):
         thought, wanted = found.get(THOUGHT, ""), found[QUERIES]
         if wanted.strip(" .`\n").casefold() in _NOTHING:
             return Parsed(Inquiry(thought, ()))
-        many = extract_json(wanted, list)
-        if many.value is not None:
-            return Parsed(Inquiry(thought, tuple(many.value)), repaired=many.repaired)
-        one = extract_json(wanted, dict)
-        if one.value is not None:
-            return Parsed(Inquiry(thought, (one.value,)), repaired=one.repaired)
+        many, repaired = extract_json(wanted, list)
+        if many is not None:
+            return Parsed(Inquiry(thought, tuple(many)), repaired=repaired)
+        one, repaired = extract_json(wanted, dict)
+        if one is not None:
+            return Parsed(Inquiry(thought, (one,)), repaired=repaired)
         problem = (
             f"<{QUERIES}> holds no JSON list. Expected, for instance: "
             '[{"id": 3, "duration": [0.0, 1.0], "properties": ["position"]}]'

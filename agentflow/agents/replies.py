@@ -12,8 +12,9 @@ from agentflow.agents.base import Parsed
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
 from agentflow.machine.formats.parse import read_machine
+from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
-from agentflow.machine.validity import Problem, Report, check
+from agentflow.machine.validity import Report, check
 
 Representation = Literal["tree", "coordinates"]
 """How machines are written: construction tree, or absolute positions and rotations."""

@@ -18,16 +18,6 @@ from agentflow.machine.geometry.pose import to_metres
 from agentflow.machine.problems import Problem, block_label, comma_list
 from agentflow.machine.tree import Machine
 
-__all__ = [
-    "Problem",
-    "Report",
-    "check",
-    "overlap_message",
-    "size_problems",
-    "spatial_problems",
-    "task_problems",
-]
-
 MAX_FACES = 24
 """Maximum number of free faces to list; plates have hundreds."""
 MAX_OVERLAP_PROBLEMS = 200

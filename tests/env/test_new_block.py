@@ -44,7 +44,8 @@ from agentflow.env.tasks.families.movement import Movement
 from agentflow.env.tasks.family import schedule_sentences
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import ROOT, Machine, Step, check, describe_text, library, place
-from agentflow.machine.formats.bsg_writing import read_bsg, to_bsg
+from agentflow.machine.formats.bsg_writing import to_bsg
+from agentflow.machine.formats.bsg_reading import read_bsg
 
 class Open(Movement):
     @property

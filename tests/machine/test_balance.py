@@ -1,8 +1,7 @@
 import pytest
 
 from agentflow.machine import place
-from agentflow.machine.description.geometry_info import centre_of_mass, support_polygon
-from agentflow.machine.geometry.balance import mass, stands
+from agentflow.machine.geometry.balance import centre_of_mass, mass, stands, support_polygon
 from tests.machine.builders import CAR, Spec, build
 
 LEFT, RIGHT = (-1.0, -1.0), (1.0, -1.0)

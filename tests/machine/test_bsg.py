@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 
 from agentflow.machine import Machine, check, library
-from agentflow.machine.formats.bsg_writing import read_bsg, to_bsg
+from agentflow.machine.formats.bsg_reading import read_bsg
+from agentflow.machine.formats.bsg_writing import to_bsg
 from tests.machine.builders import CAR, CATAPULT, build
 from tests.machine.strategies import machines
 

@@ -3,6 +3,7 @@ import time
 import pytest
 
 from agentflow.machine import extract_json
+from agentflow.machine.formats.json_text import iter_json
 
 BLOCK = '{"type": 0, "id": 0, "parent": -1, "face_id": -1}'
 A, B = '[{"a": 1}]', '[{"b": 2}]'
@@ -31,8 +32,7 @@ A, B = '[{"a": 1}]', '[{"b": 2}]'
     ],
 )
 def test_strict_json_is_found_and_not_repaired(text: str, value: object) -> None:
-    found = extract_json(text, list)
-    assert (found.value, found.repaired, found.problem) == (value, False, "")
+    assert extract_json(text, list) == (value, False)
 
 
 @pytest.mark.parametrize(
@@ -52,36 +52,31 @@ def test_strict_json_is_found_and_not_repaired(text: str, value: object) -> None
 @pytest.mark.parametrize("around", ["```json\n{}\n```", "{}", "So:\n{}\n"])
 def test_what_models_really_send_is_repaired(inner: str, around: str) -> None:
     found = extract_json(around.replace("{}", inner), list)
-    assert (found.value, found.repaired) == ([{"a": 1, "b": [2, 3]}], True)
+    assert found == ([{"a": 1, "b": [2, 3]}], True)
 
 
 def test_strict_parsing_comes_before_repair() -> None:
     found = extract_json(f"```json\n{A}\n```\n```json\n{B[:-1]},]\n```", list)
-    assert (found.value, found.repaired) == ([{"a": 1}], False)
+    assert found == ([{"a": 1}], False)
 
 
-def test_what_accept_refuses_is_passed_over() -> None:
+def test_all_values_come_best_first() -> None:
     text = f"```json\n{A}\n```\n```json\n{B}\n```"
-    assert extract_json(text, list, lambda value: "a" in value[0]).value == [{"a": 1}]
+    assert list(iter_json(text, list))[:2] == [([{"b": 2}], False), ([{"a": 1}], False)]
 
 
 def test_objects() -> None:
-    assert extract_json('So: {"a": {"b": 1}} and [2].', dict).value == {"a": {"b": 1}}
-    assert extract_json("```json\n{'a': 1}\n```", dict).value == {"a": 1}
+    assert extract_json('So: {"a": {"b": 1}} and [2].', dict) == ({"a": {"b": 1}}, False)
+    assert extract_json("```json\n{'a': 1}\n```", dict) == ({"a": 1}, True)
 
 
-@pytest.mark.parametrize(
-    "text", ["", "no", "```json\n```", "[", "]", "{}", "[1", "```", "NaN", '"']
-)
-def test_nothing_found_is_a_sentence(text: str) -> None:
-    found = extract_json(text, list, lambda value: value == "never")
-    assert found.value is None
-    assert found.problem == "no JSON list found; write it in full in one ```json fence"
-    assert "JSON object" in extract_json("", dict).problem
+@pytest.mark.parametrize("text", ["", "no", "```json\n```", "[", "]", "{}", "```", "NaN", '"'])
+def test_text_without_a_list_gives_none(text: str) -> None:
+    assert extract_json(text, list) == (None, False)
 
 
 def test_a_fault_of_the_repairer_is_a_text_that_cannot_be_repaired() -> None:
-    assert extract_json('{\\"```json\n[```:', list).value is None
+    assert extract_json('{\\"```json\n[```:', list) == (None, False)
 
 
 HOSTILE = (

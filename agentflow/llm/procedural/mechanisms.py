@@ -18,7 +18,7 @@ import yaml
 from agentflow.llm.procedural.reading import Prompt
 from agentflow.machine import Brief, Geometry, Machine, Step, library, place, spatial_problems
 from agentflow.machine.blocks.library import BOULDER, CONTAINER, STARTING_BLOCK
-from agentflow.machine.geometry.placement import PlacedFace
+from agentflow.machine.geometry.pose import PlacedFace
 
 Dims = Mapping[str, int]
 BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)

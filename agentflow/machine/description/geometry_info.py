@@ -7,26 +7,15 @@ from itertools import groupby
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.description.rounding import GroundFrame, span_of
-from agentflow.machine.description.tree_text import tree_text
 from agentflow.machine.geometry.balance import (
-    centre_of_mass,
     mass,
     on_ground,
     stands,
     support_polygon,
 )
-from agentflow.machine.geometry.placement import Geometry, Placed, place
-from agentflow.machine.geometry.pose import ShapeFace, add
+from agentflow.machine.geometry.placement import Geometry, place
+from agentflow.machine.geometry.pose import Placed, ShapeFace, add
 from agentflow.machine.tree import Machine
-
-__all__ = [
-    "DRIVES",
-    "centre_of_mass",
-    "describe",
-    "describe_text",
-    "support_polygon",
-    "tree_text",
-]
 
 DRIVES = {"x+": "z+", "x-": "z+", "z+": "x-", "z-": "x+"}
 """Facing of a powered wheel -> direction it drives the machine in; facing y+ or y-, it does not."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.geometry.balance import HALF_UNITS, moments
-from agentflow.machine.geometry.placement import Geometry, Placed
-from agentflow.machine.geometry.pose import UNITS, Units3
+from agentflow.machine.geometry.placement import Geometry
+from agentflow.machine.geometry.pose import UNITS, Placed, Units3
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,6 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step, renumber
 
-__all__ = ["MOVES", "Addition", "Change", "Move", "Removal", "additions"]
-
 
 class Addition(NamedTuple):
     """Adds a block on a face; a two-ended block runs from there to a random face."""

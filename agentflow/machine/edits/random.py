@@ -13,8 +13,6 @@ from agentflow.machine.edits.moves import MOVES, Addition, Move, additions
 from agentflow.machine.tree import ROOT, Machine
 from agentflow.machine.validity import check
 
-__all__ = ["random_edit", "random_machine"]
-
 MAX_TRIES = 1000
 """Maximum number of machines that `random_machine` starts before it gives up."""
 

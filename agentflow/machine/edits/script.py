@@ -23,8 +23,6 @@ from agentflow.machine.problems import block_label, comma_list, face_problem, ty
 from agentflow.machine.tree import Machine, Step, renumber
 from agentflow.machine.validity import spatial_problems
 
-__all__ = ["EditOutcome", "StepVerdict", "apply_script"]
-
 _BAD_FORMAT = "not a command; the commands are: " + "; ".join(GRAMMAR)
 _EMPTY = "the script has no commands; the commands are: " + "; ".join(GRAMMAR)
 

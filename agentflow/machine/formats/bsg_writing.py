@@ -8,12 +8,10 @@ from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.formats.bsg_reading import END, END_TURN, START, read_bsg
-from agentflow.machine.geometry.placement import Placed, place
-from agentflow.machine.geometry.pose import FACINGS, UNITS, to_metres
+from agentflow.machine.formats.bsg_reading import END, END_TURN, START
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.pose import FACINGS, UNITS, Placed, to_metres
 from agentflow.machine.tree import Machine
-
-__all__ = ["read_bsg", "to_bsg"]
 
 GROUND = 0.5
 """Height of the ground in the game world, in metres."""

@@ -14,8 +14,6 @@ from agentflow.machine.geometry.pose import FACINGS, UNITS, Placed, Quat, Units3
 from agentflow.machine.problems import Problem, block_label
 from agentflow.machine.tree import ROOT, Machine, Step, renumber
 
-__all__ = ["TOLERANCE", "LocatedBlock", "LocatedMachine", "connect", "facing_of"]
-
 TOLERANCE = 0.1
 """Maximum distance of a block from the face that it is attached to, in metres."""
 MAX_TURN = 1.0

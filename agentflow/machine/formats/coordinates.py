@@ -12,8 +12,6 @@ from agentflow.machine.geometry.pose import FACINGS, to_metres
 from agentflow.machine.problems import Problem, comma_list, short_repr, type_problem
 from agentflow.machine.tree import Machine
 
-__all__ = ["FORM", "read_coordinates", "to_coordinates"]
-
 FORM = (
     'a JSON list of objects like {"type": 1, "Position": [0, 0, 0.5], "Rotation": [0, 0, 0, 1]}, '
     'two-ended blocks with "end-position"'

@@ -13,8 +13,6 @@ from agentflow.machine.formats.coordinates import read_coordinates
 from agentflow.machine.formats.parse import FORM, Reading, find_items, read_machine
 from agentflow.machine.tree import Machine
 
-__all__ = ["FORMS", "Form", "read_any", "read_for"]
-
 Form = Literal["auto", "tree", "coordinates", "bsg"]
 FORMS: tuple[Form, ...] = get_args(Form)
 

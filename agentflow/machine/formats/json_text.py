@@ -8,11 +8,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import Any
-
-Accept = Callable[[Any], bool]
 
 MAX_PLACES = 100
 """Maximum number of fences, or bracketed regions, to try, starting from the last."""
@@ -39,40 +36,21 @@ _TOKEN = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class Extracted:
-    """A JSON value found in a text; `value` is None if there is none."""
-
-    value: Any
-    repaired: bool = False
-    problem: str = ""
-    """One sentence that the model can act on; empty if there is a value."""
-
-
 def extract_json(
-    text: str, kind: type[list[Any]] | type[dict[str, Any]], accept: Accept | None = None
-) -> Extracted:
-    """Find the JSON list or object in a reply.
-
-    The last fence that contains one wins; without such a fence, the last one in the plain text.
-    Fences, then plain text, are parsed strictly before they are repaired.
-
-    Args:
-        text: any text.
-        kind: `list` or `dict`.
-        accept: further condition on the value; values that fail it are skipped.
-    """
-    for value, repaired in found_json(text, kind):
-        if accept is None or accept(value):
-            return Extracted(value, repaired)
-    what = "list" if kind is list else "object"
-    return Extracted(None, problem=f"no JSON {what} found; write it in full in one ```json fence")
+    text: str, kind: type[list[Any]] | type[dict[str, Any]]
+) -> tuple[Any | None, bool]:
+    """The best JSON list or object in a reply, or None, and whether it was repaired."""
+    return next(iter_json(text, kind), (None, False))
 
 
-def found_json(
+def iter_json(
     text: str, kind: type[list[Any]] | type[dict[str, Any]]
 ) -> Iterator[tuple[Any, bool]]:
-    """All values of this kind, best first, each with whether it was repaired."""
+    """All JSON lists or objects in a reply, best first, each with whether it was repaired.
+
+    Fences come before the plain text, the last ones first, and in each of the two, values that
+    parse strictly come before repaired ones.
+    """
     seen_whole = False
     if text.lstrip()[:1] in ("[", "{"):
         seen_whole, value = _strict(text)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
-from agentflow.machine.formats.json_text import Extracted, extract_json, found_json
+from agentflow.machine.formats.json_text import iter_json
 from agentflow.machine.problems import (
     Problem,
     comma_list,
@@ -17,8 +17,6 @@ from agentflow.machine.problems import (
     type_problem,
 )
 from agentflow.machine.tree import ROOT, Machine, Step
-
-__all__ = ["MAX_BLOCKS", "Extracted", "Reading", "extract_json", "file_problems", "read_machine"]
 
 MAX_BLOCKS = 800
 """Maximum number of blocks; machines that fit the building volume have far fewer."""
@@ -95,7 +93,7 @@ def find_items(source: object, form: str) -> tuple[list[object], bool, Problem |
 def _machine_in(text: str) -> tuple[object, bool]:
     """The best list that looks like a machine, else the best list; None if there is none."""
     fallback: tuple[object, bool] = (None, False)
-    for value, repaired in found_json(text, list):
+    for value, repaired in iter_json(text, list):
         if value and all(isinstance(item, dict) and "type" in item for item in value):
             return value, repaired
         if fallback[0] is None:

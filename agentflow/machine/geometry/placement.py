@@ -13,32 +13,13 @@ from typing import NamedTuple
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.geometry.pose import (
-    FACINGS,
-    UNITS,
-    Facing,
     Placed,
-    PlacedFace,
     Units3,
     add,
     shape,
     to_metres,
 )
 from agentflow.machine.tree import Machine, Step
-
-__all__ = [
-    "FACINGS",
-    "UNITS",
-    "AutoConnection",
-    "Facing",
-    "Geometry",
-    "Placed",
-    "PlacedFace",
-    "overlap_of",
-    "overlapping",
-    "place",
-    "place_step",
-    "place_steps",
-]
 
 
 class AutoConnection(NamedTuple):

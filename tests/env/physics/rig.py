@@ -16,7 +16,8 @@ from agentflow.env.physics.rotations import chain, inverse, rotate
 from agentflow.env.physics.vectors import add
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene, Vec3
-from agentflow.machine.geometry.placement import Placed, place
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.tree import Machine
 
 RATE = 120.0

@@ -11,7 +11,8 @@ from agentflow.env.physics.vectors import add
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import BlockType
-from agentflow.machine.geometry.placement import Geometry, Placed
+from agentflow.machine.geometry.placement import Geometry
+from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.tree import Machine
 
 

@@ -13,7 +13,7 @@ from agentflow.env.physics.vectors import add, length, scale, subtract
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Blade
 from agentflow.machine.geometry.gears import meshing_pairs
-from agentflow.machine.geometry.placement import Placed
+from agentflow.machine.geometry.pose import Placed
 
 
 def devices(

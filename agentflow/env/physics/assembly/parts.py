@@ -10,7 +10,7 @@ from agentflow.env.physics.model import Drive, Part, Shape
 from agentflow.env.physics.vectors import add, length, scale, subtract, upright_to
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.types import BlockType
-from agentflow.machine.geometry.placement import Placed
+from agentflow.machine.geometry.pose import Placed
 
 END_RADIUS = 0.1
 """Radius of the ball at each end of a two-ended block, m."""

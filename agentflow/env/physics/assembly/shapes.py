@@ -10,7 +10,7 @@ from agentflow.env.physics.vectors import add, cross, scale, upright_to
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.plates import HOLE, plate_of
 from agentflow.machine.blocks.types import DIRECTIONS, BlockType
-from agentflow.machine.geometry.placement import Placed
+from agentflow.machine.geometry.pose import Placed
 
 WALL = 0.2
 """Thickness of a container's floor and walls, m."""
