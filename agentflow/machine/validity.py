@@ -15,7 +15,7 @@ from agentflow.machine.formats.parse import Reading, file_problems, read_machine
 from agentflow.machine.geometry.locks import locked_joints
 from agentflow.machine.geometry.placement import Geometry, bounds, overlap_of, place
 from agentflow.machine.geometry.pose import to_metres
-from agentflow.machine.problems import Problem, block_label, comma_list
+from agentflow.machine.problems import Problem, comma_list
 from agentflow.machine.tree import Machine
 
 MAX_FACES = 24
@@ -157,7 +157,7 @@ def _shared_faces(geometry: Geometry) -> list[Problem]:
             sharing = tuple(child for at, child in geometry.children_by_face(parent) if at == face)
             message = (
                 f"blocks {comma_list(sharing)} share face {face} of "
-                f"{block_label(parent, geometry[parent].type)}; a face holds only one; "
+                f"{geometry[parent].label}; a face holds only one; "
                 f"{_free(geometry, parent)}"
             )
             problems.append(Problem("face_occupied", sharing, message))
@@ -169,10 +169,7 @@ def overlap_message(geometry: Geometry, a: int, b: int) -> str:
     first, second = geometry[a], geometry[b]
     depth = " x ".join(str(extent) for extent in overlap_of(first, second))
     later, other = (second, first) if b > a else (first, second)
-    return (
-        f"{block_label(later.id, later.type)} and {block_label(other.id, other.type)} "
-        f"overlap by {depth} m; {_free(geometry, later.step.parent)}"
-    )
+    return f"{later.label} and {other.label} overlap by {depth} m; {_free(geometry, later.step.parent)}"
 
 
 def _free(geometry: Geometry, block_id: int) -> str:
@@ -203,8 +200,8 @@ def size_problems(
         name = "xyz"[axis]
         message = (
             f"the machine is {extent} m along {name}, {round(extent - limit, 3)} m over the limit "
-            f"of {limit} m; {block_label(last.id, last.type)} extends furthest to {name}- and "
-            f"{block_label(first.id, first.type)} to {name}+"
+            f"of {limit} m; {last.label} extends furthest to {name}- and "
+            f"{first.label} to {name}+"
         )
         problems.append(Problem("size_limit", tuple(sorted({last.id, first.id})), message))
     return problems

@@ -94,8 +94,7 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
             draft.apply(read_command(line))
         except _Refused as refused:
             verdicts.append(StepVerdict(line, "Error", refused.code, refused.reason))
-            rest = lines[len(verdicts) :]
-            verdicts += [StepVerdict(left, "Unverified") for left in rest]
+            verdicts += [StepVerdict(rest, "Unverified") for rest in lines[len(verdicts) :]]
             return EditOutcome(False, tuple(verdicts), machine, same)
         verdicts.append(StepVerdict(line, "Success"))
     edited, id_map = draft.finish()
@@ -225,7 +224,6 @@ class _Draft:
 
     def _absent(self, block_id: int, use: str) -> str:
         if self.original <= block_id < self.next_id:
-            return (
-                f"block {block_id} is added by this script; it cannot be {use} in the same script"
-            )
+            added = f"block {block_id} is added by this script"
+            return f"{added}; it cannot be {use} in the same script"
         return f"block {block_id} does not exist; the blocks are 0 to {self.original - 1}"

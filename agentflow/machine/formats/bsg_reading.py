@@ -75,8 +75,8 @@ class _Reader:
     notes: list[str] = field(default_factory=list)
     problems: list[Problem] = field(default_factory=list)
     loose: list[Problem] = field(default_factory=list)
-    unread_root: bool = False
-    """Whether a Starting Block had a problem of its own."""
+    bad_root: bool = False
+    """Whether a Starting Block was reported as a problem."""
 
     def read(self, block: Element, index: int) -> None:
         """Read one block, or add a problem."""
@@ -84,10 +84,10 @@ class _Reader:
             located = self._read_block(block, index)
         except _BadBlock as fault:
             message = f"block {index} of the file ({_ids(block)}): {fault.reason}"
-            root = (block.get("id") or "").strip() == str(STARTING_BLOCK)
-            kept = self.loose if fault.code == "scale" and not root else self.problems
-            kept.append(Problem(fault.code, (index,), message))
-            self.unread_root |= root
+            is_root = (block.get("id") or "").strip() == str(STARTING_BLOCK)
+            problems = self.loose if fault.code == "scale" and not is_root else self.problems
+            problems.append(Problem(fault.code, (index,), message))
+            self.bad_root |= is_root
             return
         if located.type == STARTING_BLOCK:
             self.root = located
@@ -105,7 +105,7 @@ class _Reader:
         """Connect the blocks and collect all problems."""
         if self.root is None:
             missing = Problem("root", (), "the file has no Starting Block, id 0")
-            problems = (*self.problems, *(() if self.unread_root else (missing,)))
+            problems = (*self.problems, *(() if self.bad_root else (missing,)))
             return LocatedMachine(problems=problems, loose=tuple(self.loose))
         located = connect([self.root, *self.others], notes=self.notes)
         loose = sorted((*self.loose, *located.loose), key=lambda problem: problem.blocks)
@@ -119,8 +119,8 @@ class _Reader:
         if scale is not None:
             factors = _point(scale, "xyz", "Scale")
             if any(abs(factor - 1) > SCALE_TOLERANCE for factor in factors):
-                told = " x ".join(f"{factor:g}" for factor in factors)
-                raise _BadBlock("scale", f"it is scaled to {told}; blocks cannot be scaled here")
+                size = " x ".join(f"{factor:g}" for factor in factors)
+                raise _BadBlock("scale", f"it is scaled to {size}; blocks cannot be scaled here")
         if not library()[kind].linear:
             return LocatedBlock(index, kind, position, rotation)
         end = block.find(f"./Data/Vector3[@key='{END}']")
@@ -150,8 +150,7 @@ def _ids(block: Element) -> str:
 
 
 def _quaternion(block: Element) -> Quat:
-    numbers = _numbers(block.find("./Transform/Rotation"), "xyzw", "Rotation")
-    x, y, z, w = numbers
+    x, y, z, w = _numbers(block.find("./Transform/Rotation"), "xyzw", "Rotation")
     return (x, y, z, w)
 
 

@@ -211,7 +211,7 @@ class _Connector:
             return ""
         nearest = min(fitting, key=lambda face: (math.dist(here, face.at), face))
         where = _point_text(add_floats(self.origin, to_metres(nearest.at)))
-        carrier = block_label(nearest.block, self.placed[nearest.block].type)
+        carrier = self.placed[nearest.block].label
         return f"; the nearest such face is {nearest.face} of {carrier} at {where}"
 
     def _units(self, point: Vec3) -> Vec3:

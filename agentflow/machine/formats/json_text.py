@@ -18,7 +18,7 @@ MAX_REPAIR = 12_000
 MAX_DEPTH = 32
 """Maximum nesting to repair; json-repair recurses once per level."""
 MAX_EFFORT = 400_000
-"""Maximum of characters times syntax errors: json-repair may scan ahead from each error."""
+"""Maximum number of characters times syntax errors; json-repair may scan ahead from each error."""
 
 _REPAIR_FAULTS = (ValueError, RecursionError, AssertionError, LookupError, TypeError)
 """Exceptions that json-repair raises, deliberately or by mistake, on hopeless text."""
@@ -48,28 +48,27 @@ def iter_json(
 ) -> Iterator[tuple[Any, bool]]:
     """All JSON lists or objects in a reply, best first, each with whether it was repaired.
 
-    Fences come before the plain text, the last ones first, and in each of the two, values that
-    parse strictly come before repaired ones.
+    Fenced values come before those in plain text, then strictly parsed before repaired ones, then
+    later before earlier ones. If the whole reply is JSON, it is the only candidate.
     """
-    seen_whole = False
     if text.lstrip()[:1] in ("[", "{"):
-        seen_whole, value = _strict(text)
-        if seen_whole and isinstance(value, kind):
-            yield value, False
-    if seen_whole:
-        return
+        is_json, value = _strict(text)
+        if is_json:
+            if isinstance(value, kind):
+                yield value, False
+            return
     budget = MAX_REPAIR
     for places in (_fenced(text), _bracketed(text, "[" if kind is list else "{")):
         places = places[: -MAX_PLACES - 1 : -1]
         for place in places:
-            read, value = _strict(place)
-            if read and isinstance(value, kind):
+            is_json, value = _strict(place)
+            if is_json and isinstance(value, kind):
                 yield value, False
         for place in places:
-            plain = _strip_comments(place) if len(place) <= budget else None
-            if plain is not None:
-                budget -= len(plain)
-                value = _repair(plain)
+            near_json = _strip_comments(place) if len(place) <= budget else None
+            if near_json is not None:
+                budget -= len(near_json)
+                value = _repair(near_json)
                 if isinstance(value, kind) and value:
                     yield value, True
 

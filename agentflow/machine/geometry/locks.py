@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import Geometry
-from agentflow.machine.problems import Problem, block_label
+from agentflow.machine.problems import Problem
 
 Piece = tuple[int, int]
 """Block and end: 0 is the end at its parent, 1 the second end of a two-ended block."""
@@ -55,14 +55,12 @@ def _extra_bonds(geometry: Geometry) -> Iterator[tuple[Bond, int]]:
 
 
 def _warning(geometry: Geometry, block: int, holder: int, partner: int) -> Problem:
-    def name(which: int) -> str:
-        return block_label(which, geometry[which].type)
-
-    if geometry[holder].two_ended:
-        reason = f"{name(holder)} bridges it"
+    bridge = geometry[holder]
+    if bridge.two_ended:
+        reason = f"{bridge.label} bridges it"
     else:
-        reason = f"the front of {name(holder)} also connects to {name(partner)}"
-    text = f"the moving joint of {name(block)} cannot move: {reason}"
+        reason = f"the front of {bridge.label} also connects to {geometry[partner].label}"
+    text = f"the moving joint of {geometry[block].label} cannot move: {reason}"
     return Problem("locked", tuple(sorted({block, holder})), text)
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import DIRECTIONS, Vec3
+from agentflow.machine.problems import block_label
 from agentflow.machine.tree import Step
 
 UNITS = 20
@@ -159,6 +160,11 @@ class Placed(NamedTuple):
     def name(self) -> str:
         """Name of the block type."""
         return library()[self.step.type].name
+
+    @property
+    def label(self) -> str:
+        """The block in messages."""
+        return block_label(self.id, self.type)
 
     @property
     def two_ended(self) -> bool:
