@@ -169,7 +169,8 @@ def overlap_message(geometry: Geometry, a: int, b: int) -> str:
     first, second = geometry[a], geometry[b]
     depth = " x ".join(str(extent) for extent in overlap_of(first, second))
     later, other = (second, first) if b > a else (first, second)
-    return f"{later.label} and {other.label} overlap by {depth} m; {_free(geometry, later.step.parent)}"
+    free = _free(geometry, later.step.parent)
+    return f"{later.label} and {other.label} overlap by {depth} m; {free}"
 
 
 def _free(geometry: Geometry, block_id: int) -> str:

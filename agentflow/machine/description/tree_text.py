@@ -35,28 +35,28 @@ def tree_text(machine: Machine, groups: Mapping[str, Sequence[int]] | None = Non
 
 def _forest(machine: Machine, members: Sequence[int]) -> list[str]:
     """Lines of these blocks, each under its parent if that is one of them."""
-    members_set = set(members)
+    group = set(members)
     children_of: dict[int, list[int]] = {}
     for block_id in reversed(members):
         parent = machine[block_id].parent
-        children_of.setdefault(parent if parent in members_set else -1, []).append(block_id)
+        children_of.setdefault(parent if parent in group else -1, []).append(block_id)
     lines = []
     stack = [(block_id, 0) for block_id in children_of.get(-1, ())]
     while stack:
         block_id, depth = stack.pop()
-        lines.append("  " * depth + _line(machine, machine[block_id], members_set))
+        lines.append("  " * depth + _line(machine, machine[block_id], group))
         stack += [(child, depth + 1) for child in children_of.get(block_id, ())]
     return lines
 
 
-def _line(machine: Machine, step: Step, members_set: set[int]) -> str:
+def _line(machine: Machine, step: Step, group: set[int]) -> str:
     name = f"{step.id} {library()[step.type].name}"
     if step.parent < 0:
         return name
     if step.parent_b is not None and step.face_id_b is not None:
         a = _face(machine, step.parent, step.face_id)
         return f"{name} from {a} to {_face(machine, step.parent_b, step.face_id_b)}"
-    if step.parent in members_set:
+    if step.parent in group:
         return f"{name} on face {step.face_id} {_direction(machine, step.parent, step.face_id)}"
     return f"{name} on {_face(machine, step.parent, step.face_id)}"
 

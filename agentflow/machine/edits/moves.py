@@ -62,9 +62,7 @@ Move = Addition | Change | Removal
 
 def additions(machine: Machine, types: Sequence[int]) -> list[Addition]:
     """Every type on every free face, and two-ended types on every face."""
-    faces = list(_faces(machine))
-    taken = {(step.parent, step.face_id) for step in machine if not step.two_ended}
-    free = [end for end in faces if end not in taken]
+    faces, free = list(_faces(machine)), _free_faces(machine)
     return [
         Addition(machine, kind, *end)
         for kind in types
@@ -136,10 +134,15 @@ def _faces(machine: Machine) -> Iterator[tuple[int, int]]:
     return ((step.id, face) for step in machine for face in library()[step.type].open_faces)
 
 
+def _free_faces(machine: Machine) -> list[tuple[int, int]]:
+    """(block id, face id) of all open faces without a standard block."""
+    taken = {(step.parent, step.face_id) for step in machine if not step.two_ended}
+    return [end for end in _faces(machine) if end not in taken]
+
+
 def _reattached_steps(machine: Machine) -> Iterator[Step]:
     """Every standard block except the root, on every free face of every earlier block."""
-    taken = {(step.parent, step.face_id) for step in machine if not step.two_ended}
-    free = [end for end in _faces(machine) if end not in taken]
+    free = _free_faces(machine)
     for step in machine.steps[1:]:
         if not step.two_ended:
             for parent, face in free:

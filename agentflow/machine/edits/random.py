@@ -42,7 +42,7 @@ def random_machine(
     types = _allowed_types(brief)
     for _ in range(MAX_TRIES):
         machine = _grow(rng, types, brief, rng.randint(*size))
-        if machine is not None and _complete(machine, brief):
+        if machine is not None and _has_required_blocks(machine, brief):
             return machine
     raise UsageError(
         f"found no valid machine of {size[0]} to {size[1]} blocks for this task; "
@@ -65,16 +65,16 @@ def random_edit(machine: Machine, rng: Random, brief: Brief | None = None) -> Ma
     Raises:
         UsageError: There is no legal edit.
     """
-    types, complete = _allowed_types(brief), _complete(machine, brief)
+    types, complete = _allowed_types(brief), _has_required_blocks(machine, brief)
 
     def legal(move: Move) -> Machine | None:
         edited = _apply_if_valid(move, rng, brief)
-        return edited if edited and (_complete(edited, brief) or not complete) else None
+        return edited if edited and (_has_required_blocks(edited, brief) or not complete) else None
 
     def of_kind(kind: str) -> Machine | None:
-        return _draw(rng, MOVES[kind](machine, types), legal)
+        return _draw_first_success(rng, MOVES[kind](machine, types), legal)
 
-    edited = _draw(rng, tuple(MOVES), of_kind)
+    edited = _draw_first_success(rng, tuple(MOVES), of_kind)
     if edited is None:
         raise UsageError("this machine has no legal edit")
     return edited
@@ -90,7 +90,7 @@ def _grow(rng: Random, types: Sequence[int], brief: Brief | None, count: int) ->
 
     while machine is not None and len(machine) < count:
         wanted = [kind for kind in types if machine.count(kind) < required.get(kind, count)]
-        machine = _draw(rng, additions(machine, wanted), legal)
+        machine = _draw_first_success(rng, additions(machine, wanted), legal)
     return machine
 
 
@@ -100,7 +100,9 @@ def _apply_if_valid(move: Move, rng: Random, brief: Brief | None) -> Machine | N
     return edited if edited is not None and check(edited, brief).machine_valid else None
 
 
-def _draw(rng: Random, items: Sequence[_T], attempt: Callable[[_T], _U | None]) -> _U | None:
+def _draw_first_success(
+    rng: Random, items: Sequence[_T], attempt: Callable[[_T], _U | None]
+) -> _U | None:
     """Try items in random order and return the first result; None if all attempts fail.
 
     The choice is uniform over the items that succeed.
@@ -120,7 +122,7 @@ def _allowed_types(brief: Brief | None) -> tuple[int, ...]:
     return tuple(sorted(set(allowed) - {STARTING_BLOCK}))
 
 
-def _complete(machine: Machine, brief: Brief | None) -> bool:
+def _has_required_blocks(machine: Machine, brief: Brief | None) -> bool:
     """Whether the machine has exactly the required blocks."""
     required = {} if brief is None else brief.required
     return all(machine.count(kind) == count for kind, count in required.items())

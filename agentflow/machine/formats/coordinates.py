@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
 from agentflow.machine.formats.connect import LocatedBlock, LocatedMachine, connect
-from agentflow.machine.formats.parse import MAX_COORDINATE, MISSING, find_items, whole_number
+from agentflow.machine.formats.parse import MAX_COORDINATE, MISSING, find_items, read_whole_number
 from agentflow.machine.geometry.placement import place
-from agentflow.machine.geometry.pose import FACINGS, to_metres
+from agentflow.machine.geometry.pose import to_metres
 from agentflow.machine.problems import Problem, comma_list, short_repr, type_problem
 from agentflow.machine.tree import Machine
 
@@ -29,11 +29,10 @@ def to_coordinates(machine: Machine) -> list[dict[str, object]]:
     """
     items: list[dict[str, object]] = []
     for placed in place(machine).blocks:
-        rotation = (FACINGS["z+"] if placed.two_ended else placed.orientation).quaternion
         item: dict[str, object] = {
             "type": placed.type,
             "Position": list(placed.origin),
-            "Rotation": list(rotation),
+            "Rotation": list(placed.quaternion),
         }
         if placed.far is not None:
             item["end-position"] = list(to_metres(placed.far))
@@ -75,7 +74,7 @@ def _read_block(
         return None
     kind = item.get("type", MISSING)
     if type(kind) is not int:
-        kind = whole_number("type", kind, index, notes, problems)
+        kind = read_whole_number("type", kind, index, notes, problems)
     two_ended = kind is not None and kind in library() and library()[kind].linear
     keys = (*_KEYS, _END) if two_ended else _KEYS
     sizes = {"Position": 3, "Rotation": 4, _END: 3}

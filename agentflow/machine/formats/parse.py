@@ -74,7 +74,7 @@ def find_items(source: object, form: str) -> tuple[list[object], bool, Problem |
     """
     repaired = False
     if isinstance(source, str):
-        source, repaired = _machine_in(source)
+        source, repaired = _find_machine(source)
         if source is None:
             message = f"no JSON list found; write the whole machine as {form} in one ```json fence"
             return [], repaired, Problem("not_json", (), message)
@@ -90,7 +90,7 @@ def find_items(source: object, form: str) -> tuple[list[object], bool, Problem |
     return source, repaired, None
 
 
-def _machine_in(text: str) -> tuple[object, bool]:
+def _find_machine(text: str) -> tuple[object, bool]:
     """The best list that looks like a machine, else the best list; None if there is none."""
     fallback: tuple[object, bool] = (None, False)
     for value, repaired in iter_json(text, list):
@@ -113,7 +113,7 @@ def _read_step(item: object, index: int, notes: list[str], problems: list[Proble
     for key in keys:
         value = item.get(key, MISSING)
         if type(value) is not int:
-            value = whole_number(key, value, index, notes, problems)
+            value = read_whole_number(key, value, index, notes, problems)
         if isinstance(value, int):
             values.append(value)
     if len(values) < len(keys):
@@ -125,7 +125,7 @@ def _read_step(item: object, index: int, notes: list[str], problems: list[Proble
     return Step(block_id, kind, parent, face_id, *second)
 
 
-def whole_number(
+def read_whole_number(
     key: str, value: object, index: int, notes: list[str], problems: list[Problem]
 ) -> int | None:
     """Convert a value to a whole number; add a problem and return None if that is impossible.
@@ -160,23 +160,23 @@ def file_problems(
     if not steps:
         return [Problem("empty", (), f"the machine is an empty list; write it as {FORM}")]
     allowed = library().core if blocks is None else blocks
-    begin = _root(steps[0]) if given is None else given.steps
+    begin = _required_root(steps[0]) if given is None else given.steps
     problems = _start_problems(steps, begin)
     for index, step in enumerate(steps):
         if step is None or index < len(begin):
             continue
         if step.id != index:
-            problems.append(_wrong_id(step, index))
+            problems.append(_id_problem(step, index))
         fault = type_problem(step.type, allowed, two_ended=step.parent_b is not None)
         if fault is not None:
             problems.append(Problem(fault[0], (index,), f"block {index}: {fault[1]}"))
-        problems += _end_problems(index, step.parent, step.face_id, steps)
+        problems += _attachment_problems(index, step.parent, step.face_id, steps)
         if step.parent_b is not None and step.face_id_b is not None:
-            problems += _end_problems(index, step.parent_b, step.face_id_b, steps)
+            problems += _attachment_problems(index, step.parent_b, step.face_id_b, steps)
     return problems
 
 
-def _root(step: Step | None) -> tuple[Step, ...]:
+def _required_root(step: Step | None) -> tuple[Step, ...]:
     """The root that this step must be: its plate if it is one, else the Starting Block."""
     is_plate = step is not None and plate_of(step.type) is not None
     return (replace(ROOT, type=step.type),) if step is not None and is_plate else (ROOT,)
@@ -198,7 +198,7 @@ def _start_problems(steps: Sequence[Step | None], begin: tuple[Step, ...]) -> li
     return problems
 
 
-def _wrong_id(step: Step, index: int) -> Problem:
+def _id_problem(step: Step, index: int) -> Problem:
     message = (
         f"item {index} of the list has id {short_repr(step.id)}; ids are 0, 1, 2, ... "
         f"in list order, so it must be {index}"
@@ -206,7 +206,7 @@ def _wrong_id(step: Step, index: int) -> Problem:
     return Problem("id_sequence", (index,), message)
 
 
-def _end_problems(
+def _attachment_problems(
     index: int, parent: int, face_id: int, steps: Sequence[Step | None]
 ) -> list[Problem]:
     """Problems of one attachment of a block other than the root."""
