@@ -146,6 +146,18 @@ def subclass_of(base: type | str, named_by: str = "") -> Check:
     return check
 
 
+def package_with(file: str) -> Check:
+    """A check that refuses everything but packages that contain a file of this name."""
+
+    def check(_: str, thing: Any) -> str:
+        from importlib.resources import files
+
+        is_one = hasattr(thing, "__path__") and files(thing).joinpath(file).is_file()
+        return "" if is_one else f"is not a package with a file {file}"
+
+    return check
+
+
 def _import(thing: Any) -> Any:
     """What a text "module:attribute" or "module" names; anything else as it is."""
     if not isinstance(thing, str):

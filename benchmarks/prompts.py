@@ -24,7 +24,8 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import Machine, read_machine
 from agentflow.machine.brief import LONE_ROOT, Brief
-from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
+from agentflow.prompts.registry import PROMPT_SETS
+from agentflow.prompts.render import PromptSet, token_estimate
 
 FIT = 3440
 """Token limit of the compact set."""
@@ -83,7 +84,7 @@ def main(names: list[str]) -> None:
     tokenizer, count = counter()
     print(f"tokens by {tokenizer}; system + user, machine of 10 blocks")
     tasks = [name for name in task_names() if "/" not in name]
-    for name in names or prompt_sets():
+    for name in names or PROMPT_SETS:
         prompts = PromptSet(name)
         for task in tasks:
             for what, role, given in questions(task):

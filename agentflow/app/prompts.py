@@ -12,12 +12,13 @@ from agentflow.machine import Machine, check
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.detect import read_for
 from agentflow.machine.tree import ROOT, Step
-from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
+from agentflow.prompts.registry import PROMPT_SETS
+from agentflow.prompts.render import PromptSet, token_estimate
 
 
 def set_list() -> list[dict[str, Any]]:
     """Every shipped prompt set: name, content hash, roles, what it is for."""
-    sets = [PromptSet(name) for name in prompt_sets()]
+    sets = [PromptSet(name) for name in PROMPT_SETS]
     return [
         {"name": item.name, "digest": item.digest, "roles": item.roles, "about": item.about}
         for item in sets

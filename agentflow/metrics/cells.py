@@ -6,15 +6,14 @@ A cell is everything of some runs that one number is made of; seeds are pooled, 
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from types import MappingProxyType
 
-from agentflow.errors import UnknownNameError
 from agentflow.metrics import search
 from agentflow.metrics.records import CandidateRecord, ExpansionRecord, RunRecord
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.validity import Rate, after_retries, first_attempts
+from agentflow.registry import Registry, instance_of
 
 Value = float | int | str | Rate | None
 """What a cell of a table shows; None where there is nothing to show."""
@@ -93,7 +92,9 @@ def _mean(cell: Cell) -> Value:
     return cell.scores.mean_valid
 
 
-METRICS: Mapping[str, Metric] = MappingProxyType(
+METRICS: Registry[Metric] = Registry(
+    "metric",
+    "agentflow.metrics",
     {
         "valid": Metric(
             lambda cell: _some(after_retries(cell.candidates)),
@@ -131,15 +132,15 @@ METRICS: Mapping[str, Metric] = MappingProxyType(
             _child_rate, "children that came, with all retries, of those wanted", percent=True
         ),
         "pass_of_50": Metric(_passes, "attempts that passed: a score of at least 1"),
-    }
+    },
+    instance_of(Metric),
 )
 
 
 def check_metrics(names: Iterable[str]) -> None:
     """Raises UnknownNameError unless all metrics exist."""
     for name in names:
-        if name not in METRICS:
-            raise UnknownNameError("metric", name, METRICS)
+        METRICS[name]
 
 
 def curve(runs: Iterable[Member], expansions: int) -> float | None:

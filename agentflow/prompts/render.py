@@ -13,23 +13,15 @@ import jinja2
 import yaml
 
 from agentflow.errors import PromptError, UnknownNameError
+from agentflow.prompts.registry import ABOUT, PROMPT_SETS
 from agentflow.prompts.text import CL100K, as_json, clip, guard, oneline, quote, token_estimate
 
-__all__ = ["PromptSet", "block_functions", "prompt_sets", "token_estimate"]
+__all__ = ["PromptSet", "block_functions", "token_estimate"]
 
-_ABOUT = "set.yaml"
-"""Settings of a set: description (`about`), the set that provides missing templates (`base`), and
-the token limit for system and user prompt together (`fits`)."""
 _ROOM = (1.0, 0.5, 0.25, 0.0)
 """Shares of the usual space for long sections, tried in turn until a prompt fits."""
 _FUNCTIONS = "block_functions.yaml"
 _RETRY = "_parts/retry.j2"
-
-
-def prompt_sets() -> tuple[str, ...]:
-    """Names of the built-in prompt sets, sorted."""
-    folders = (item for item in _home().iterdir() if item.is_dir())
-    return tuple(sorted(item.name for item in folders if item.joinpath(_ABOUT).is_file()))
 
 
 @cache
@@ -47,18 +39,17 @@ class PromptSet:
     """
 
     def __init__(self, name: str = "default") -> None:
-        """Open a built-in set.
+        """Open a set.
 
         Raises:
             UnknownNameError: No set has this name.
+            ConfigError: The set is from another distribution and cannot be loaded.
         """
-        if name not in prompt_sets():
-            raise UnknownNameError("prompt set", name, prompt_sets())
-        self.name = name
-        about = yaml.safe_load(_home().joinpath(name).joinpath(_ABOUT).read_text("utf-8"))
+        self.name, folder = name, resources.files(PROMPT_SETS[name])
+        about = yaml.safe_load(folder.joinpath(ABOUT).read_text("utf-8"))
         self.about: str = about["about"]
         """Description of the set in one sentence."""
-        self._files = dict(_walk(_home().joinpath(name), ""))
+        self._files = dict(_walk(folder, ""))
         if base := about.get("base"):
             self._files = {**PromptSet(base)._files, **self._files}
         self.fits: int | None = about.get("fits")
@@ -69,7 +60,7 @@ class PromptSet:
     def digest(self) -> str:
         """Content hash (16 hex digits) of everything that affects the set's prompts."""
         files = {**self._files, _FUNCTIONS: _home().joinpath(_FUNCTIONS).read_text("utf-8")}
-        files |= {_ABOUT: str(self.fits)} if self.fits else {}
+        files |= {ABOUT: str(self.fits)} if self.fits else {}
         digest = hashlib.sha256()
         for path in sorted(files):
             digest.update(f"{path}\0{files[path]}\0".encode())

@@ -23,7 +23,8 @@ from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.machine.formats.coordinates import read_coordinates
-from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
+from agentflow.prompts.registry import PROMPT_SETS
+from agentflow.prompts.render import PromptSet, token_estimate
 from agentflow.prompts.text import CL100K
 from tests.agents.fakes import FRAME, PLAN, THROWER, THROWING, machine
 
@@ -43,7 +44,7 @@ FULL = RefinerInput(
 )
 
 
-_SETS = {name: PromptSet(name) for name in prompt_sets()}
+_SETS = {name: PromptSet(name) for name in PROMPT_SETS}
 """Opened once: compiling templates takes longer than all that is done with them here."""
 
 
@@ -149,7 +150,7 @@ HEADINGS = [
 ]
 
 
-SETS = pytest.mark.parametrize("name", prompt_sets())
+SETS = pytest.mark.parametrize("name", PROMPT_SETS)
 
 
 @SETS

@@ -10,15 +10,16 @@ from agentflow.agents.registry import ROLES
 from agentflow.app.prompts import difference, rendered, set_list
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UnknownNameError, UsageError
-from agentflow.prompts.render import PromptSet, prompt_sets, token_estimate
+from agentflow.prompts.registry import PROMPT_SETS
+from agentflow.prompts.render import PromptSet, token_estimate
 
 BRIEF = get_task("throwing").brief
 
 
 def test_the_list_names_every_set_with_its_hash() -> None:
-    assert [item["name"] for item in set_list()] == list(prompt_sets())
+    assert [item["name"] for item in set_list()] == list(PROMPT_SETS)
     assert {item["digest"] for item in set_list()} == {
-        PromptSet(name).digest for name in prompt_sets()
+        PromptSet(name).digest for name in PROMPT_SETS
     }
 
 
@@ -27,7 +28,7 @@ def test_the_default_set_has_prompts_for_every_role() -> None:
 
 
 @pytest.mark.parametrize("role", ROLES)
-@pytest.mark.parametrize("name", prompt_sets())
+@pytest.mark.parametrize("name", PROMPT_SETS)
 def test_a_prompt_and_its_length(role: str, name: str) -> None:
     found = rendered(name, role, BRIEF)
     assert "Task: throwing\n" in found["user"]

@@ -7,17 +7,18 @@ import json
 import pytest
 
 from agentflow.cli import main
-from agentflow.prompts.render import PromptSet, prompt_sets
+from agentflow.prompts.registry import PROMPT_SETS
+from agentflow.prompts.render import PromptSet
 
 
 def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["prompts", "list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[:2] for line in lines] == [
-        [name, PromptSet(name).digest] for name in prompt_sets()
+        [name, PromptSet(name).digest] for name in PROMPT_SETS
     ]
     assert main(["prompts", "list", "--json"]) == 0
-    assert [item["name"] for item in json.loads(capsys.readouterr().out)] == list(prompt_sets())
+    assert [item["name"] for item in json.loads(capsys.readouterr().out)] == list(PROMPT_SETS)
 
 
 def test_show_prints_the_prompt_and_its_length(capsys: pytest.CaptureFixture[str]) -> None:

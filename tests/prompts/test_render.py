@@ -9,14 +9,15 @@ import pytest
 
 from agentflow.errors import PromptError, UnknownNameError
 from agentflow.machine.blocks.library import library
-from agentflow.prompts.render import PromptSet, block_functions, prompt_sets
+from agentflow.prompts.registry import PROMPT_SETS
+from agentflow.prompts.render import PromptSet, block_functions
 
 ROLES = ("designer", "inspector", "meta_designer", "placer", "querier", "refiner")
 
 
 def test_sets_and_roles() -> None:
-    assert prompt_sets() == ("compact", "default", "no_geometry", "no_motion")
-    for name in prompt_sets():
+    assert PROMPT_SETS.ours == ("compact", "default", "no_geometry", "no_motion")
+    for name in PROMPT_SETS:
         assert PromptSet(name).roles == ROLES
         assert PromptSet(name).about.endswith(".")
 
@@ -27,7 +28,7 @@ def test_a_set_has_the_templates_of_its_base_but_its_own_digest() -> None:
     different = [path for path in base.templates if base.source(path) != without.source(path)]
     assert different == ["_parts/motion.j2"]
     assert base.source("no such template") == ""
-    assert len({PromptSet(name).digest for name in prompt_sets()}) == len(prompt_sets())
+    assert len({PromptSet(name).digest for name in PROMPT_SETS}) == len(PROMPT_SETS)
 
 
 def test_unknown_names() -> None:

@@ -6,7 +6,12 @@ import json
 import random
 import re
 
-from agentflow.llm.procedural.mechanisms import Builder, build_part, load_data, suitable_mechanisms
+from agentflow.llm.procedural.mechanisms import (
+    Builder,
+    build_part,
+    known_mechanisms,
+    suitable_mechanisms,
+)
 from agentflow.llm.procedural.reading import Prompt, value_of
 from agentflow.machine import check, library
 
@@ -19,7 +24,7 @@ MAX_BLOCKS = 20  # per dimension
 def plan(prompt: Prompt, rng: random.Random) -> str:
     """Write a blueprint of one mechanism, with ranges for its dimensions in the guidance."""
     mechanism = rng.choice(suitable_mechanisms(prompt.brief))
-    parts = load_data("mechanisms.yaml")["parts"]
+    parts = known_mechanisms(prompt.brief)["parts"]
     types = {name: _choose_types(parts[name]["slots"], prompt, rng) for name in mechanism["parts"]}
     missing = set(prompt.brief.required).difference(*types.values())
     if missing:
@@ -51,7 +56,7 @@ def _choose_types(slots: list[list[int]], prompt: Prompt, rng: random.Random) ->
 
 def design(prompt: Prompt, rng: random.Random) -> str:
     """Extend the machine by one structure, or build a whole mechanism."""
-    parts = load_data("mechanisms.yaml")["parts"]
+    parts = known_mechanisms(prompt.brief)["parts"]
     shared = {name: len(prompt.types & {*part["slots"][0]}) for name, part in parts.items()}
     structure = prompt.sections["Structure to build now"]
     wanted, guidance = value_of(structure, "Name"), structure.partition("Guidance:")[2]

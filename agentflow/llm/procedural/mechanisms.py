@@ -8,9 +8,11 @@ from __future__ import annotations
 import random
 from collections.abc import Mapping, Sequence
 from functools import cache
+from importlib.resources import files
 from itertools import product
 from math import dist, hypot
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import yaml
@@ -19,12 +21,18 @@ from agentflow.llm.procedural.reading import Prompt
 from agentflow.machine import Brief, Geometry, Machine, Step, library, place, spatial_problems
 from agentflow.machine.blocks.library import BOULDER, CONTAINER, STARTING_BLOCK
 from agentflow.machine.geometry.pose import PlacedFace
+from agentflow.registry import Registry, package_with
 
 Dims = Mapping[str, int]
 BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)
 HINGE, SPRING, CUBE, MOTOR, BALLAST, WINCH = 5, 9, 15, 22, 35, 45
 JOINTS, RIGID, LOADS = (MOTOR, HINGE), (*BEAMS, CUBE), (BALLAST, CONTAINER, BOULDER)
 MOVERS = (*JOINTS, SPRING, *WHEELS)
+MECHANISMS_FILE = "mechanisms.yaml"
+MECHANISMS: Registry[ModuleType] = Registry(
+    "mechanisms of the task family", "agentflow.mechanisms", {}, package_with(MECHANISMS_FILE)
+)
+"""Family from another distribution -> package with its mechanisms, in a file like ours."""
 
 
 @cache
@@ -33,15 +41,33 @@ def load_data(name: str) -> Any:
     return yaml.safe_load(Path(__file__).with_name(name).read_text("utf-8"))
 
 
+def known_mechanisms(brief: Brief) -> Any:
+    """The content of mechanisms.yaml, preceded by that of the task's family if it has its own."""
+    return _mechanisms_of(brief.name.partition("/")[0])
+
+
+@cache
+def _mechanisms_of(family: str) -> Any:
+    ours = load_data(MECHANISMS_FILE)
+    if family not in MECHANISMS:
+        return ours
+    own = yaml.safe_load(files(MECHANISMS[family]).joinpath(MECHANISMS_FILE).read_text("utf-8"))
+    return {
+        "purposes": {**own["purposes"], **ours["purposes"]},
+        "parts": {**ours["parts"], **own.get("parts", {})},
+        "mechanisms": [*own["mechanisms"], *ours["mechanisms"]],
+    }
+
+
 def purpose(brief: Brief) -> str:
     """Classify a task by words of its objective; "stand" if none match."""
-    purposes = load_data("mechanisms.yaml")["purposes"].items()
+    purposes = known_mechanisms(brief)["purposes"].items()
     return next((name for name, words in purposes if words in brief.objective), "stand")
 
 
 def suitable_mechanisms(brief: Brief) -> list[Any]:
     """Mechanisms for a task that its blocks allow; at least one."""
-    content, blocks = load_data("mechanisms.yaml"), {*brief.blocks}
+    content, blocks = known_mechanisms(brief), {*brief.blocks}
     main = {name: {*part["slots"][0]} or blocks for name, part in content["parts"].items()}
     able = [m for m in content["mechanisms"] if all(main[name] & blocks for name in m["parts"])]
     wanted = (purpose(brief), "drive", "stand")

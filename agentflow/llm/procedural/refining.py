@@ -30,9 +30,12 @@ def refine(prompt: Prompt, rng: random.Random) -> str:
     """Answer with one or two changes that fit the symptoms."""
     geometry, failed, goal = place(prompt.machine), _failed_scripts(prompt), purpose(prompt.brief)
     symptoms = prompt.sections["Simulation feedback"] + prompt.sections["Critique"]
-    rules = [rule for rule in load_data("refining.yaml") if goal in rule["for"]]
+    every = load_data("refining.yaml")
+    rules = [rule for rule in every if goal in rule["for"]] or every
     matches = [[words for words in rule["seen"] if words in symptoms] for rule in rules]
-    weights = [rule["for"][goal] + 2 * len(seen) for rule, seen in zip(rules, matches, strict=True)]
+    weights = [
+        rule["for"].get(goal, 1) + 2 * len(seen) for rule, seen in zip(rules, matches, strict=True)
+    ]
     script, names, wanted = list[str](), list[str](), rng.choice((1, 1, 2))
     for rule in rng.choices(rules, weights, k=ATTEMPTS):
         change = _propose(rule, prompt, geometry, rng) if len(names) < wanted else []
