@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from agentflow.env.physics.actors import Actors
+from agentflow.env.physics.laws.flight import PropellerBlade, Thruster
+from agentflow.env.physics.laws.tension import Spring, Winch
 from agentflow.env.rollout import Array
 from agentflow.env.scene import IDENTITY, Quat, Vec3
 
@@ -107,18 +108,42 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Pull:
-    """A spring: pulls two parts together along the line between their centres."""
+class Gripper:
+    """A grabber: holds on to the first movable thing that touches its front."""
 
     block: int
-    a: int
-    b: int
-    natural: float
-    """Length at which the pull is gone, m."""
-    ramp: float
-    """Beyond the natural length the pull grows to `force` over this length, m."""
+    part: int
+    front: Vec3
+    """Unit vector."""
+    reach: float
+    """m from the part's centre to its front."""
     force: float
-    damping: float
+    """Greatest force with which it holds, N."""
+    joined: frozenset[int] = frozenset()
+    """Parts that it was built with; it does not grip them when they break off."""
+
+
+@dataclass(frozen=True)
+class CogMesh:
+    """Two cogs that mesh: the position of joint `a` is -ratio times that of `b`."""
+
+    a: int
+    """Joint index."""
+    b: int
+    """Joint index."""
+    ratio: float
+
+
+@dataclass(frozen=True)
+class Devices:
+    """Everything in a machine that acts on its parts other than through joints."""
+
+    springs: tuple[Spring, ...] = ()
+    thrusters: tuple[Thruster, ...] = ()
+    blades: tuple[PropellerBlade, ...] = ()
+    winches: tuple[Winch, ...] = ()
+    grippers: tuple[Gripper, ...] = ()
+    cog_meshes: tuple[CogMesh, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -127,7 +152,6 @@ class Assembly:
 
     parts: tuple[Part, ...]
     joints: tuple[Joint, ...]
-    pulls: tuple[Pull, ...]
     blocks: tuple[tuple[int, ...], ...]
     """Part indices of each block; the first carries its pose."""
     origins: tuple[Vec3, ...]
@@ -138,8 +162,7 @@ class Assembly:
     """Orientation of each block at rest."""
     spans: tuple[tuple[int, int, int], ...] = ()
     """(block, part, part) of each two-ended block: its id and its ends."""
-    actors: Actors = field(default_factory=Actors)
-    """What acts beside joints and springs."""
+    devices: Devices = field(default_factory=Devices)
 
 
 @dataclass(frozen=True)

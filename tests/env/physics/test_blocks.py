@@ -118,7 +118,7 @@ def test_drag_slows_as_the_law_says(engine: Engine) -> None:
     """A part in free fall, every step: v' = -g - 0.2 v."""
     high = (0.0, 80.0, 0.0)
     part = Part(0, high, 0.25, (0.04, 0.04, 0.04), (Shape("box", (1, 1, 1)),), linear_drag=0.2)
-    lone = Assembly((part,), (), (), ((0,),), (high,), (high,), (IDENTITY,))
+    lone = Assembly((part,), (), ((0,),), (high,), (high,), (IDENTITY,))
     world = engine.build(lone, Scene(), 120.0)
     speed = 0.0
     for _ in range(120):

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.actors import Mesh
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.assembly.devices import cog_meshes
 from agentflow.env.physics.engine import Engine
-from agentflow.env.physics.model import Assembly, Joint, JointKind, Part, Shape
+from agentflow.env.physics.model import Assembly, CogMesh, Joint, JointKind, Part, Shape
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import IDENTITY, Scene, Vec3
@@ -48,7 +47,7 @@ def row_of(facing: str, *kinds: int, gap: int = 2) -> tuple[Machine, list[int]]:
 def test_cogs_mesh_at_equal_and_opposite_speed(calm: Engine, facing: str) -> None:
     tree, cogs = row_of(facing, POWERED, MEDIUM, MEDIUM)
     rig = Rig(calm, tree)
-    assert [mesh.ratio for mesh in rig.assembly.actors.meshes] == [1.0, 1.0]
+    assert [mesh.ratio for mesh in rig.assembly.devices.cog_meshes] == [1.0, 1.0]
     rig.run(0.2)
     rig.world.switch("motors", 1)
     rig.run(1.0)
@@ -63,15 +62,15 @@ def test_cogs_mesh_at_equal_and_opposite_speed(calm: Engine, facing: str) -> Non
 def test_large_cogs_mesh(calm: Engine, facing: str) -> None:
     """Their axles are 5 m apart: two pitch radii of 2.5 m."""
     tree, _ = row_of(facing, LARGE, LARGE, gap=5)
-    assert [mesh.ratio for mesh in Rig(calm, tree).assembly.actors.meshes] == [1.0]
+    assert [mesh.ratio for mesh in Rig(calm, tree).assembly.devices.cog_meshes] == [1.0]
 
 
 def coupled(tree: Machine, *pairs: tuple[int, int, float]) -> Assembly:
     """An assembly whose cogs mesh as told, wherever they sit."""
     assembly = assemble(tree, place(tree), constants())
     joint = {joint.block: i for i, joint in enumerate(assembly.joints)}
-    meshing = tuple(Mesh(joint[a], joint[b], ratio) for a, b, ratio in pairs)
-    return replace(assembly, actors=replace(assembly.actors, meshes=meshing))
+    meshing = tuple(CogMesh(joint[a], joint[b], ratio) for a, b, ratio in pairs)
+    return replace(assembly, devices=replace(assembly.devices, cog_meshes=meshing))
 
 
 @pytest.mark.parametrize("facing", FACINGS)
@@ -251,7 +250,7 @@ def held_by_a_slider(engine: Engine, kind: JointKind, axis: Vec3, slides: Vec3, 
         Joint(1, 0, 0, 1, "prismatic", (0.0, 3.0, 0.0), slides),
     )
     blocks = ((0,), (1,))
-    assembly = Assembly(parts, joints, (), blocks, centres, centres, (IDENTITY, IDENTITY))
+    assembly = Assembly(parts, joints, blocks, centres, centres, (IDENTITY, IDENTITY))
     world = engine.build(assembly, Scene(), RATE)
     for _ in range(200):
         world.step()

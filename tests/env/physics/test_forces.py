@@ -8,7 +8,8 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.kinematics import matrices
-from agentflow.env.physics.laws.air import Drag, Members, Wind, Wrench
+from agentflow.env.physics.laws.air import DragForce, WindForce
+from agentflow.env.physics.laws.forces import PartLocations, Wrench
 from agentflow.env.physics.model import Part
 from agentflow.env.physics.pybullet.layout import hubs
 from agentflow.env.physics.spanning_tree import skeleton
@@ -52,7 +53,9 @@ def test_clusters_feel_the_drag_of_their_parts(rng: np.random.Generator) -> None
     offset[[2, 4]] = 0.0
     inertia[2] = 0.7
     rows = rows_of(rng, 3)
-    wrenches = Drag(PARTS, Members(ROW, offset), inertia)([tuple(row) for row in rows.tolist()])
+    wrenches = DragForce(PARTS, PartLocations(ROW, offset), inertia)(
+        [tuple(row) for row in rows.tolist()]
+    )
     assert {w.row: w.local for w in wrenches} == {0: True, 1: False, 2: False}
     expected = np.zeros((3, 6))
     for i, part in enumerate(PARTS):
@@ -68,7 +71,7 @@ def test_clusters_feel_the_drag_of_their_parts(rng: np.random.Generator) -> None
 def test_every_part_feels_the_wind(rng: np.random.Generator) -> None:
     offset, extents = rng.normal(size=(5, 3)), rng.uniform(0.5, 3.0, size=(5, 3))
     wind, rows = np.array([1.0, -3.0, 6.0]), rows_of(rng, 3)
-    pushes = Wind(Members(ROW, offset), extents, wind, 0.6)(rows)
+    pushes = WindForce(PartLocations(ROW, offset), extents, wind, 0.6)(rows)
     assert [push.part for push in pushes] == list(range(5))
     for i, push in enumerate(pushes):
         turned = matrices(rows[:, 3:7])[ROW[i]]
@@ -102,7 +105,7 @@ def test_what_falls_loses_what_the_drag_of_its_parts_takes(
 def test_the_drag_of_wheels_acts_on_what_holds_their_axles() -> None:
     assembly = assemble(CAR, place(CAR), constants())
     plan = skeleton(len(assembly.parts), assembly.joints)
-    own = Members(np.array(plan.cluster), np.zeros((len(assembly.parts), 3)))
+    own = PartLocations(np.array(plan.cluster), np.zeros((len(assembly.parts), 3)))
     wheels = [i for i, part in enumerate(assembly.parts) if plan.cluster[i] == i and i]
     held = hubs(assembly, plan, own)
     assert len(wheels) == 4

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.actors import Rope
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine
-from agentflow.env.physics.laws.air import Members
-from agentflow.env.physics.laws.ropes import Ropes
+from agentflow.env.physics.laws.forces import PartLocations
+from agentflow.env.physics.laws.tension import Winch, WinchForce
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.placement import place
 from tests.env.conftest import MakeEngine
@@ -82,7 +81,7 @@ def test_a_winch_lifts_at_its_speed_and_lowers_again(make_engine: MakeEngine) ->
     post = [f.face_id for f in place(tree).blocks[5].faces if f.facing == "z+"][-1]
     crane = machine(*base, (WINCH, 5, post, 8, load))
     assembly = assemble(crane, place(crane), constants())
-    assert assembly.pulls == ()
+    assert assembly.devices.springs == ()
     world = engine.build(assembly, Scene(), RATE)
 
     def run(seconds: float) -> float:
@@ -128,10 +127,10 @@ def test_a_winch_pulls_no_harder_than_its_force(calm: Engine) -> None:
 
 def test_a_winch_takes_in_no_more_than_down_to_its_shortest() -> None:
     """Ends that are held 0.6 m apart feel a rope of 0.5 m, 0.1 m stretched."""
-    rope = Rope(1, 0, 1, speed=1.0, shortest=0.5, stiffness=1500.0, damping=15.0, force=600.0)
+    rope = Winch(1, 0, 1, speed=1.0, shortest=0.5, stiffness=1500.0, damping=15.0, force=600.0)
     levels = {"winches": 0.0}
-    ropes = Ropes([rope], levels, 1.0 / RATE)
-    ropes.place(Members(np.array([0, 1]), np.zeros((2, 3))))
+    ropes = WinchForce([rope], levels, 1.0 / RATE)
+    ropes.locate_parts(PartLocations(np.array([0, 1]), np.zeros((2, 3))))
     still = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     rows = [still, (0.6, *still[1:])]
     assert ropes(rows) == []

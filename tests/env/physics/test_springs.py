@@ -9,9 +9,9 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.laws.air import Members
-from agentflow.env.physics.laws.springs import Springs
-from agentflow.env.physics.model import Assembly, Pull
+from agentflow.env.physics.laws.forces import PartLocations
+from agentflow.env.physics.laws.tension import Spring, SpringForce
+from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene, Vec3
 from agentflow.machine.geometry.placement import place
@@ -20,10 +20,10 @@ from tests.env.machines import machine
 
 
 def test_a_spring_pulls_beyond_its_natural_length_only() -> None:
-    members = Members(np.array([0, 1]), np.zeros((2, 3)))
+    locations = PartLocations(np.array([0, 1]), np.zeros((2, 3)))
     levels = {"springs": 1.0}
-    spring = Pull(3, 0, 1, natural=0.5, ramp=0.5, force=600.0, damping=10.0)
-    springs = Springs([spring], members, levels)
+    spring = Spring(3, 0, 1, natural=0.5, ramp=0.5, force=600.0, damping=10.0)
+    springs = SpringForce([spring], locations, levels)
     still = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def pull(distance: float, rate: float = 0.0) -> list[tuple[int, Vec3, Vec3 | None]]:

@@ -1,12 +1,12 @@
-"""From a construction tree to parts, joints, springs and devices."""
+"""From a construction tree to parts, joints and devices."""
 
 from __future__ import annotations
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.assembly.devices import devices, spring
+from agentflow.env.physics.assembly.devices import devices_of
 from agentflow.env.physics.assembly.parts import block_parts, end_parts, joint_drive
 from agentflow.env.physics.assembly.shapes import direction_of
-from agentflow.env.physics.model import Assembly, Drive, Joint, Part, Pull, Strength
+from agentflow.env.physics.model import Assembly, Drive, Joint, Part, Strength
 from agentflow.env.physics.vectors import add
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.library import library
@@ -17,7 +17,7 @@ from agentflow.machine.tree import Machine
 
 
 def assemble(machine: Machine, geometry: Geometry, constants: Constants) -> Assembly:
-    """Parts, joints and springs of a valid machine, standing on the ground at the world's middle.
+    """Parts, joints and devices of a valid machine, standing on the ground at the world's middle.
 
     The centre of the machine's box lies over x = z = 0 and its lowest point on y = 0.
 
@@ -45,7 +45,6 @@ class _Assembler:
         self.parts: list[Part] = []
         self.joints: list[Joint] = []
         self.closing: list[Joint] = []
-        self.pulls: list[Pull] = []
         self.blocks: list[tuple[int, ...]] = []
         self.spans: list[tuple[int, int, int]] = []
 
@@ -62,7 +61,6 @@ class _Assembler:
         return Assembly(
             parts=tuple(self.parts),
             joints=joints,
-            pulls=tuple(self.pulls),
             blocks=tuple(self.blocks),
             origins=tuple(
                 add(b.center if b.two_ended else b.origin, self.shift) for b in self.geometry.blocks
@@ -70,7 +68,7 @@ class _Assembler:
             centres=tuple(add(b.center, self.shift) for b in self.geometry.blocks),
             rotations=tuple(b.quaternion for b in self.geometry.blocks),
             spans=tuple(self.spans),
-            actors=devices(self.geometry.blocks, self.blocks, joints, self.constants),
+            devices=devices_of(self.geometry.blocks, self.blocks, joints, self.constants),
         )
 
     def _add(self, parts: list[Part]) -> tuple[int, ...]:
@@ -129,9 +127,7 @@ class _Assembler:
             joints.append(
                 Joint(placed.id, partner, carrier, part, pivot=end.centre, strength=strength)
             )
-        if kind.connector == "spring":
-            self.pulls.append(spring(placed, (first, second), self.constants))
-        elif kind.connector == "rod":
+        if kind.connector == "rod":
             self.joints.append(Joint(placed.id, placed.id, first, second, pivot=ends[1].centre))
 
     def _auto_connection(self, block: int, partner: int, face_id: int) -> None:

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from math import cos, radians, sin
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.actors import Actors, Grip, Lift, Mesh, Rope, Thrust
 from agentflow.env.physics.assembly.shapes import direction_of
-from agentflow.env.physics.model import Joint, Pull
+from agentflow.env.physics.laws.flight import PropellerBlade, Thruster
+from agentflow.env.physics.laws.tension import Spring, Winch
+from agentflow.env.physics.model import CogMesh, Devices, Gripper, Joint
 from agentflow.env.physics.vectors import add, length, scale, subtract
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Blade
@@ -16,58 +17,62 @@ from agentflow.machine.geometry.gears import meshing_pairs
 from agentflow.machine.geometry.pose import Placed
 
 
-def devices(
+def devices_of(
     blocks: Sequence[Placed],
     parts: Sequence[tuple[int, ...]],
     joints: Sequence[Joint],
     constants: Constants,
-) -> Actors:
-    """Everything in a machine that acts on its parts other than through joints and springs.
+) -> Devices:
+    """Everything in a machine that acts on its parts other than through joints.
 
     Args:
         blocks: All blocks, by id.
         parts: Part indices of each block.
         joints: All joints of the assembly, in order.
-        constants: Numbers of winches, grabbers and cogs; thrust and blades are the library's.
+        constants: Numbers of springs, winches, grabbers and cogs.
     """
     known = [(block, library()[block.type], parts[block.id]) for block in blocks]
-    return Actors(
-        thrusts=tuple(
-            Thrust(block.id, own[0], scale(block.front, kind.thrust))
+    return Devices(
+        springs=tuple(
+            _spring(block, own, constants)
+            for block, kind, own in known
+            if kind.connector == "spring"
+        ),
+        thrusters=tuple(
+            Thruster(block.id, own[0], scale(block.front, kind.thrust))
             for block, kind, own in known
             if kind.thrust is not None
         ),
-        lifts=tuple(
+        blades=tuple(
             _blade(block, kind.blade, own[0])
             for block, kind, own in known
             if kind.blade is not None
         ),
-        ropes=tuple(
-            _rope(block, own, constants) for block, kind, own in known if kind.connector == "rope"
+        winches=tuple(
+            _winch(block, own, constants) for block, kind, own in known if kind.connector == "rope"
         ),
-        grips=tuple(
-            _grip(block, kind.grip_direction, own[0], joints, constants)
+        grippers=tuple(
+            _gripper(block, kind.grip_direction, own[0], joints, constants)
             for block, kind, own in known
             if kind.grip_direction is not None
         ),
-        meshes=cog_meshes(blocks, joints, constants["cog_tolerance"]),
+        cog_meshes=cog_meshes(blocks, joints, constants["cog_tolerance"]),
     )
 
 
 def cog_meshes(
     blocks: Sequence[Placed], joints: Sequence[Joint], tolerance: float
-) -> tuple[Mesh, ...]:
-    """Pairs of joints whose blocks are cogs that mesh, with pitch circles that close, m."""
+) -> tuple[CogMesh, ...]:
+    """Pairs of joints whose blocks are cogs with pitch circles that touch within `tolerance`, m."""
     turning = {joint.block: i for i, joint in enumerate(joints) if joint.kind == "revolute"}
     return tuple(
-        Mesh(turning[pair.a], turning[pair.b], pair.ratio)
+        CogMesh(turning[pair.a], turning[pair.b], pair.ratio)
         for pair in meshing_pairs(blocks, tolerance)
     )
 
 
-def spring(block: Placed, parts: tuple[int, ...], constants: Constants) -> Pull:
-    """A spring between the two parts of its block."""
-    return Pull(
+def _spring(block: Placed, parts: tuple[int, ...], constants: Constants) -> Spring:
+    return Spring(
         block=block.id,
         a=parts[0],
         b=parts[1],
@@ -78,8 +83,8 @@ def spring(block: Placed, parts: tuple[int, ...], constants: Constants) -> Pull:
     )
 
 
-def _rope(block: Placed, parts: tuple[int, ...], constants: Constants) -> Rope:
-    return Rope(
+def _winch(block: Placed, parts: tuple[int, ...], constants: Constants) -> Winch:
+    return Winch(
         block=block.id,
         a=parts[0],
         b=parts[1],
@@ -91,12 +96,12 @@ def _rope(block: Placed, parts: tuple[int, ...], constants: Constants) -> Rope:
     )
 
 
-def _grip(
+def _gripper(
     block: Placed, direction: str, part: int, joints: Sequence[Joint], constants: Constants
-) -> Grip:
+) -> Gripper:
     """A grabber; it never grips what it is joined to."""
     own = [joint for joint in joints if part in (joint.a, joint.b)]
-    return Grip(
+    return Gripper(
         block=block.id,
         part=part,
         front=direction_of(block, direction),
@@ -106,10 +111,10 @@ def _grip(
     )
 
 
-def _blade(block: Placed, blade: Blade, part: int) -> Lift:
+def _blade(block: Placed, blade: Blade, part: int) -> PropellerBlade:
     """A propeller blade: its normal is its Up turned about its Front by the lift angle."""
     angle = radians(blade.lift_angle_deg)
-    return Lift(
+    return PropellerBlade(
         block=block.id,
         part=part,
         push=block.up,

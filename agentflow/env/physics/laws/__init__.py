@@ -1,1 +1,1 @@
-"""Forces that engines do not compute themselves: air, rotors, ropes, springs."""
+"""Forces that engines do not compute themselves: air, flight, springs and winches."""

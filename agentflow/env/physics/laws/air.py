@@ -7,11 +7,8 @@ Drag runs on plain floats: a machine has few clusters, and arrays only pay for m
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agentflow.env.physics.kinematics import (
     POSITION,
@@ -24,68 +21,31 @@ from agentflow.env.physics.kinematics import (
     turn,
     turn_back,
 )
+from agentflow.env.physics.laws.forces import PartForce, PartLocations, Wrench
 from agentflow.env.physics.model import Part
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Vec3
 
-Indices = NDArray[np.intp]
 
-
-@dataclass(frozen=True)
-class Members:
-    """Which parts make up the clusters, and where they sit."""
-
-    row: Indices
-    """(P,) row of each part."""
-    offset: Array
-    """(P, 3) from the leading part's centre to this part's, at rest, engine frame."""
-
-    def place(self, part: int) -> tuple[int, Vec3]:
-        """Row and offset of one part."""
-        x, y, z = self.offset[part].tolist()
-        return int(self.row[part]), (x, y, z)
-
-
-class Wrench(NamedTuple):
-    """Force and torque on a cluster at its leading part's centre."""
-
-    row: int
-    local: bool
-    """Whether they are given in the cluster's own axes, else in the engine's."""
-    force: Vec3
-    torque: Vec3 | None
-    """None where there is none."""
-
-
-class Push(NamedTuple):
-    """Force at the centre of one part, for the connections between it and its cluster to bear."""
-
-    part: int
-    """Moving things count on from the last part."""
-    force: Vec3
-    at: Vec3 | None
-    """Where the centre is, in the engine's axes as the force; None: in the part's own axes."""
-
-
-class Drag:
+class DragForce:
     """Air drag of every part, summed per cluster once.
 
     A part loses m k v at its centre and I c w; over a rigid cluster that is a linear law of the
     leading centre's velocity and spin, with constant coefficients in the cluster's own axes.
     """
 
-    def __init__(self, parts: Sequence[Part], members: Members, inertia: Array) -> None:
+    def __init__(self, parts: Sequence[Part], locations: PartLocations, inertia: Array) -> None:
         """Sum up the drag of `parts`.
 
         Args:
             parts: All parts, in order.
-            members: Where their drag acts (`layout.hubs`).
+            locations: Where their drag acts (`layout.hubs`).
             inertia: (P, 3) principal moments, engine frame.
         """
         laws: dict[int, list[float]] = {}
         for i, part in enumerate(parts):
-            law = laws.setdefault(int(members.row[i]), [0.0] * 10)
-            x, y, z = members.offset[i].tolist()
+            law = laws.setdefault(int(locations.row[i]), [0.0] * 10)
+            x, y, z = locations.offset[i].tolist()
             loss = part.mass * part.linear_drag
             spin = [moment * part.angular_drag for moment in inertia[i].tolist()]
             terms = (
@@ -156,7 +116,7 @@ def _resist(row: Row, law: Sequence[float]) -> tuple[Vec3, Vec3]:
     return force, torque
 
 
-class Wind:
+class WindForce:
     """Wind on every part and thing: 0.6 * area facing it * wind * (wind - velocity).
 
     What rests feels 0.6 * area * wind squared, as spec 2.1 has it. What moves feels it in
@@ -165,19 +125,19 @@ class Wind:
     the faintest breeze brake everything that moves, and stop a 47 m throw at 1 m/s.)
     """
 
-    def __init__(self, members: Members, extents: Array, wind: Array, drag: float) -> None:
+    def __init__(self, locations: PartLocations, extents: Array, wind: Array, drag: float) -> None:
         """Set up the boxes.
 
         Args:
-            members: Places of all parts and things.
+            locations: Places of all parts and things.
             extents: (P, 3) boxes that the wind sees, engine frame, m.
             wind: (3,) mean velocity of the air, engine frame, m/s.
             drag: Force over area times squared speed, kg/m3.
         """
-        self._members, self._wind, self._drag = members, wind, drag
+        self._members, self._wind, self._drag = locations, wind, drag
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
 
-    def __call__(self, rows: Array, strength: float = 1.0) -> list[Push]:
+    def __call__(self, rows: Array, strength: float = 1.0) -> list[PartForce]:
         """What the wind does to every part, then to every thing, at a share of its mean."""
         row = self._members.row
         rotation = matrices(rows[:, ROTATION])[row]
@@ -189,6 +149,6 @@ class Wind:
         force = push[:, None] * (air - velocity)
         places = rows[row, POSITION] + arms
         return [
-            Push(i, (x, y, z), (p, q, r))
+            PartForce(i, (x, y, z), (p, q, r))
             for i, (x, y, z, p, q, r) in enumerate(np.hstack([force, places]).tolist())
         ]

@@ -43,7 +43,7 @@ class Couplings:
             joint = assembly.joints[i]
             self._loops.append((i, joint, self._loop(assembly, joint, where)))
         carried = {link.joint: where[link.part] for body in plan.pieces for link in body.links}
-        for mesh in assembly.actors.meshes:
+        for mesh in assembly.devices.cog_meshes:
             one, other = assembly.joints[mesh.a], assembly.joints[mesh.b]
             if (
                 mesh.a in carried

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from agentflow.env.physics.actors import Grip
 from agentflow.env.physics.frames import swap
+from agentflow.env.physics.model import Gripper
 from agentflow.env.physics.pybullet.contacts import TOUCH
 from agentflow.env.physics.pybullet.layout import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
@@ -35,10 +35,10 @@ class _Hold:
     constraint: int = -1
 
 
-class Grips:
+class Grippers:
     """All grabbers of one machine."""
 
-    def __init__(self, client: int, grips: Sequence[Grip], things: Mapping[str, int]) -> None:
+    def __init__(self, client: int, grips: Sequence[Gripper], things: Mapping[str, int]) -> None:
         """Start with nothing gripped.
 
         Args:
@@ -92,7 +92,7 @@ class Grips:
                 if grip.part not in self._holds:
                     self._try(grip)
 
-    def _try(self, grip: Grip) -> None:
+    def _try(self, grip: Gripper) -> None:
         uid, index = self._handles[grip.part]
         contacts = pybullet.getContactPoints(
             bodyA=uid, linkIndexA=index, physicsClientId=self._client

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agentflow.env.physics.frames import swap
-from agentflow.env.physics.laws.air import Members
+from agentflow.env.physics.laws.forces import PartLocations
 from agentflow.env.physics.model import Assembly, Joint, Part
 from agentflow.env.physics.spanning_tree import Piece, Skeleton
 from agentflow.env.physics.vectors import cross, length, subtract
@@ -40,7 +40,7 @@ class Built:
 class RowLayout:
     """One skeleton's rows: clusters in the order of their bodies, then the moving things."""
 
-    members: Members
+    locations: PartLocations
     handles: tuple[Handle, ...]
     """Body and link that stand for each row."""
     leading: tuple[int, ...]
@@ -95,7 +95,7 @@ def lay_out(
     ]
     handles += [(numbers[thing.name], -1) for thing in moving]
     return RowLayout(
-        Members(np.array(rows, dtype=np.intp), np.array(offsets).reshape(-1, 3)),
+        PartLocations(np.array(rows, dtype=np.intp), np.array(offsets).reshape(-1, 3)),
         tuple(handles),
         tuple(leading),
         tuple(thing.name for thing in moving),
@@ -104,22 +104,22 @@ def lay_out(
     )
 
 
-def hubs(assembly: Assembly, plan: Skeleton, members: Members) -> Members:
-    """`members` as drag may see them, which then acts on fewer clusters.
+def hubs(assembly: Assembly, plan: Skeleton, locations: PartLocations) -> PartLocations:
+    """`locations` as drag may see them, which then acts on fewer clusters.
 
     What turns about its own centre without drag of its own against turning, as a wheel does,
     drags at a point of its axle: the cluster that holds the axle has that point as well, and
     feels the same.
     """
-    row, offset = members.row.copy(), members.offset.copy()
+    row, offset = locations.row.copy(), locations.offset.copy()
     parts = assembly.parts
     for link in (link for body in plan.pieces for link in body.links):
         part, parent = parts[link.part], link.parent
         if not part.angular_drag and _on_axle(assembly.joints[link.joint], part):
-            row[link.part] = members.row[parent]
+            row[link.part] = locations.row[parent]
             arm = swap(subtract(part.centre, parts[parent].centre))
-            offset[link.part] = members.offset[parent] + arm
-    return Members(row, offset)
+            offset[link.part] = locations.offset[parent] + arm
+    return PartLocations(row, offset)
 
 
 def _on_axle(joint: Joint, part: Part) -> bool:

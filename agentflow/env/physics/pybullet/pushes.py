@@ -1,7 +1,4 @@
-"""Owns the forces that PyBullet must be given by hand in every step: air, springs, thrust, ropes.
-
-The laws are forces.py's, springs.py's, flight.py's, ropes.py's and struts.py's.
-"""
+"""Forces that PyBullet is given in every step: air, springs, thrusters, blades, winches, struts."""
 
 from __future__ import annotations
 
@@ -11,10 +8,10 @@ import numpy as np
 
 from agentflow.env.physics.frames import swap, swap_all
 from agentflow.env.physics.kinematics import POSITION, Row
-from agentflow.env.physics.laws.air import Drag, Members, Push, Wind, Wrench
-from agentflow.env.physics.laws.ropes import Ropes
-from agentflow.env.physics.laws.rotors import Blades, Thrusters
-from agentflow.env.physics.laws.springs import Springs
+from agentflow.env.physics.laws.air import DragForce, WindForce
+from agentflow.env.physics.laws.flight import BladeForce, ThrustForce
+from agentflow.env.physics.laws.forces import PartForce, PartLocations, Wrench
+from agentflow.env.physics.laws.tension import SpringForce, WinchForce
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.layout import Built, RowLayout, hubs
 from agentflow.env.physics.pybullet.library import pybullet
@@ -24,7 +21,7 @@ from agentflow.env.physics.spanning_tree import Skeleton
 from agentflow.env.scene import Scene, Thing
 
 CENTRE = (0.0, 0.0, 0.0)
-Law = Callable[[Sequence[Row]], list[Push]]
+Law = Callable[[Sequence[Row]], list[PartForce]]
 
 
 class Pushes:
@@ -51,7 +48,7 @@ class Pushes:
         """
         self._client, self._layout, self._laws = client, layout, laws
         inertia = swap_all(np.array([part.inertia for part in assembly.parts]).reshape(-1, 3))
-        self._drag = Drag(assembly.parts, hubs(assembly, plan, layout.members), inertia)
+        self._drag = DragForce(assembly.parts, hubs(assembly, plan, layout.locations), inertia)
         self._at = {part: (body.uid, index) for body in built for part, index in body.index.items()}
         for i, handle in enumerate(layout.handles[layout.thing_rows], len(assembly.parts)):
             self._at[i] = handle
@@ -83,7 +80,7 @@ class Pushes:
             if torque is not None:
                 pybullet.applyExternalTorque(uid, index, torque, frame, client)
 
-    def _shove(self, pushes: Sequence[Push]) -> None:
+    def _shove(self, pushes: Sequence[PartForce]) -> None:
         """Apply forces at the centres of parts."""
         client = self._client
         for part, force, at in pushes:
@@ -94,22 +91,26 @@ class Pushes:
                 pybullet.applyExternalForce(uid, index, force, at, pybullet.WORLD_FRAME, client)
 
 
-def actor_laws(
-    assembly: Assembly, plan: Skeleton, members: Members, levels: Mapping[str, float], ropes: Ropes
+def device_laws(
+    assembly: Assembly,
+    plan: Skeleton,
+    locations: PartLocations,
+    levels: Mapping[str, float],
+    winches: WinchForce,
 ) -> list[Law]:
     """Springs, thrusters, blades, winches and struts, where there are any."""
-    actors = assembly.actors
+    devices = assembly.devices
     laws: list[Law] = []
-    if assembly.pulls:
-        laws.append(Springs(assembly.pulls, members, levels))
-    if actors.thrusts:
-        laws.append(Thrusters(actors.thrusts, levels))
-    if actors.lifts:
-        laws.append(Blades(actors.lifts, members))
-    if ropes:
-        ropes.place(members)
-        laws.append(ropes)
-    struts = Struts(assembly, plan.loops, members)
+    if devices.springs:
+        laws.append(SpringForce(devices.springs, locations, levels))
+    if devices.thrusters:
+        laws.append(ThrustForce(devices.thrusters, levels))
+    if devices.blades:
+        laws.append(BladeForce(devices.blades, locations))
+    if winches:
+        winches.locate_parts(locations)
+        laws.append(winches)
+    struts = Struts(assembly, plan.loops, locations)
     if struts:
         laws.append(struts)
     return laws
@@ -135,13 +136,13 @@ def wind_laws(
     """
     if not any(scene.wind):
         return []
-    members = layout.members
+    locations = layout.locations
     boxes = [part.extents for part in assembly.parts] + [thing.size for thing in moving]
     rows = np.arange(len(layout.leading), len(layout.handles), dtype=np.intp)
-    wind = Wind(
-        Members(
-            np.concatenate([members.row, rows]),
-            np.concatenate([members.offset, layout.thing_arms]),
+    wind = WindForce(
+        PartLocations(
+            np.concatenate([locations.row, rows]),
+            np.concatenate([locations.offset, layout.thing_arms]),
         ),
         swap_all(np.array(boxes)),
         np.array(swap(scene.wind)),

@@ -43,7 +43,7 @@ class Readings:
     def __init__(self, assembly: Assembly, layout: RowLayout) -> None:
         self._assembly, self._layout = assembly, layout
         carriers = [parts[0] for parts in assembly.blocks]
-        self._row = layout.members.row[carriers]
+        self._row = layout.locations.row[carriers]
         self.row_of: list[int] = self._row.tolist()
         """Row that carries each block."""
         leading = [assembly.parts[layout.leading[row]].centre for row in self.row_of]
@@ -54,12 +54,12 @@ class Readings:
         self._rest = np.array(assembly.rotations).reshape(-1, 4)
         self._spanning = [block for block, _, _ in assembly.spans]
         ends = np.array([(a, b) for _, a, b in assembly.spans], dtype=np.intp).ravel()
-        self._end_row, self._end_arms = layout.members.row[ends], layout.members.offset[ends]
+        self._end_row, self._end_arms = layout.locations.row[ends], layout.locations.offset[ends]
 
     def parts(self, rows: Array) -> Array:
         """(P, 13) one row per part, engine frame."""
-        members = self._layout.members
-        return carried(rows[members.row], members.offset)
+        locations = self._layout.locations
+        return carried(rows[locations.row], locations.offset)
 
     def state(self, rows: Array) -> State:
         """Everything that a record holds."""

@@ -12,7 +12,7 @@ import numpy as np
 from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.kinematics import Row
-from agentflow.env.physics.laws.ropes import Ropes
+from agentflow.env.physics.laws.tension import WinchForce
 from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.pybullet.bodies import BodyBuilder
 from agentflow.env.physics.pybullet.contacts import (
@@ -21,11 +21,11 @@ from agentflow.env.physics.pybullet.contacts import (
     set_collisions_of_scene,
 )
 from agentflow.env.physics.pybullet.couplings import Couplings
-from agentflow.env.physics.pybullet.grip import Grips
+from agentflow.env.physics.pybullet.grip import Grippers
 from agentflow.env.physics.pybullet.layout import Built, RowLayout, lay_out
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.motors import Motors
-from agentflow.env.physics.pybullet.pushes import Pushes, actor_laws, wind_laws
+from agentflow.env.physics.pybullet.pushes import Pushes, device_laws, wind_laws
 from agentflow.env.physics.pybullet.readings import Readings
 from agentflow.env.physics.pybullet.restoring import place_at_start, restore
 from agentflow.env.physics.pybullet.rows import Rows, top_speeds
@@ -90,8 +90,8 @@ class PyBulletWorld:
         self.reactions = np.zeros((len(assembly.joints), 6))
         self._kept: list[tuple[Readings, list[Row]]] = []
         self._couplings = Couplings(client)
-        self._ropes = Ropes(assembly.actors.ropes, self._levels, self._interval)
-        self._grips = Grips(client, assembly.actors.grips, moving)
+        self._winches = WinchForce(assembly.devices.winches, self._levels, self._interval)
+        self._grips = Grippers(client, assembly.devices.grippers, moving)
         self._now = self._erect(skeleton(len(assembly.parts), assembly.joints), {})
         place_at_start(client, self._now.built, scene.start)
         self._read()
@@ -211,7 +211,7 @@ class PyBulletWorld:
             for piece in plan.pieces
         )
         layout = lay_out(assembly, plan, built, self._moving, self.things)
-        laws = actor_laws(assembly, plan, layout.members, self._levels, self._ropes)
+        laws = device_laws(assembly, plan, layout.locations, self._levels, self._winches)
         drag = self._physics["wind_drag"]
         laws += wind_laws(assembly, layout, self._scene, self._moving, drag, self._wind_strength)
         set_collisions_of_clusters(client, plan, built)
@@ -252,7 +252,7 @@ class PyBulletWorld:
 
     def _part_rotation(self, part: int) -> Quat:
         """Orientation of a part in PyBullet's frame."""
-        _, _, _, x, y, z, w, *_ = self._now.rows[self._now.layout.members.row[part]]
+        _, _, _, x, y, z, w, *_ = self._now.rows[self._now.layout.locations.row[part]]
         return (x, y, z, w)
 
     def _divide_steps(self, finer: int) -> None:
@@ -261,7 +261,7 @@ class PyBulletWorld:
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self._interval, physicsClientId=self.client
         )
-        self._ropes.step = self._interval
+        self._winches.step = self._interval
         self._now.motors.set()
         self._grips.tighten()
 

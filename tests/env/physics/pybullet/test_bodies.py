@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.actors import Actors
 from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.model import Devices
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.scene import Scene, Thing
@@ -30,7 +30,7 @@ def test_loops_are_bound_once_after_every_split() -> None:
     assert before == 2
     world.split([i for i, joint in enumerate(assembly.joints) if joint.block == 9])
     assert pybullet.getNumConstraints(engine.client) == before
-    assert assembly.actors == Actors()
+    assert assembly.devices == Devices()
     engine.close()
 
 

@@ -53,7 +53,7 @@ def flywheel(drive: Drive) -> Assembly:
         Part(1, centres[1], 10.0, (100.0, 100.0, 100.0)),
     )
     joints = (Joint(1, 0, 0, 1, "revolute", centres[1], (0.0, 1.0, 0.0), drive=drive),)
-    return Assembly(parts, joints, (), ((0,), (1,)), centres, centres, (IDENTITY, IDENTITY))
+    return Assembly(parts, joints, ((0,), (1,)), centres, centres, (IDENTITY, IDENTITY))
 
 
 @pytest.mark.parametrize("rate", [60.0, 120.0, 480.0])

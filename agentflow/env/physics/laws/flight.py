@@ -1,0 +1,105 @@
+"""Thrusters and propeller blades, and the forces they exert in their parts' own axes.
+
+On plain floats: machines have few of them, and arrays only pay for many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from agentflow.env.physics.frames import swap
+from agentflow.env.physics.kinematics import Row
+from agentflow.env.physics.laws.forces import PartForce, PartLocations
+from agentflow.env.physics.vectors import add, cross, dot, scale, turned
+from agentflow.env.scene import Vec3
+
+
+@dataclass(frozen=True)
+class Thruster:
+    """A steady push on a part at its centre, while `motors` are on."""
+
+    block: int
+    part: int
+    force: Vec3
+    """N; turns with the part."""
+
+
+@dataclass(frozen=True)
+class PropellerBlade:
+    """A propeller blade: the air that it moves through pushes it, powered or not."""
+
+    block: int
+    part: int
+    push: Vec3
+    """Unit vector of the force, the blade's Up."""
+    normal: Vec3
+    """Unit vector; the force is proportional to the velocity along it."""
+    drag: float
+    """kg s/m2: force over velocity along the normal and squared speed."""
+    speed_cap: float
+    """m/s; the squared speed in the law grows no further beyond it."""
+
+
+class ThrustForce:
+    """Constant thrust, while `motors` are on."""
+
+    def __init__(self, thrusters: Sequence[Thruster], levels: Mapping[str, float]) -> None:
+        """Convert the thrusters.
+
+        Args:
+            thrusters: All thrusters of the machine.
+            levels: Level of each schedule entry, read in every step.
+        """
+        self._levels = levels
+        self._pushes = [PartForce(each.part, swap(each.force), None) for each in thrusters]
+
+    def __call__(self, rows: Sequence[Row]) -> list[PartForce]:  # noqa: ARG002
+        """Forces in this step."""
+        level = self._levels["motors"]
+        if level == 1.0:
+            return self._pushes
+        return [
+            PartForce(part, scale(force, level), None)
+            for part, force, _ in (self._pushes if level else ())
+        ]
+
+
+class BladeForce:
+    """Force along a blade's Up from its motion through still air.
+
+    Its size is -drag * (v . n) * min(v . v, cap^2), where v is the velocity of the blade's centre
+    over the ground and n its Up turned by the lift angle: the law of the reference game.
+    """
+
+    def __init__(self, blades: Sequence[PropellerBlade], locations: PartLocations) -> None:
+        """Convert the blades.
+
+        Args:
+            blades: All propeller blades of the machine.
+            locations: Where their parts are.
+        """
+        self._blades = [
+            (
+                blade.part,
+                *locations.locate(blade.part),
+                swap(blade.push),
+                swap(blade.normal),
+                blade.drag,
+                cap * cap,
+            )
+            for blade in blades
+            for cap in (blade.speed_cap,)
+        ]
+
+    def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
+        """Forces in this step."""
+        pushes = []
+        for part, row, offset, push, normal, drag, most in self._blades:
+            _, _, _, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row]
+            back = (-x, -y, -z, w)
+            spin = turned(back, (wx, wy, wz))
+            velocity = add(turned(back, (vx, vy, vz)), cross(spin, offset))
+            size = -drag * dot(velocity, normal) * min(dot(velocity, velocity), most)
+            pushes.append(PartForce(part, scale(push, size), None))
+        return pushes

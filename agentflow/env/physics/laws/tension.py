@@ -1,0 +1,155 @@
+"""Springs and winches, and the forces with which they pull two parts together.
+
+On plain floats: machines have few of them, and arrays only pay for many.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from agentflow.env.physics.kinematics import Row
+from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_motion
+from agentflow.env.physics.vectors import dot, length, scale, subtract
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Pulls two parts together along the line between their centres, while `springs` are on."""
+
+    block: int
+    a: int
+    """Part index."""
+    b: int
+    """Part index."""
+    natural: float
+    """Length at which the pull is gone, m."""
+    ramp: float
+    """Beyond the natural length the pull grows to `force` over this length, m."""
+    force: float
+    """N."""
+    damping: float
+    """N s/m."""
+
+
+@dataclass(frozen=True)
+class Winch:
+    """A rope between two parts' centres that is reeled in while `winches` are on.
+
+    It is strung, taut, when winches are first switched on, and never pushes.
+    """
+
+    block: int
+    a: int
+    """Part index."""
+    b: int
+    """Part index."""
+    speed: float
+    """m/s of rope taken in."""
+    shortest: float
+    """m; reeling in stops at this length."""
+    stiffness: float
+    """N/m."""
+    damping: float
+    """N s/m."""
+    force: float
+    """Greatest pull, N; a greater load draws rope out."""
+
+
+class SpringForce:
+    """Pull of all springs of a machine."""
+
+    def __init__(
+        self, springs: Sequence[Spring], locations: PartLocations, levels: Mapping[str, float]
+    ) -> None:
+        """Locate the ends of the springs.
+
+        Args:
+            springs: All springs of the machine.
+            locations: Where their parts are.
+            levels: Level of each schedule entry, read in every step: the share of the pull.
+                Springs cannot push, so below 0 they exert nothing.
+        """
+        self._levels = levels
+        self._springs = [(s, locations.locate(s.a), locations.locate(s.b)) for s in springs]
+
+    def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
+        """Forces in this step."""
+        level = max(self._levels["springs"], 0.0)
+        if not level:
+            return []
+        pulls = []
+        for spring, (row_a, offset_a), (row_b, offset_b) in self._springs:
+            at_a, speed_a = part_motion(rows[row_a], offset_a)
+            at_b, speed_b = part_motion(rows[row_b], offset_b)
+            line = subtract(at_b, at_a)
+            distance = max(length(line), 1e-9)
+            stretch = min((distance - spring.natural) / spring.ramp, 1.0)
+            if stretch <= 0.0:
+                continue
+            along = scale(line, 1.0 / distance)
+            parting = dot(subtract(speed_b, speed_a), along)
+            strength = max(spring.force * stretch + spring.damping * parting, 0.0)
+            force = scale(along, level * strength)
+            pulls += [
+                PartForce(spring.a, force, at_a),
+                PartForce(spring.b, scale(force, -1.0), at_b),
+            ]
+        return pulls
+
+
+class WinchForce:
+    """Pull of all winches of a machine, and the length of each rope.
+
+    Ropes outlive splits of the machine: set up once per world, then call `locate_parts`.
+    """
+
+    def __init__(self, winches: Sequence[Winch], levels: Mapping[str, float], step: float) -> None:
+        """Start with no rope strung.
+
+        Args:
+            winches: All winches of the machine.
+            levels: Level of each schedule entry, read in every step; -1 lets rope out.
+            step: Time between calls, s.
+        """
+        self._winches, self._levels = winches, levels
+        self.step = step
+        """Time between calls, s."""
+        self._left: list[float | None] = [None] * len(winches)
+        """Length of each rope, m; None until it is strung."""
+
+    def __bool__(self) -> bool:
+        return bool(self._winches)
+
+    def locate_parts(self, locations: PartLocations) -> None:
+        """Locate the ends of the ropes, after each split of the machine."""
+        self._ends = [(locations.locate(w.a), locations.locate(w.b)) for w in self._winches]
+
+    def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
+        """Reel in or out, then the forces in this step."""
+        level = self._levels["winches"]
+        pulls = []
+        for i, (winch, ends) in enumerate(zip(self._winches, self._ends, strict=True)):
+            (at_a, speed_a), (at_b, speed_b) = (
+                part_motion(rows[row], offset) for row, offset in ends
+            )
+            line = subtract(at_b, at_a)
+            distance = max(length(line), 1e-9)
+            left = self._left[i]
+            if left is None:
+                if not level:
+                    continue
+                left = distance
+            left = max(left - level * winch.speed * self.step, min(left, winch.shortest))
+            left = self._left[i] = max(left, distance - winch.force / winch.stiffness)
+            if distance <= left:
+                continue
+            along = scale(line, 1.0 / distance)
+            parting = dot(subtract(speed_b, speed_a), along)
+            pull = winch.stiffness * (distance - left) + winch.damping * parting
+            force = scale(along, min(max(pull, 0.0), winch.force))
+            pulls += [
+                PartForce(winch.a, force, at_a),
+                PartForce(winch.b, scale(force, -1.0), at_b),
+            ]
+        return pulls
