@@ -1,1 +1,1 @@
-"""Owns what is counted of runs: pure functions over their records (spec 6.2). Reads no files."""
+"""Numbers of runs: pure functions over their records. Reads no run directories."""

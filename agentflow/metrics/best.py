@@ -1,4 +1,4 @@
-"""Owns Best@N: what the best of N samples scores on average, exactly."""
+"""Best@N: the exact expected maximum score of N samples."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from math import fsum
 
 
 def best_at(scores: Sequence[float], n: int) -> float:
-    """The mean, over all subsets of `n` of the scores, of their maximum (spec 6.2).
+    """The mean, over all subsets of `n` of the scores, of their maximum.
 
-    Not resampled: in ascending order the i-th of m scores (from 1) is the maximum of C(i-1, n-1)
-    of the C(m, n) subsets. From the greatest downwards these shares are n/m and, from one to the
-    next, (i-n)/(i-1) times as much. With scores of 0 and 1 this is the unbiased pass@k of M. Chen
+    No resampling: in ascending order, the i-th of m scores (from 1) is the maximum of C(i-1, n-1)
+    of the C(m, n) subsets. From the highest score down, the shares are n/m and then (i-n)/(i-1)
+    times the previous one. With scores of 0 and 1 this is the unbiased pass@k of M. Chen
     et al., "Evaluating large language models trained on code" (2021).
 
     Args:
         scores: One per sample; invalid samples count as 0.
-        n: Size of the subsets, 1 to the number of scores.
+        n: Subset size, from 1 to the number of scores.
 
     Raises:
         ValueError: `n` is out of range.

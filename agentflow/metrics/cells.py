@@ -1,6 +1,6 @@
-"""Owns the numbers that stand in tables of sweeps, by the names that the published tables use.
+"""The numbers in the tables of sweeps, named as in the published tables.
 
-A cell is everything of some runs that one number is made of; seeds are pooled, not averaged.
+A cell holds the runs that one number is computed from; seeds are pooled, not averaged.
 """
 
 from __future__ import annotations
@@ -8,52 +8,50 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import chain
 
 from agentflow.metrics import search
-from agentflow.metrics.records import CandidateRecord, ExpansionRecord, RunRecord
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.validity import Rate, after_retries, first_attempts
 from agentflow.registry import Registry, instance_of
+from agentflow.runs.events import CandidateEvent, ExpandEvent
+from agentflow.runs.record import RunRecord
 
 Value = float | int | str | Rate | None
-"""What a cell of a table shows; None where there is nothing to show."""
+"""Content of a table cell; None for an empty one."""
 
 
 @dataclass(frozen=True)
-class Member:
-    """What metrics know of one finished run."""
+class RunNumbers:
+    """What metrics need of one finished run."""
 
     record: RunRecord
     width: int
-    """Children that each of its expansions wanted."""
+    """Children wanted from each expansion."""
 
 
 @dataclass(frozen=True)
 class Cell:
     """Some runs, and which of their machines count."""
 
-    runs: tuple[Member, ...]
+    runs: tuple[RunNumbers, ...]
     stage: str
     rounds: int | None = None
-    """The searches as they were after so many rounds; None for the stage as it ended."""
+    """Cut the searches after this many rounds; None for the whole stage."""
 
     @property
-    def candidates(self) -> list[CandidateRecord]:
-        """Of the stage, all runs together."""
-        return [item for run in self.runs for item in run.record.stage(self.stage)]
+    def candidates(self) -> list[CandidateEvent]:
+        """The stage's candidates in all runs."""
+        return [item for run in self.runs for item in run.record.of_stage(self.stage)]
 
     @property
-    def expansions(self) -> list[ExpansionRecord]:
-        """All runs together, their trajectories told apart."""
-        return [
-            ExpansionRecord(number * 1_000_000 + e.trajectory, e.round, e.attempts, e.children)
-            for number, run in enumerate(self.runs)
-            for e in run.record.expansions
-        ]
+    def expansions(self) -> list[list[ExpandEvent]]:
+        """The expansions of each run."""
+        return [run.record.expansions for run in self.runs]
 
     @property
     def scores(self) -> Scores:
-        """Of the stage's machines, or of the best of each tree after `rounds`."""
+        """Scores of the stage's machines, or of the best of each tree after `rounds`."""
         if self.rounds is None:
             return Scores.of(self.candidates)
         found: list[float] = []
@@ -65,13 +63,13 @@ class Cell:
 
 @dataclass(frozen=True)
 class Metric:
-    """A number of a cell."""
+    """How to compute one number of a cell."""
 
     of: Callable[[Cell], Value]
     about: str
-    """What it is, as told under tables."""
+    """Explanation, printed below tables."""
     percent: bool = False
-    """Whether it is shown as a percentage."""
+    """Whether to show it as a percentage."""
 
 
 def _child_rate(cell: Cell) -> float | None:
@@ -98,7 +96,7 @@ METRICS: Registry[Metric] = Registry(
     {
         "valid": Metric(
             lambda cell: _some(after_retries(cell.candidates)),
-            "trajectories with a valid machine after the retries",
+            "trajectories with a valid machine after retries",
         ),
         "mean": Metric(_mean, "mean score over valid machines"),
         "mean_all": Metric(
@@ -110,46 +108,46 @@ METRICS: Registry[Metric] = Registry(
         ),
         "file_valid": Metric(
             lambda cell: _some(first_attempts(cell.candidates).parse),
-            "first attempts in the demanded format",
+            "first attempts in the required format",
         ),
         "spatial_valid": Metric(
             lambda cell: _some(first_attempts(cell.candidates).spatial),
-            "first attempts that were also free of overlaps and within size",
+            "first attempts that also have no overlaps and are within the size limit",
         ),
         "machine_valid": Metric(
             lambda cell: _some(first_attempts(cell.candidates).machine),
-            "first attempts that were valid in every respect",
+            "first attempts that are valid in every respect",
         ),
         "avg_expansions_per_round": Metric(
             lambda cell: search.expansions_per_round(cell.expansions),
-            "new machines per search of one trajectory, all its rounds together",
+            "new machines per search of one trajectory, over all its rounds",
         ),
         "avg_retry": Metric(
-            lambda cell: search.attempts_per_child(cell.expansions),
+            lambda cell: search.attempts_per_child(list(chain.from_iterable(cell.expansions))),
             "refiner calls per valid child",
         ),
         "validity_rate": Metric(
-            _child_rate, "children that came, with all retries, of those wanted", percent=True
+            _child_rate, "valid children after all retries, of those wanted", percent=True
         ),
-        "pass_of_50": Metric(_passes, "attempts that passed: a score of at least 1"),
+        "pass_of_50": Metric(_passes, "attempts that passed (score of at least 1)"),
     },
     instance_of(Metric),
 )
 
 
 def check_metrics(names: Iterable[str]) -> None:
-    """Raises UnknownNameError unless all metrics exist."""
+    """Raise UnknownNameError unless all metrics exist."""
     for name in names:
         METRICS[name]
 
 
-def curve(runs: Iterable[Member], expansions: int) -> float | None:
-    """Mean over all searches of their best score after so many new machines each.
+def curve(runs: Iterable[RunNumbers], expansions: int) -> float | None:
+    """Mean best score of all searches after this many new machines each.
 
-    None where the longest search made fewer; a search that ended earlier keeps its last score.
+    None if even the longest search made fewer; a search that ended earlier keeps its last score.
     """
     items = list(runs)
-    longest = max((node.id for run in items for node in run.record.nodes), default=0)
+    longest = max((node.place.node or 0 for run in items for node in run.record.nodes), default=0)
     if expansions > longest:
         return None
     found = [

@@ -1,7 +1,7 @@
-"""Owns what went wrong in runs, counted by one stated rule for each kind of failure (spec 6.3).
+"""Counts of what went wrong in runs, by one stated rule per kind of failure.
 
-Which block of a machine faces the wrong way takes geometry, what a rationale says takes the calls:
-both are asked of the caller.
+The caller tells which machines have a block that faces the wrong way, and which designs do not
+follow their rationale: the one takes geometry, the other the recorded calls.
 """
 
 from __future__ import annotations
@@ -12,46 +12,47 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from agentflow.runs import Event
+from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent
 
 Level = Literal["format", "planning", "construction"]
 Unit = Literal["reply", "machine"]
 STILL = 0.1
-"""Metres; a machine of which no block gets farther than this does not move."""
+"""Metres; a machine does not move if no block gets farther than this."""
 
 
 @dataclass(frozen=True)
-class Kind:
-    """One kind of failure. A refused reply is of one kind alone, a machine may be of several.
+class FailureKind:
+    """One kind of failure. A refused reply has one kind, a machine may have several.
 
-    An accepted reply can be of `RATIONALE` alone.
+    An accepted reply can only be of kind `RATIONALE`.
     """
 
     name: str
     level: Level
-    """planning: what was to be built is wrong; construction: it was put together wrongly."""
+    """planning: the wrong thing was to be built; construction: it was built wrongly."""
     unit: Unit
-    """What is counted: replies, or simulated machines, each machine once."""
+    """What is counted: replies, or simulated machines (each once)."""
     rule: str
     codes: frozenset[str] = frozenset()
-    """Codes of refused replies that are of this kind."""
+    """Codes of the refused replies of this kind."""
 
 
-UNPARSABLE = Kind(
-    "unparsable", "format", "reply", "the reply is empty, cut off, or lacks the demanded format"
+UNPARSABLE = FailureKind(
+    "unparsable", "format", "reply", "the reply is empty, cut off or not in the required format"
 )
-MISSING = Kind(
+MISSING = FailureKind(
     "missing component",
     "planning",
     "reply",
-    "a machine or blueprint lacks, or has too many of, a block that the task demands",
+    "a machine or blueprint has too few or too many of a required block",
     frozenset({"required_count", "required_missing"}),
 )
-PLAN = Kind(
+PLAN = FailureKind(
     "plan not followed",
     "planning",
     "reply",
-    "a design changes or drops given blocks, adds none, or uses a type that its part of the "
-    "blueprint does not list; a blueprint contradicts itself",
+    "a design changes or drops given blocks, adds none, or uses a type that its part "
+    "of the blueprint does not list; or a blueprint contradicts itself",
     frozenset(
         {
             "given_altered",
@@ -68,40 +69,40 @@ PLAN = Kind(
         }
     ),
 )
-RATIONALE = Kind(
+RATIONALE = FailureKind(
     "rationale not followed",
     "planning",
     "reply",
-    "an accepted design of a whole machine has fewer blocks of a type than its own rationale "
-    'counts by name ("four Small Wheels"); nothing else that a rationale says is judged',
+    "an accepted machine has fewer blocks of a type than its rationale counts by name "
+    '("four Small Wheels"); nothing else in the rationale is checked',
 )
-FORBIDDEN = Kind(
+FORBIDDEN = FailureKind(
     "block not allowed",
     "planning",
     "reply",
-    "a block type is unknown or not in the task's list",
+    "a block type is unknown or not allowed in the task",
     frozenset({"type_not_allowed", "unknown_type", "two_ended_type"}),
 )
-MOTIONLESS = Kind(
+MOTIONLESS = FailureKind(
     "no motion",
     "planning",
     "machine",
-    f"no block gets farther than {STILL} m from where it was when power came on; not counted in "
+    f"no block moves more than {STILL} m after power comes on; not counted for "
     "gearing, where cogs turn in place",
 )
-FACING = Kind(
+FACING = FailureKind(
     "wrong facing",
     "construction",
     "machine",
-    "a powered wheel whose axle is not along x where the task is to drive, or a container that "
-    "holds something and does not open upwards",
+    "the axle of a powered wheel is not along x in a driving task, or a loaded "
+    "container does not open upwards",
 )
-ATTACHMENT = Kind(
+ATTACHMENT = FailureKind(
     "wrong attachment",
     "construction",
     "reply",
-    "a block hangs on a face or parent that does not exist, is taken, or comes later, has a "
-    "rotation that no attachment gives, or is two-ended with one parent",
+    "a block is attached to a parent or face that does not exist, is occupied or "
+    "comes later, has an impossible rotation, or is two-ended with one parent",
     frozenset(
         {
             "face_not_found",
@@ -114,21 +115,23 @@ ATTACHMENT = Kind(
         }
     ),
 )
-OVERLAP = Kind(
-    "overlap", "construction", "reply", "two blocks of the machine overlap", frozenset({"overlap"})
+OVERLAP = FailureKind(
+    "overlap", "construction", "reply", "two blocks overlap", frozenset({"overlap"})
 )
-EDIT = Kind(
+EDIT = FailureKind(
     "refused edit",
     "construction",
     "reply",
-    "a refinement is refused for another reason: a command that cannot be read or carried out",
+    "an edit cannot be read or carried out for another reason",
 )
-BREAKAGE = Kind("breakage", "construction", "machine", "a connection gave way in the simulation")
-OTHER = Kind(
+BREAKAGE = FailureKind(
+    "breakage", "construction", "machine", "a connection broke in the simulation"
+)
+OTHER = FailureKind(
     "other",
     "construction",
     "reply",
-    "refused for anything else, such as the size of the machine or the order of its ids",
+    "anything else, such as the machine's size or the order of its ids",
     frozenset({"size_limit", "id_sequence", "root", "starting_block", "too_many_blocks"}),
 )
 KINDS = (
@@ -149,7 +152,7 @@ KINDS = (
 
 @dataclass
 class Failures:
-    """How often what went wrong, in one run or several."""
+    """Counts of failures in one run or several."""
 
     replies: int = 0
     """Answered calls."""
@@ -159,7 +162,7 @@ class Failures:
     kinds: Counter[str] = field(default_factory=Counter)
     """Name of a kind -> replies or machines of it."""
     codes: Counter[str] = field(default_factory=Counter)
-    """Code of refused replies -> how many; `unparsable` where there is none."""
+    """Code of refused replies -> count; `unparsable` where a reply has none."""
 
     def __add__(self, other: Failures) -> Failures:
         return Failures(
@@ -172,7 +175,7 @@ class Failures:
 
 
 def failures(
-    events: Iterable[Event],
+    events: Iterable[RunEvent | Event],
     misfaced: Callable[[str], bool],
     unkept: Collection[str] = (),
     *,
@@ -181,38 +184,36 @@ def failures(
     """Count what went wrong in a run.
 
     Args:
-        events: of the run, one at a time.
-        misfaced: whether the machine of a content hash has a block that faces the wrong way.
-        unkept: labels of the accepted replies that do not follow their own rationale.
-        in_place: whether machines of the run's task are to stay where they are.
+        events: Events of the run.
+        misfaced: Whether the machine with a content hash has a block that faces the wrong way.
+        unkept: Labels of the accepted replies that do not follow their own rationale.
+        in_place: Whether machines are meant to stay where they are in the run's task.
     """
     found = Failures()
     seen: set[str] = set()
     for event in events:
-        data = event.data
-        if event.kind == "attempt":
+        if isinstance(event, AttemptEvent):
             found.replies += 1
             found.kinds[RATIONALE.name] += event.label in unkept
-            if not data["valid"]:
+            if not event.valid:
                 found.refused += 1
                 found.kinds[kind_of(event).name] += 1
-                found.codes[data["code"] or "unparsable"] += 1
-        elif event.kind == "evaluation" and data["machine"] not in seen:
-            seen.add(data["machine"])
+                found.codes[event.code or "unparsable"] += 1
+        elif isinstance(event, EvaluationEvent) and event.machine not in seen:
+            seen.add(event.machine)
             found.machines += 1
-            moved = None if in_place else data.get("moved")
-            found.kinds[BREAKAGE.name] += bool(data["broken"])
-            found.kinds[MOTIONLESS.name] += moved is not None and moved <= STILL
-            found.kinds[FACING.name] += misfaced(data["machine"])
+            still = not in_place and event.moved is not None and event.moved <= STILL
+            found.kinds[MOTIONLESS.name] += still
+            found.kinds[BREAKAGE.name] += bool(event.broken)
+            found.kinds[FACING.name] += misfaced(event.machine)
     return found
 
 
-def kind_of(event: Event) -> Kind:
-    """What a refused reply is counted as."""
-    data = event.data
+def kind_of(attempt: AttemptEvent) -> FailureKind:
+    """The kind of failure of a refused reply."""
     for kind in KINDS:
-        if data["code"] in kind.codes:
+        if attempt.code in kind.codes:
             return kind
-    if not data["parsed"]:
+    if not attempt.parsed:
         return UNPARSABLE
-    return EDIT if data["role"] == "refiner" else OTHER
+    return EDIT if attempt.role == "refiner" else OTHER

@@ -1,7 +1,6 @@
-"""Owns 95 % intervals: Wilson's for shares, the bootstrap's for means (spec 6.2).
+"""95 % intervals: Wilson's for shares, the bootstrap for means.
 
-Runs state Wilson's, so it needs no extra; the bootstrap is scipy's, imported where it is used.
-Without scipy there is no bootstrap interval, and whoever shows means says so (`lacking`).
+The bootstrap needs scipy, an extra; without it there are no intervals of means (`missing_scipy`).
 """
 
 from __future__ import annotations
@@ -14,19 +13,17 @@ from typing import NamedTuple
 
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
-"""Resamples of a bootstrap (spec 6.2)."""
+"""Resamples of a bootstrap; the usual number for percentile intervals."""
 BATCH = 1_000_000
 """Numbers drawn at once, to bound memory."""
-
-
-WITHOUT = (
-    "Intervals of means are left out: they need scipy, which is not installed: "
+WITHOUT_SCIPY = (
+    "Intervals of means are left out because scipy is not installed: "
     "pip install 'agentflow[report]'"
 )
 
 
 class Interval(NamedTuple):
-    """Both ends of a confidence interval, in the unit of what it is about."""
+    """Ends of a confidence interval, in the unit of its quantity."""
 
     low: float
     high: float
@@ -39,14 +36,14 @@ def wilson(successes: int, trials: int) -> Interval | None:
     the American Statistical Association 22 (1927).
 
     Args:
-        successes: How often it happened, 0 to `trials`.
-        trials: How often it could have happened.
+        successes: Number of successes, 0 to `trials`.
+        trials: Number of trials.
 
     Returns:
-        Shares from 0 to 1; None without any trial.
+        Shares from 0 to 1; None without trials.
 
     Raises:
-        ValueError: `successes` is not among 0 to `trials`.
+        ValueError: `successes` is not in 0 to `trials`.
     """
     if not 0 <= successes <= trials:
         raise ValueError(f"successes must be 0 to {trials}, not {successes}")
@@ -63,16 +60,15 @@ def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
     """The 95 % bootstrap interval of a mean: percentiles over 10,000 seeded resamples.
 
     B. Efron, "Bootstrap methods: another look at the jackknife", Annals of Statistics 7 (1979);
-    here `scipy.stats.bootstrap`. Equal values (all zero, for instance) give an interval of no width
-    at that value: nothing in them tells how they vary.
+    computed by `scipy.stats.bootstrap`. Equal values (all zero, for instance) give an empty
+    interval.
 
     Args:
         values: The sample, finite.
-        seed: Of the resampling; the same sample and seed give the same interval.
+        seed: Random seed of the resampling.
 
     Returns:
-        In the unit of the values; None for fewer than two, which say nothing of their spread, and
-        where scipy is missing (see `lacking`).
+        Ends in the unit of the values; None for fewer than two values or without scipy.
     """
     stats = _stats() if len(values) > 1 else None
     if stats is None:
@@ -92,9 +88,9 @@ def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
     return Interval(float(found.low), float(found.high))
 
 
-def lacking() -> str:
-    """Why there are no bootstrap intervals, and how to get them; "" where there are."""
-    return "" if _stats() else WITHOUT
+def missing_scipy() -> str:
+    """Why there are no bootstrap intervals, and how to get them; "" if there are."""
+    return "" if _stats() else WITHOUT_SCIPY
 
 
 def _stats() -> ModuleType | None:

@@ -1,4 +1,4 @@
-"""Owns the curve of a run: its best score against what had been spent by then."""
+"""The curve of a run: best score over calls, tokens, expansions and time."""
 
 from __future__ import annotations
 
@@ -6,11 +6,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from agentflow.runs import Event
+from agentflow.runs.events import EvaluationEvent, RunEvent
+from agentflow.runs.record import RunRecord
 
 
 @dataclass(frozen=True)
-class Progress:
-    """A point of the curve, after one evaluation."""
+class ProgressPoint:
+    """The state of a run after one evaluation."""
 
     evaluations: int
     expansions: int
@@ -19,26 +21,18 @@ class Progress:
     tokens: int
     """As reported by the endpoint; 0 where it reports none."""
     seconds: float
-    """Of work into the run."""
+    """Seconds of work into the run."""
     score: float | None
-    """Of this evaluation; None when the computer failed."""
+    """Score of this evaluation; None if the simulation crashed or timed out."""
     best: float | None
-    """Of all so far."""
+    """Best score so far."""
 
 
-def progress(events: Iterable[Event]) -> Iterator[Progress]:
-    """One point per evaluation, in the order in which they happened."""
-    evaluations = expansions = calls = tokens = 0
-    best: float | None = None
+def progress(events: Iterable[RunEvent | Event]) -> Iterator[ProgressPoint]:
+    """One point per evaluation, in order."""
+    run = RunRecord()
     for event in events:
-        if event.kind == "attempt":
-            calls += 1
-            tokens += event.data["tokens"]
-        elif event.kind in ("expand", "edit"):
-            expansions += 1
-        elif event.kind == "evaluation":
-            evaluations += 1
-            score = event.data["score"]
-            if score is not None and event.data["valid"]:
-                best = score if best is None else max(best, score)
-            yield Progress(evaluations, expansions, calls, tokens, event.at, score, best)
+        run.add(event)
+        if isinstance(event, EvaluationEvent):
+            counts = (run.evaluations, run.steps, run.calls, run.tokens)
+            yield ProgressPoint(*counts, event.at, event.score, run.best)

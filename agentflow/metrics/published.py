@@ -1,6 +1,7 @@
-"""Owns the published results: numbers of other models in another simulator, for comparison.
+"""Published results of other models, for comparison.
 
-They come from the game itself, ours from this simulator: never in one average, always labelled.
+They were measured in the game itself, not in this simulator: they are always labelled and never
+averaged with ours.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from importlib.resources import files
 from agentflow.errors import UnknownNameError
 
 PLAYERS = "Human reference"
-"""The experienced players among the published models."""
+"""Published "model" that stands for experienced players."""
 
 
 @dataclass(frozen=True)
@@ -31,20 +32,20 @@ class Published:
 
 @cache
 def published() -> tuple[Published, ...]:
-    """All published numbers, in their order (published_results.csv)."""
+    """All published numbers, in the order of published_results.csv."""
     text = (files("agentflow.metrics") / "published_results.csv").read_text(encoding="utf-8")
     return tuple(Published(**row) for row in csv.DictReader(text.splitlines()))
 
 
 def check_source(table: str) -> None:
-    """Raises UnknownNameError unless there is such a published table."""
+    """Raise UnknownNameError unless there is such a published table."""
     known = dict.fromkeys(item.table for item in published())
     if table not in known:
         raise UnknownNameError("published table", table, known)
 
 
 def player_means() -> dict[str, float]:
-    """Task -> mean score of the experienced players, on the scale of the game."""
+    """Task -> mean score of experienced players, on the game's scale."""
     return {
         item.task: float(item.value)
         for item in published()

@@ -1,4 +1,4 @@
-"""Owns the numbers of a set of scored machines; which machines belong together is the caller's."""
+"""Statistics of a set of scored machines."""
 
 from __future__ import annotations
 
@@ -8,54 +8,54 @@ from dataclasses import dataclass
 
 from agentflow.metrics.best import best_at_powers
 from agentflow.metrics.intervals import Interval, bootstrap_mean
-from agentflow.metrics.records import CandidateRecord
+from agentflow.runs.events import CandidateEvent
 
 
 @dataclass(frozen=True)
 class Scores:
     """Scores of candidates, in the unit of their task.
 
-    Machines that the computer could not score (a crash, a timeout) are in neither.
+    Machines whose simulation crashed or timed out are not counted.
     """
 
     valid: tuple[float, ...]
-    """Of the valid machines."""
+    """Scores of the valid machines."""
     invalid: int
-    """How many were none; each counts as 0 where all are counted."""
+    """Number of invalid candidates; each counts as 0 in `all`."""
 
     @classmethod
-    def of(cls, candidates: Iterable[CandidateRecord]) -> Scores:
-        """The scores of candidates."""
+    def of(cls, candidates: Iterable[CandidateEvent]) -> Scores:
+        """Take the scores from candidates."""
         items = list(candidates)
         scores = tuple(c.score for c in items if c.valid and c.score is not None)
         return cls(scores, sum(not c.valid for c in items))
 
     @property
     def all(self) -> tuple[float, ...]:
-        """With 0 for each invalid one."""
+        """All scores, with 0 for each invalid candidate."""
         return self.valid + (0.0,) * self.invalid
 
     @property
     def mean_valid(self) -> float | None:
-        """Mean over the valid machines; None without one."""
+        """Mean over the valid machines; None if there are none."""
         return _mean(self.valid)
 
     @property
     def mean_all(self) -> float | None:
-        """Mean over all, invalid = 0; None without any."""
+        """Mean over all candidates, invalid = 0; None if there are none."""
         return _mean(self.all)
 
     @property
     def max(self) -> float | None:
-        """The best valid score; None without one."""
+        """The best valid score; None if there is none."""
         return max(self.valid, default=None)
 
     @property
     def std(self) -> float | None:
-        """Standard deviation of the valid scores as a population; None without one.
+        """Population standard deviation of the valid scores; None if there are none.
 
-        The population's, because published values are (mean 9.8, maximum 10, deviation 0.40 of
-        counts up to 10).
+        Published deviations are the population's: a mean of 9.8 with a maximum of 10 and a
+        deviation of 0.40 is possible for counts up to 10 only that way.
         """
         return statistics.pstdev(self.valid) if self.valid else None
 

@@ -1,82 +1,89 @@
-"""Owns the numbers of searches: attempts per child, children per round, score over expansions."""
+"""Numbers of searches: attempts per child, children per search, best score over expansions."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-from agentflow.metrics.records import BLIND, CandidateRecord, ExpansionRecord, NodeRecord, RunRecord
 from agentflow.metrics.validity import Rate
+from agentflow.runs.events import CandidateEvent, ExpandEvent, NodeEvent
+from agentflow.runs.places import BLIND, INITIAL
+from agentflow.runs.record import RunRecord
 
 
-def attempts_per_child(expansions: Sequence[ExpansionRecord]) -> float | None:
-    """Refiner calls per valid child, 1 at best; None without a child (published: avg_retry)."""
-    children = sum(item.children for item in expansions)
-    return sum(item.attempts for item in expansions) / children if children else None
+def attempts_per_child(expansions: Sequence[ExpandEvent]) -> float | None:
+    """Refiner calls per valid child, at best 1; None without children (published as avg_retry)."""
+    children = sum(item.valid for item in expansions)
+    return sum(len(item.attempts) for item in expansions) / children if children else None
 
 
-def child_validity(expansions: Sequence[ExpansionRecord], width: int) -> Rate:
-    """Children that came, with all retries, of those wanted (published: validity_rate).
+def child_validity(expansions: Sequence[ExpandEvent], width: int) -> Rate:
+    """Valid children after all retries, of those wanted (published as validity_rate).
 
-    Published rates go with more than one attempt per child (100 % at 1.42), so they count what
-    there is after the retries and not the single attempts.
+    The published table has a rate of 100 % with 1.42 attempts per child, so the rate counts
+    children after retries, not attempts.
 
     Args:
-        expansions: Of one run; one that the budget cut short counts as wanted in full.
-        width: Children that each expansion wanted; 1 in random search.
+        expansions: Expansions of one run; all their children count as wanted, even if the budget
+            ran out.
+        width: Children wanted per expansion; 1 in random search.
     """
-    return Rate(sum(item.children for item in expansions), width * len(expansions))
+    return Rate(sum(item.valid for item in expansions), width * len(expansions))
 
 
-def expansions_per_round(expansions: Sequence[ExpansionRecord]) -> float | None:
-    """New machines per search; None without a search (published: avg_expansions_per_round).
+def expansions_per_round(runs: Iterable[Sequence[ExpandEvent]]) -> float | None:
+    """New machines per search; None without searches (published as avg_expansions_per_round).
 
-    A published round is the whole search of one trajectory: only so random search, which makes one
-    refinement in each of its 5 rounds, comes to the published 5, and best-of-4 to at most 20.
+    A published "round" is the whole search of one trajectory: random search makes one refinement in
+    each of its 5 rounds and is published with 5, best-of-4 with at most 20.
+
+    Args:
+        runs: The expansions of each run.
     """
-    searches = {item.trajectory for item in expansions}
-    return sum(item.children for item in expansions) / len(searches) if searches else None
+    items = [(run, item) for run, expansions in enumerate(runs) for item in expansions]
+    searches = {(run, item.place.trajectory) for run, item in items}
+    return sum(item.valid for _, item in items) / len(searches) if searches else None
 
 
-def roots(record: RunRecord) -> dict[int, CandidateRecord]:
-    """The machine that each trajectory's search began with, by trajectory.
+def roots(record: RunRecord) -> dict[int, CandidateEvent]:
+    """The machine that each trajectory's search started from, by trajectory.
 
-    That of the last stage before the search: after a blind refinement, which may leave a trajectory
-    without a valid machine, else the initial one.
+    It comes from the last stage before the search: blind refinement, if there was one (which may
+    leave a trajectory without a valid machine), else the initial stage.
     """
-    starts = record.stage(BLIND) or record.stage("initial")
-    searched = {node.trajectory for node in record.nodes}
-    searched |= {item.trajectory for item in record.expansions}
+    starts = record.of_stage(BLIND) or record.of_stage(INITIAL)
+    searched = {node.place.trajectory for node in record.nodes}
+    searched |= {item.place.trajectory for item in record.expansions}
     return {start.trajectory: start for start in starts if start.trajectory in searched}
 
 
 def best_after_rounds(record: RunRecord, rounds: int) -> dict[int, float]:
-    """Each search's best score when it had run for so many rounds, its root included.
+    """Each search's best score after this many rounds, its root included.
 
-    A tree is a pure function of seed and replies, so a longer search cut here is the shorter one.
+    A tree depends on seed and replies alone, so a longer search cut here equals a shorter one.
     Searches without any score are left out.
     """
     return _best(record, [node for node in record.nodes if node.round <= rounds])
 
 
 def best_after_expansions(record: RunRecord, nodes: int) -> dict[int, float]:
-    """Each search's best score when it had made so many machines, its root included.
+    """Each search's best score after this many new machines, its root included.
 
-    A search that ended earlier keeps its last.
+    A search that ended earlier keeps its last score.
     """
-    return _best(record, [node for node in record.nodes if node.id <= nodes])
+    return _best(record, [node for node in record.nodes if (node.place.node or 0) <= nodes])
 
 
 def deepest(record: RunRecord) -> int:
-    """Rounds of the longest search of a run."""
-    return max((item.round for item in record.expansions), default=0)
+    """Number of rounds of the longest search of a run."""
+    return max((item.place.round for item in record.expansions), default=0)
 
 
-def _best(record: RunRecord, nodes: Sequence[NodeRecord]) -> dict[int, float]:
+def _best(record: RunRecord, nodes: Sequence[NodeEvent]) -> dict[int, float]:
     scores = {
         trajectory: [start.score] if start.valid and start.score is not None else []
         for trajectory, start in roots(record).items()
     }
     for node in nodes:
         if node.valid and node.score is not None:
-            scores.setdefault(node.trajectory, []).append(node.score)
+            scores.setdefault(node.place.trajectory, []).append(node.score)
     return {trajectory: max(found) for trajectory, found in sorted(scores.items()) if found}

@@ -1,6 +1,6 @@
-"""Owns what runs cost: calls, tokens, money, seconds per role and per stage; rates of simulation.
+"""What runs cost: calls, tokens, money, seconds per role and per stage; simulation speed.
 
-Works on the lines of calls.jsonl as data, so that any recorded run can be counted.
+Works on the lines of calls.jsonl as data.
 """
 
 from __future__ import annotations
@@ -9,39 +9,37 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from agentflow.metrics.records import stage_of
-
 Cost = Callable[[str, Mapping[str, int]], "float | None"]
-"""(model, usage) -> money, or None when the model has no price."""
+"""(model, usage) -> money; None if the model has no price."""
 
 
 def unpriced(_model: str, _usage: Mapping[str, int]) -> float | None:
-    """No price is known."""
+    """Price of a model without one."""
     return None
 
 
 @dataclass(frozen=True)
 class Spent:
-    """The sum over some calls."""
+    """Totals of some calls."""
 
     calls: int = 0
     prompt: int = 0
-    """Tokens, as the endpoint reports them; 0 where it reports none, as do all below."""
+    """Prompt tokens. All token counts are the endpoint's, 0 where it reports none."""
     completion: int = 0
-    """Tokens, reasoning included."""
+    """Completion tokens, including reasoning."""
     reasoning: int = 0
     cached: int = 0
-    """Prompt tokens that the endpoint had cached."""
+    """Prompt tokens read from the endpoint's cache."""
     retries: int = 0
-    """Repetitions because of faults of the endpoint."""
+    """Retries after endpoint errors."""
     seconds: float = 0.0
-    """Latencies added up; calls overlap, so this is no wall time."""
+    """Sum of latencies; calls overlap, so this is not wall time."""
     money: float | None = 0.0
-    """In the currency of the prices; None as soon as one call has no price."""
+    """In the currency of the prices; None if any call has no price."""
 
     @property
     def tokens(self) -> int:
-        """Prompt and completion tokens together."""
+        """Prompt and completion tokens."""
         return self.prompt + self.completion
 
     def __add__(self, other: Spent) -> Spent:
@@ -59,7 +57,7 @@ class Spent:
 
 
 def spent_on(call: Mapping[str, Any], cost: Cost = unpriced) -> Spent:
-    """What one line of calls.jsonl cost."""
+    """Cost of one line of calls.jsonl."""
     reply = call["reply"]
     usage: Mapping[str, int] = reply["usage"]
     return Spent(
@@ -76,7 +74,7 @@ def spent_on(call: Mapping[str, Any], cost: Cost = unpriced) -> Spent:
 
 @dataclass(frozen=True)
 class Bill:
-    """What a run cost, in total and taken apart; roles and stages in order of their first call."""
+    """What a run cost, in total, by role and by stage, in order of first call."""
 
     total: Spent
     roles: Mapping[str, Spent]
@@ -84,7 +82,7 @@ class Bill:
 
     @property
     def token_shares(self) -> dict[str, float]:
-        """Role -> its share of all tokens; empty where no tokens are reported."""
+        """Role -> its share of all tokens; empty if no tokens are reported."""
         whole = self.total.tokens
         return {role: item.tokens / whole for role, item in self.roles.items()} if whole else {}
 
@@ -100,42 +98,54 @@ def _joined(one: Mapping[str, Spent], other: Mapping[str, Spent]) -> dict[str, S
     return {key: one.get(key, Spent()) + other.get(key, Spent()) for key in {**one, **other}}
 
 
-def bill(calls: Iterable[Mapping[str, Any]], cost: Cost = unpriced) -> Bill:
-    """Add up the lines of calls.jsonl; of any length, one at a time."""
+def bill(
+    calls: Iterable[Mapping[str, Any]],
+    cost: Cost = unpriced,
+    stage_of: Callable[[str], str] | None = None,
+) -> Bill:
+    """Add up the lines of calls.jsonl, one at a time.
+
+    Args:
+        calls: The lines, as data.
+        cost: Price of a call.
+        stage_of: Label of a call -> its stage; None leaves out the costs by stage.
+    """
     total = Spent()
     roles: dict[str, Spent] = {}
     stages: dict[str, Spent] = {}
     for call in calls:
         spent = spent_on(call, cost)
-        role, stage = call["request"]["role"], stage_of(call["request"]["label"])
+        role = call["request"]["role"]
         total += spent
         roles[role] = roles.get(role, Spent()) + spent
-        stages[stage] = stages.get(stage, Spent()) + spent
+        if stage_of is not None:
+            stage = stage_of(call["request"]["label"])
+            stages[stage] = stages.get(stage, Spent()) + spent
     return Bill(total, roles, stages)
 
 
 @dataclass(frozen=True)
-class Simulated:
+class SimulationSpeed:
     """How much was simulated, and how fast."""
 
     rollouts: int
     simulated_seconds: float
-    """Of the machines' own time, settling included."""
+    """Simulated time, including settling."""
     worker_seconds: float
-    """Wall time that workers were busy with it."""
+    """Wall time that workers spent on it."""
 
     @property
     def rollouts_per_second(self) -> float | None:
-        """Per worker; None when nothing was simulated."""
+        """Per worker; None if nothing was simulated."""
         return self.rollouts / self.worker_seconds if self.worker_seconds else None
 
     @property
     def speed(self) -> float | None:
-        """Simulated seconds per worker's second; None when nothing was simulated."""
+        """Simulated seconds per worker second; None if nothing was simulated."""
         return self.simulated_seconds / self.worker_seconds if self.worker_seconds else None
 
-    def __add__(self, other: Simulated) -> Simulated:
-        return Simulated(
+    def __add__(self, other: SimulationSpeed) -> SimulationSpeed:
+        return SimulationSpeed(
             self.rollouts + other.rollouts,
             self.simulated_seconds + other.simulated_seconds,
             self.worker_seconds + other.worker_seconds,

@@ -1,4 +1,4 @@
-"""Owns how often what models write is valid: parse, spatial, machine (spec 6.2)."""
+"""Validity rates of models' replies: parse, spatial, machine."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from agentflow.metrics.intervals import Interval, wilson
-from agentflow.metrics.records import CandidateRecord
+from agentflow.runs.events import CandidateEvent
 
 
 @dataclass(frozen=True)
 class Rate:
-    """A share as a count of a count."""
+    """A share, as `count` of `of`."""
 
     count: int
     of: int
 
     @property
     def value(self) -> float | None:
-        """From 0 to 1; None of nothing."""
+        """From 0 to 1; None if `of` is 0."""
         return self.count / self.of if self.of else None
 
     @property
@@ -35,26 +35,26 @@ class Rate:
 
 @dataclass(frozen=True)
 class Validity:
-    """How many were valid, each of the same number."""
+    """Three validity rates of the same replies."""
 
     parse: Rate
-    """Replies in the demanded format."""
+    """Replies in the required format."""
     spatial: Rate
-    """... whose machine had no overlaps and kept its size."""
+    """... whose machine has no overlaps and is within the size limit."""
     machine: Rate
-    """... and was what was asked for in every respect."""
+    """... and meets every other requirement."""
 
 
-def first_attempts(candidates: Sequence[CandidateRecord]) -> Validity:
-    """Validity at the first attempt, before any retry, one per trajectory (spec 5.2)."""
+def first_attempts(candidates: Sequence[CandidateEvent]) -> Validity:
+    """Validity at the first attempt, before any retry, one per trajectory."""
     total = len(candidates)
     return Validity(
-        Rate(sum(c.parsed_first for c in candidates), total),
-        Rate(sum(c.spatial_first for c in candidates), total),
-        Rate(sum(c.valid_first for c in candidates), total),
+        Rate(sum(c.first.parsed for c in candidates), total),
+        Rate(sum(c.first.spatial for c in candidates), total),
+        Rate(sum(c.first.valid for c in candidates), total),
     )
 
 
-def after_retries(candidates: Sequence[CandidateRecord]) -> Rate:
+def after_retries(candidates: Sequence[CandidateEvent]) -> Rate:
     """Trajectories with a valid machine at the end of a stage."""
     return Rate(sum(c.valid for c in candidates), len(candidates))

@@ -1,6 +1,6 @@
-"""Owns what the page of a run says: its tree, curves, tables and conversations, as JSON data.
+"""The data of a run's page: tree, curve, tables and conversations, as JSON data.
 
-Machines and films are added by whoever can simulate; the page itself is page.py's.
+The caller, who can simulate, adds machines and films.
 """
 
 from __future__ import annotations
@@ -15,25 +15,27 @@ from typing import Any
 from agentflow.metrics.progress import progress
 from agentflow.metrics.usage import Cost, Spent, bill
 from agentflow.report.film import deflated_json
-from agentflow.report.lineage import Lineage, Node
-from agentflow.runs import Event, read_calls, read_document, read_events, state_of
+from agentflow.report.lineage import Lineage, LineageNode
+from agentflow.runs import Event, read_calls, read_document, state_of
+from agentflow.runs.events import AttemptEvent, RunEvent, read_typed_events
+from agentflow.runs.record import RunRecord
 
 UNFINISHED = {"running": "under way", "stopped": "unfinished", "done": "finishing"}
-"""What the page says of a run without a result, by its state; it may end while it is read."""
+"""What the page calls a run without a result, by its state; it may end while it is read."""
 EXAMPLE = 200
-"""Characters of a refusal that are shown with its count."""
+"""Characters shown of an example of a refusal."""
 
 
 @dataclass(frozen=True)
 class RunStory:
-    """A run as it is recorded, finished or not."""
+    """A recorded run, finished or not."""
 
     path: Path
     document: Mapping[str, Any]
     result: Mapping[str, Any] | None
-    """The content of result.json; None of an unfinished run."""
-    events: Sequence[Event]
-    nodes: tuple[Node, ...]
+    """The content of result.json; None for an unfinished run."""
+    events: Sequence[RunEvent | Event]
+    nodes: tuple[LineageNode, ...]
 
     @classmethod
     def read(cls, path: Path, result: Mapping[str, Any] | None, best: str | None) -> RunStory:
@@ -45,32 +47,33 @@ class RunStory:
             best: Content hash of the resulting machine.
 
         Raises:
-            RunError: It is none, or is damaged.
+            RunError: It is not a run directory, or is damaged.
         """
-        events = tuple(read_events(path))
-        return cls(path, read_document(path), result, events, Lineage.of(events).finished(best))
+        events = tuple(read_typed_events(path))
+        return cls(path, read_document(path), result, events, Lineage.of(events).finish(best))
 
     @property
-    def machines(self) -> dict[str, Node]:
-        """Content hash -> the first node that shows it, the highest scores first."""
+    def machines(self) -> dict[str, LineageNode]:
+        """Content hash -> the first node with that machine, the highest scores first."""
         shown = [node for node in self.nodes if node.machine is not None]
         shown.sort(key=lambda node: -1.0 if node.score is None else node.score, reverse=True)
-        found: dict[str, Node] = {}
+        found: dict[str, LineageNode] = {}
         for node in shown:
             found.setdefault(str(node.machine), node)
         return found
 
     def to_json(self, cost: Cost, priced: bool) -> dict[str, Any]:
-        """Everything but machines and films.
+        """Everything except machines and films.
 
         Args:
-            cost: What a call costs.
+            cost: Price of a call.
             priced: Whether any prices are known.
         """
-        attempts = [event for event in self.events if event.kind == "attempt"]
+        attempts = [event for event in self.events if isinstance(event, AttemptEvent)]
+        record = RunRecord.of(self.events)
         return {
             "kind": "run",
-            "run": self._head(priced),
+            "run": self._head(record, priced),
             "nodes": [node.to_json() for node in self.nodes],
             "progress": [
                 {
@@ -82,7 +85,7 @@ class RunStory:
                 for point in progress(self.events)
                 if point.score is not None
             ],
-            "stages": [dict(event.data) for event in self.events if event.kind == "stage"],
+            "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
             "reasons": reasons(attempts),
             "usage": usage(read_calls(self.path), cost),
@@ -91,30 +94,23 @@ class RunStory:
             "facts": self._facts(),
         }
 
-    def _head(self, priced: bool) -> dict[str, Any]:
+    def _head(self, record: RunRecord, priced: bool) -> dict[str, Any]:
         config = self.document.get("config", {})
-        counted = Counter(event.kind for event in self.events)
-        machines = len({e.data["machine"] for e in self.events if e.kind == "evaluation"})
-        begun = (event.data.get("model") for event in self.events if event.kind == "run")
-        known = ((self.result or {}).get("model"), *begun, config.get("model", {}).get("name"))
-        model = next(filter(None, known), "")
+        begun, asked = record.start and record.start.model, config.get("model", {}).get("name")
+        model = (self.result or {}).get("model") or begun or asked or ""
         return {
             "task": config.get("task", ""),
             "workflow": config.get("workflow", ""),
             "seed": config.get("seed", 0),
-            "score": self.result["score"] if self.result else self._highest(),
-            "sentence": self._sentence(),
-            "about": f"{model}: {counted['attempt']} calls, {machines} machines simulated",
+            "score": self.result["score"] if self.result else record.best,
+            "sentence": self._sentence(record.best is not None),
+            "about": f"{model}: {record.calls} calls, {len(record.machines)} machines simulated",
             "prices": priced,
         }
 
-    def _highest(self) -> float | None:
-        return next((node.score for node in self.nodes if node.best), None)
-
-    def _sentence(self) -> str:
+    def _sentence(self, scored: bool) -> str:
         if self.result is None:
-            known = any(node.best for node in self.nodes)
-            return f"{'is the best so far: ' * known}the run is {UNFINISHED[state_of(self.path)]}"
+            return f"{'is the best so far: ' * scored}the run is {UNFINISHED[state_of(self.path)]}"
         end = "; its budget was used up" * (self.result.get("stopped") == "budget")
         if not self.result["valid"]:
             return str(self.result.get("reason") or "no valid machine was found") + end
@@ -144,23 +140,24 @@ class RunStory:
         return list(facts.items())
 
 
-def validity(attempts: Iterable[Event]) -> list[dict[str, Any]]:
-    """Per role: replies, and how many of them could be parsed, were valid, had to be repaired."""
+def validity(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:
+    """Per role: replies, and how many of them were parsed, valid, or repaired."""
     rows: dict[str, dict[str, Any]] = {}
     for attempt in attempts:
-        empty = {"role": attempt.data["role"], "attempts": 0, "parsed": 0, "valid": 0}
-        row = rows.setdefault(attempt.data["role"], {**empty, "repaired": 0})
+        empty = {"role": attempt.role, "attempts": 0, "parsed": 0, "valid": 0, "repaired": 0}
+        row = rows.setdefault(attempt.role, empty)
         row["attempts"] += 1
-        for key in ("parsed", "valid", "repaired"):
-            row[key] += bool(attempt.data[key])
+        row["parsed"] += attempt.parsed
+        row["valid"] += attempt.valid
+        row["repaired"] += attempt.repaired
     return list(rows.values())
 
 
-def reasons(attempts: Iterable[Event]) -> list[dict[str, Any]]:
-    """Why replies were refused: code, how often, one example; the most frequent first."""
-    refused = [attempt for attempt in attempts if not attempt.data["valid"]]
-    examples = {a.data["code"]: a.data["problem"][:EXAMPLE] for a in reversed(refused)}
-    counted = Counter(attempt.data["code"] for attempt in refused)
+def reasons(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:
+    """Why replies were refused: code, count, one example; the most frequent first."""
+    refused = [attempt for attempt in attempts if not attempt.valid]
+    examples = {a.code: a.problem[:EXAMPLE] for a in reversed(refused)}
+    counted = Counter(attempt.code for attempt in refused)
     return [
         {"code": code or "unnamed", "count": count, "example": examples[code]}
         for code, count in counted.most_common()
@@ -168,7 +165,7 @@ def reasons(attempts: Iterable[Event]) -> list[dict[str, Any]]:
 
 
 def usage(calls: Iterable[Mapping[str, Any]], cost: Cost) -> list[dict[str, Any]]:
-    """Tokens, seconds and money per role, and of all."""
+    """Tokens, seconds and money per role and in total."""
     found = bill(calls, cost)
     if not found.total.calls:
         return []
@@ -197,21 +194,21 @@ def talk(calls: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def conversations(
-    calls: Iterable[Mapping[str, Any]], attempts: Iterable[Event]
+    calls: Iterable[Mapping[str, Any]], attempts: Iterable[AttemptEvent]
 ) -> dict[str, list[Any]]:
-    """Every call with its verdict; texts that come again (system prompts) are kept once."""
-    verdicts = {attempt.label: attempt.data for attempt in attempts}
+    """Every call with its verdict; repeated texts (system prompts) are kept once."""
+    verdicts = {attempt.label: attempt for attempt in attempts}
     texts: dict[str, int] = {}
     found = []
     for call in calls:
         request, reply = call["request"], call["reply"]
-        verdict = verdicts.get(request["label"], {})
+        verdict = verdicts.get(request["label"])
         found.append(
             {
                 "label": request["label"],
-                "valid": verdict.get("valid"),
-                "repaired": verdict.get("repaired", False),
-                "problem": verdict.get("problem", ""),
+                "valid": verdict.valid if verdict else None,
+                "repaired": verdict is not None and verdict.repaired,
+                "problem": verdict.problem if verdict else "",
                 "messages": [
                     (message["role"], texts.setdefault(message["text"], len(texts)))
                     for message in request.get("messages", ())

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agentflow.metrics.cells import Value
-from agentflow.metrics.records import STAGES
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import PUBLISHED, Column, Row, Table, shown
+from agentflow.runs.places import STAGES
 
 MOST_DOTS = 400
 """Scores of one variant that are drawn, evenly taken from all in order of size."""

@@ -29,6 +29,8 @@ class Event:
     data: Mapping[str, Any]
     at: float = field(default=0.0, compare=False)
     """Seconds of work into the run, without the time between a kill and a resumption."""
+    line: int = field(default=0, compare=False)
+    """Number of its line in the file; 0 if it was not read from one."""
 
 
 def read_events(path: Path) -> Iterator[Event]:
@@ -157,5 +159,5 @@ def _parse_event(line: bytes, path: Path, number: int) -> Event:
     if item is not None:
         kind, label, data = item.get("kind"), item.get("label"), item.get("data")
         if isinstance(kind, str) and isinstance(label, str) and isinstance(data, dict):
-            return Event(kind, label, data, item.get("at", 0.0))
+            return Event(kind, label, data, item.get("at", 0.0), number)
     raise RunError(f"{path / EVENTS} is damaged in line {number}")

@@ -10,13 +10,35 @@ from rich.console import Console
 
 from agentflow.cli.display.live import Progress, sparkline, watch
 from agentflow.runs import Event
+from agentflow.runs.events import DrawingEvent, StageEvent
+from agentflow.runs.places import Place
+from tests.metrics.events import attempt as answered
+from tests.metrics.events import candidate, evaluation
 
-ROW = {"name": "initial", "trajectories": 8, "valid": 7, "mean": 12.5, "max": 20.0}
+STAGE = StageEvent(
+    Place("initial"),
+    name="initial",
+    trajectories=8,
+    parsed_first=8,
+    spatial_first=8,
+    valid_first=7,
+    valid=7,
+    mean=12.5,
+    mean_all=11.0,
+    max=20.0,
+    std=1.0,
+    calls=2,
+    tokens=350,
+    rollouts=2,
+    expansions=0,
+    attempts=0,
+    children=0,
+)
 
 
 def attempt(valid: bool, tokens: int, problem: str = "") -> Event:
-    data = {"valid": valid, "tokens": tokens, "problem": problem}
-    return Event("attempt", "designer/traj-1/attempt-1", data)
+    made = answered("designer/traj-1/attempt-1", tokens, valid=valid, problem=problem)
+    return made.to_event()
 
 
 EVENTS = (
@@ -25,11 +47,11 @@ EVENTS = (
     Event("calls", "designer/traj-1/attempt-1", {"under_way": 3, "cost": 0.01234}),
     attempt(False, 100, "The reply holds no [bold]machine[/bold]:\n- nothing at all"),
     attempt(True, 250),
-    Event("blueprint", "meta_designer", {}),
-    Event("evaluation", "initial/traj-1", {"status": "ok", "score": 12.5}),
-    Event("evaluation", "initial/traj-2", {"status": "timeout", "score": None}),
-    Event("candidate", "initial/traj-1", {}),
-    Event("stage", "initial", ROW),
+    Event("beam", "structure-1", {"machines": ["00"]}),
+    evaluation("initial/traj-1", 12.5).to_event(),
+    evaluation("initial/traj-2", None, status="timeout").to_event(),
+    candidate("initial", 1, 12.5).to_event(),
+    STAGE.to_event(),
 )
 
 
@@ -82,7 +104,7 @@ def test_nothing_known_is_shown_as_such() -> None:
 def test_an_unknown_cost_is_unknown(progress: Progress) -> None:
     progress.note(Event("calls", "x", {"under_way": 0, "cost": None}))
     assert "cost unknown" in plain(seen(progress, 100))[2]
-    progress.note(Event("drawing", "best", {}))
+    progress.note(DrawingEvent().to_event())
     assert plain(seen(progress, 100))[1].startswith("drawing pictures · ")
 
 
@@ -98,7 +120,7 @@ def test_without_a_terminal_there_is_one_line_per_event(
 ) -> None:
     with watch(quiet=False) as (listener, say):
         assert listener is not None
-        for event in (*EVENTS, Event("drawing", "best", {})):
+        for event in (*EVENTS, DrawingEvent().to_event()):
             listener(event)
         say("a remark")
     captured = capsys.readouterr()

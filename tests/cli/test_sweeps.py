@@ -14,6 +14,7 @@ from agentflow.cli import main
 from agentflow.cli.display.sweep_live import View
 from agentflow.runs import Event
 from tests.app.sweeps.test_run import DEAD, TINY
+from tests.metrics.events import evaluation
 
 ROOT = Path(__file__).parents[2]
 
@@ -164,8 +165,7 @@ def test_the_live_view_has_a_line_per_run_and_fits_the_terminal() -> None:
     for number in range(20):
         view.begun(f"run-{number}")
         view.event(f"run-{number}", Event("stage_begin", "initial", {"trajectories": 1}))
-        score = {"score": number + 0.5, "valid": True}
-        view.event(f"run-{number}", Event("evaluation", "a", score))
+        view.event(f"run-{number}", evaluation("initial/traj-1", number + 0.5).to_event())
         if number < 18:
             view.ended(f"run-{number}", {"score": number + 0.5})
     view.failed("run-3", "nothing answers")

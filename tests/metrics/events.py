@@ -4,41 +4,62 @@ from __future__ import annotations
 
 from typing import Any
 
-from agentflow.runs import Event
+from agentflow.runs.events import (
+    AttemptEvent,
+    CandidateEvent,
+    EditEvent,
+    EvaluationEvent,
+    ExpandAttempt,
+    ExpandEvent,
+    FirstAttempt,
+    NodeEvent,
+)
+from agentflow.runs.places import FEEDBACK, Place
 
 
 def candidate(
     stage: str, trajectory: int, score: float | None, valid: bool = True, first: str = "psv"
-) -> Event:
+) -> CandidateEvent:
     """`first`: which of parsed, spatial, valid the first attempt was."""
-    data = {
-        "trajectory": trajectory,
-        "machine": "00" if valid else None,
-        "valid": valid,
-        "score": score,
-        "first": {"parsed": "p" in first, "spatial": "s" in first, "valid": "v" in first},
-        "reason": "" if valid else "why",
-    }
-    return Event("candidate", f"{stage}/traj-{trajectory}", data)
+    return CandidateEvent(
+        Place(stage, trajectory=trajectory),
+        trajectory=trajectory,
+        machine="00" if valid else None,
+        valid=valid,
+        score=score,
+        first=FirstAttempt("p" in first, "s" in first, "v" in first),
+        reason="" if valid else "why",
+    )
 
 
-def attempt(label: str, tokens: int = 0, **data: Any) -> Event:
-    role = label.partition("/")[0]
-    known = {"role": role, "parsed": True, "spatial": True, "valid": True, "code": ""}
-    return Event("attempt", label, {**known, "tokens": tokens, **data})
+def attempt(label: str, tokens: int = 0, **data: Any) -> AttemptEvent:
+    place = Place.parse(label)
+    known = {"role": place.name.partition("/")[0], "valid": True, "parsed": True, "spatial": True}
+    known |= {"repaired": False, "code": "", "problem": ""}
+    return AttemptEvent(place, **{**known, "tokens": tokens, **data})
 
 
-def expansion(trajectory: int, round_: int, verdicts: str) -> Event:
+def expansion(trajectory: int, round_: int, verdicts: str) -> ExpandEvent:
     """`verdicts`: v for each valid attempt, x for each refused one."""
-    attempts = [{"label": "", "valid": verdict == "v", "note": ""} for verdict in verdicts]
-    data = {"node": 0, "attempts": attempts, "children": [], "fallback": "v" not in verdicts}
-    return Event("expand", f"env_feedback/traj-{trajectory}/round-{round_}", data)
+    attempts = tuple(ExpandAttempt("", verdict == "v", "") for verdict in verdicts)
+    place = Place(FEEDBACK, trajectory=trajectory, round=round_)
+    return ExpandEvent(place, 0, attempts, (), fallback="v" not in verdicts)
 
 
-def node(trajectory: int, id_: int, round_: int, score: float | None, valid: bool = True) -> Event:
-    data = {"round": round_, "parent": 0, "machine": "00", "valid": valid, "score": score}
-    return Event("node", f"env_feedback/traj-{trajectory}/node-{id_}", data)
+def node(
+    trajectory: int, id_: int, round_: int, score: float | None, valid: bool = True
+) -> NodeEvent:
+    place = Place(FEEDBACK, trajectory=trajectory, node=id_)
+    return NodeEvent(place, round_, 0, "", "00", valid, score)
 
 
-def evaluation(label: str, score: float | None, valid: bool = True, at: float = 0.0) -> Event:
-    return Event("evaluation", label, {"valid": valid, "score": score}, at)
+def evaluation(
+    label: str, score: float | None, machine: str = "00", **data: Any
+) -> EvaluationEvent:
+    known = {"valid": True, "status": "ok", "broken": (), "rollout": "11", "moved": 1.0}
+    return EvaluationEvent(Place.parse(label), machine, score=score, **{**known, **data})
+
+
+def edit(trajectory: int, round_: int, machine: str = "00", kept: bool = True) -> EditEvent:
+    place = Place(FEEDBACK, trajectory=trajectory, round=round_)
+    return EditEvent(place, "?", machine, kept)

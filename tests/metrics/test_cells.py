@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from agentflow.errors import UnknownNameError
-from agentflow.metrics.cells import METRICS, Cell, Member, check_metrics, curve
-from agentflow.metrics.records import RunRecord
+from agentflow.metrics.cells import METRICS, Cell, RunNumbers, check_metrics, curve
 from agentflow.metrics.validity import Rate
-from agentflow.runs import Event
+from agentflow.runs.events import RunEvent
+from agentflow.runs.record import RunRecord
 from tests.metrics.events import candidate, expansion, node
 
 FIRST = [
@@ -29,8 +29,8 @@ SECOND = [
 ]
 
 
-def member(events: list[Event], width: int = 2) -> Member:
-    return Member(RunRecord.of(events), width)
+def member(events: list[RunEvent], width: int = 2) -> RunNumbers:
+    return RunNumbers(RunRecord.of(events), width)
 
 
 def cell(stage: str, rounds: int | None = None) -> Cell:

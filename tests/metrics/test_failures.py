@@ -10,16 +10,19 @@ import pytest
 from agentflow.cli import main
 from agentflow.metrics.failures import KINDS, STILL, Failures, failures, kind_of
 from agentflow.runs import Event
+from agentflow.runs.events import AttemptEvent, EvaluationEvent, StageBeginEvent
+from agentflow.runs.places import Place
+from tests.metrics.events import attempt as answered
+from tests.metrics.events import evaluation as evaluated
 
 
-def attempt(code: str, role: str = "designer", **more: Any) -> Event:
-    data = {"role": role, "valid": False, "parsed": True, "code": code, **more}
-    return Event("attempt", f"{role}/{code}/attempt-1", data)
+def attempt(code: str, role: str = "designer", **more: Any) -> AttemptEvent:
+    return answered(f"{role}/{code}/attempt-1", role=role, code=code, valid=False, **more)
 
 
-def evaluation(machine: str, broken: int = 0, **more: Any) -> Event:
-    data = {"machine": machine, "broken": [[1, 0, 0.5]] * broken, **more}
-    return Event("evaluation", f"initial/{machine}", data)
+def evaluation(machine: str, broken: int = 0, **more: Any) -> EvaluationEvent:
+    breaks = ((1, 0, 0.5),) * broken
+    return evaluated("initial/traj-1", 1.0, machine, broken=breaks, **more)
 
 
 @pytest.mark.parametrize(
@@ -43,9 +46,9 @@ def evaluation(machine: str, broken: int = 0, **more: Any) -> Event:
         (attempt("id_sequence", parsed=False), "other"),
         (attempt("a code of tomorrow"), "other"),
     ],
-    ids=lambda value: value.label if isinstance(value, Event) else "",
+    ids=lambda value: value.label if isinstance(value, AttemptEvent) else "",
 )
-def test_a_refused_reply_is_of_one_kind(event: Event, name: str) -> None:
+def test_a_refused_reply_is_of_one_kind(event: AttemptEvent, name: str) -> None:
     assert kind_of(event).name == name
     found = failures([event], lambda _digest: False)
     assert {kind: count for kind, count in found.kinds.items() if count} == {name: 1}
@@ -58,7 +61,7 @@ def test_machines_count_once_and_may_be_of_several_kinds() -> None:
         evaluation("a", broken=2, moved=STILL),
         evaluation("b", moved=STILL + 0.001),
         evaluation("c", moved=None),
-        evaluation("d"),
+        evaluation("d", moved=None),
     ]
     found = failures(events, lambda digest: digest in "ab")
     assert found.machines == 4
@@ -75,8 +78,8 @@ def test_what_is_to_stay_in_place_is_not_motionless() -> None:
 
 
 def test_accepted_replies_and_other_events_are_no_failures() -> None:
-    fine = Event("attempt", "a", {"valid": True, "parsed": True, "code": "", "role": "designer"})
-    assert failures([fine, Event("stage", "initial", {})], lambda _: True) == Failures(replies=1)
+    others = [answered("a"), StageBeginEvent(Place("initial"), 8), Event("unknown", "a", {})]
+    assert failures(others, lambda _: True) == Failures(replies=1)
 
 
 def test_runs_add_up() -> None:

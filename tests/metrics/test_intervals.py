@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.metrics.intervals import Interval, bootstrap_mean, lacking, wilson
+from agentflow.metrics.intervals import Interval, bootstrap_mean, missing_scipy, wilson
 
 Z = 1.959963984540054
 """97.5 % point of the normal distribution."""
@@ -84,15 +84,15 @@ def test_bootstrap_of_fewer_than_two_values_is_none(values: list[float]) -> None
 def test_without_scipy_there_is_none_and_the_extra_to_install_is_named() -> None:
     code = (
         "import sys; sys.modules['scipy'] = None\n"
-        "from agentflow.metrics.intervals import bootstrap_mean, lacking\n"
-        "print(bootstrap_mean([1.0, 2.0]), lacking())\n"
+        "from agentflow.metrics.intervals import bootstrap_mean, missing_scipy\n"
+        "print(bootstrap_mean([1.0, 2.0]), missing_scipy())\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == (
-        "None Intervals of means are left out: they need scipy, which is not installed: "
+        "None Intervals of means are left out because scipy is not installed: "
         "pip install 'agentflow[report]'\n"
     )
-    assert lacking() == ""
+    assert missing_scipy() == ""
 
 
 def test_no_metric_imports_scipy_before_it_is_needed() -> None:

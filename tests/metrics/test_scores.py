@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.metrics.records import RunRecord
 from agentflow.metrics.scores import Scores
+from agentflow.runs.record import RunRecord
 from tests.metrics.events import candidate
 
 
@@ -18,7 +18,7 @@ def test_valid_and_all_are_two_things() -> None:
             candidate("initial", 4, None),  # simulated, and the computer failed at it
         ]
     )
-    scores = Scores.of(record.stage("initial"))
+    scores = Scores.of(record.of_stage("initial"))
     assert (scores.valid, scores.invalid, scores.all) == ((4.0, 2.0), 1, (4.0, 2.0, 0.0))
     assert (scores.mean_valid, scores.mean_all, scores.max, scores.std) == (3.0, 2.0, 4.0, 1.0)
     assert scores.best_at() == {1: 2.0, 2: pytest.approx(10 / 3)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.metrics.records import RunRecord
 from agentflow.metrics.search import (
     attempts_per_child,
     best_after_expansions,
@@ -14,6 +13,7 @@ from agentflow.metrics.search import (
     expansions_per_round,
 )
 from agentflow.metrics.validity import Rate
+from agentflow.runs.record import RunRecord
 from tests.metrics.events import candidate, expansion, node
 
 
@@ -23,7 +23,7 @@ def test_attempts_and_children() -> None:
     ).expansions
     assert attempts_per_child(made) == 10 / 4
     assert child_validity(made, 2) == Rate(4, 6)
-    assert expansions_per_round(made) == 2
+    assert expansions_per_round([made]) == 2
     assert attempts_per_child([]) is None
     assert expansions_per_round([]) is None
     assert attempts_per_child(RunRecord.of([expansion(1, 1, "xx")]).expansions) is None
@@ -32,8 +32,8 @@ def test_attempts_and_children() -> None:
 def test_published_expansions_of_random_and_best_of_n_search() -> None:
     chain = [expansion(1, round_, "v") for round_ in range(1, 6)]
     broad = [expansion(1, round_, "vvvv") for round_ in range(1, 6)]
-    assert expansions_per_round(RunRecord.of(chain).expansions) == 5
-    assert expansions_per_round(RunRecord.of(broad).expansions) == 20
+    assert expansions_per_round([chain]) == 5
+    assert expansions_per_round([broad, []]) == 20
 
 
 @pytest.fixture

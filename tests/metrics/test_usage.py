@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from agentflow.metrics.usage import Simulated, Spent, bill
+from agentflow.agents.registry import stage_of
+from agentflow.metrics.usage import SimulationSpeed, Spent, bill
 from agentflow.runs import read_calls, read_result
 
 RECORDED = Path(__file__).parent.parent.parent / "runs/recorded-throwing"
@@ -35,7 +36,7 @@ CALLS = [
 
 
 def test_a_bill_by_role_and_stage() -> None:
-    found = bill(CALLS, price)
+    found = bill(CALLS, price, stage_of)
     assert found.total == Spent(3, 80, 20, 6, 3, 3, 1.5, 160.0)
     assert found.total.tokens == 100
     assert list(found.roles) == ["designer", "refiner"]
@@ -62,7 +63,7 @@ def test_no_calls_cost_nothing() -> None:
 
 
 def test_the_recorded_run_has_as_many_calls_as_its_result_says() -> None:
-    found = bill(read_calls(RECORDED))
+    found = bill(read_calls(RECORDED), stage_of=stage_of)
     assert found.total.calls == read_result(RECORDED)["calls"]
     assert "other" not in found.stages
 
@@ -72,7 +73,7 @@ def test_an_endpoint_that_reports_no_tokens_leaves_no_shares() -> None:
 
 
 def test_rates_of_simulation() -> None:
-    found = Simulated(8, 40.0, 2.0) + Simulated(2, 10.0, 3.0)
+    found = SimulationSpeed(8, 40.0, 2.0) + SimulationSpeed(2, 10.0, 3.0)
     assert (found.rollouts_per_second, found.speed) == (2.0, 10.0)
-    assert Simulated(0, 0.0, 0.0).rollouts_per_second is None
-    assert Simulated(0, 0.0, 0.0).speed is None
+    assert SimulationSpeed(0, 0.0, 0.0).rollouts_per_second is None
+    assert SimulationSpeed(0, 0.0, 0.0).speed is None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.metrics.records import RunRecord
 from agentflow.metrics.validity import Rate, after_retries, first_attempts
+from agentflow.runs.record import RunRecord
 from tests.metrics.events import candidate
 
 
@@ -17,7 +17,7 @@ def test_first_attempts_and_after_retries() -> None:
             candidate("initial", 3, 1.0, first="p"),
             candidate("initial", 4, None, valid=False, first=""),
         ]
-    ).stage("initial")
+    ).of_stage("initial")
     found = first_attempts(stage)
     assert [str(rate) for rate in (found.parse, found.spatial, found.machine)] == [
         "3/4",

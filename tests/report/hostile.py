@@ -57,7 +57,9 @@ def hostile_run(folder: Path) -> Path:
         {"label": "round-1/node-0/try-1", "valid": True, "note": NASTY},
         {"label": "round-1/node-0/try-2", "valid": False, "note": REASON},
     ]
-    run.event("expand", f"{search}/round-1", node=0, attempts=attempts, children=[1])
+    run.event(
+        "expand", f"{search}/round-1", node=0, attempts=attempts, children=[1], fallback=False
+    )
     _evaluated(run, f"{search}/round-1/node-1", bad, 0.0, [[8, 7, 0.4]])
     node = {"round": 1, "parent": 0, "made_by": "round-1/node-0/try-1"}
     run.event("node", f"{search}/node-1", **node, machine=bad.digest, valid=True, score=0.0)

@@ -5,34 +5,41 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from agentflow.report.lineage import Lineage, Node
-from agentflow.runs import Event, read_events
+from agentflow.report.lineage import Lineage, LineageNode
+from agentflow.runs.events import (
+    CandidateEvent,
+    EditEvent,
+    EvaluationEvent,
+    ExpandAttempt,
+    ExpandEvent,
+    FirstAttempt,
+    RunEvent,
+    read_typed_events,
+)
+from agentflow.runs.places import Place
+from tests.metrics.events import attempt as asked
+from tests.metrics.events import evaluation
 
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
 Shown = tuple[str, "str | None", str, "float | None", bool]
 
 
-def tried(label: str, machine: str, score: float | None, **data: Any) -> Event:
-    known = {"valid": True, "status": "ok", "broken": []}
-    return Event("evaluation", label, {**known, "machine": machine, "score": score, **data})
+def tried(label: str, machine: str, score: float | None, **data: Any) -> EvaluationEvent:
+    return evaluation(label, score, machine, **data)
 
 
-def asked(label: str, **data: Any) -> Event:
-    return Event("attempt", label, {"role": label.partition("/")[0], "valid": True, **data})
-
-
-def outline(nodes: tuple[Node, ...]) -> list[Shown]:
+def outline(nodes: tuple[LineageNode, ...]) -> list[Shown]:
     return [(n.id, n.parent, n.title, n.score, n.lead) for n in nodes]
 
 
 def test_a_recorded_run() -> None:
     scores = {
-        event.data["machine"]: event.data["score"]
-        for event in read_events(RECORDED)
-        if event.kind == "evaluation"
+        event.machine: event.score
+        for event in read_typed_events(RECORDED)
+        if isinstance(event, EvaluationEvent)
     }
-    top = max(scores, key=lambda machine: float(scores[machine]))
-    nodes = Lineage.of(read_events(RECORDED)).finished(top)
+    top = max(scores, key=lambda machine: scores[machine] or 0.0)
+    nodes = Lineage.of(read_typed_events(RECORDED)).finish(top)
     blind, feedback = "blind_refinement", "env_feedback"
     assert sorted((n.id, n.parent or "") for n in nodes) == [
         (f"{blind}/traj-1", "initial/traj-1"),
@@ -57,15 +64,15 @@ def test_a_recorded_run() -> None:
 
 def test_a_refused_edit_hangs_on_what_it_was_to_refine() -> None:
     question = "refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1"
-    attempt = {"label": "round-1/node-0/try-1", "valid": False, "note": "why"}
-    expansion = {"node": 0, "attempts": [attempt], "children": [], "fallback": True}
+    place = Place("env_feedback", trajectory=1, round=1)
+    attempt = ExpandAttempt("round-1/node-0/try-1", valid=False, note="why")
     nodes = Lineage.of(
         [
             tried("initial/traj-1", "a", 1.0),
             asked(question, valid=False, script="Add 1 to 2 in 3"),
-            Event("expand", "env_feedback/traj-1/round-1", expansion),
+            ExpandEvent(place, 0, (attempt,), (), fallback=True),
         ]
-    ).finished("a")
+    ).finish("a")
     assert outline(nodes) == [
         ("initial/traj-1", None, "trajectory 1, initial", 1.0, True),
         ("env_feedback/traj-1/round-1/node-0/try-1", "initial/traj-1", "refused edit", None, False),
@@ -75,10 +82,11 @@ def test_a_refused_edit_hangs_on_what_it_was_to_refine() -> None:
 
 
 def test_a_trajectory_without_a_machine_says_why() -> None:
-    ended = {"trajectory": 2, "machine": None, "valid": False, "score": None, "reason": "overlap"}
+    place = Place("initial", trajectory=2)
+    ended = CandidateEvent(place, 2, None, False, None, FirstAttempt(), "overlap")
     call = "designer/traj-2/attempt-5"
-    events = [asked(call, valid=False), Event("candidate", "initial/traj-2", ended)]
-    (node,) = Lineage.of(events).finished(None)
+    events = [asked(call, valid=False), ended]
+    (node,) = Lineage.of(events).finish(None)
     assert (node.kind, node.machine, node.problem, node.calls) == (
         "invalid",
         None,
@@ -88,17 +96,16 @@ def test_a_trajectory_without_a_machine_says_why() -> None:
 
 
 def test_random_edits_grow_from_the_last_that_was_kept() -> None:
-    def edit(round_: int, machine: str, score: float, kept: bool) -> list[Event]:
+    def edit(round_: int, machine: str, score: float, kept: bool) -> list[RunEvent]:
         label = f"env_feedback/traj-1/round-{round_}"
-        data = {"parent": "?", "machine": machine, "kept": kept}
-        return [tried(label, machine, score), Event("edit", label, data)]
+        return [tried(label, machine, score), EditEvent(Place.parse(label), "?", machine, kept)]
 
     events = [
         tried("initial/traj-1", "a", 1.0),
         *edit(1, "b", 2.0, True),
         *edit(2, "c", 0.0, False),
     ]
-    nodes = Lineage.of([*events, *edit(3, "d", 3.0, True)]).finished(None)
+    nodes = Lineage.of([*events, *edit(3, "d", 3.0, True)]).finish(None)
     place = "env_feedback/traj-1/round"
     assert outline(nodes) == [
         ("initial/traj-1", None, "trajectory 1, initial", 1.0, True),
@@ -112,10 +119,10 @@ def test_random_edits_grow_from_the_last_that_was_kept() -> None:
 def test_what_the_computer_failed_at_has_no_score_and_is_not_best() -> None:
     events = [
         tried("initial/traj-1", "a", None, status="timeout"),
-        tried("initial/traj-2", "b", -1.0, broken=[[1, 0, 0.5]]),
+        tried("initial/traj-2", "b", -1.0, broken=((1, 0, 0.5),)),
         tried("initial/traj-3", "c", 0.0, valid=False, status="invalid"),
     ]
-    nodes = Lineage.of(events).finished(None)
+    nodes = Lineage.of(events).finish(None)
     assert [(n.score, n.valid, n.status, n.broken, n.best) for n in nodes] == [
         (None, True, "timeout", False, False),
         (-1.0, True, "ok", True, True),
@@ -124,4 +131,4 @@ def test_what_the_computer_failed_at_has_no_score_and_is_not_best() -> None:
 
 
 def test_no_events_make_no_tree() -> None:
-    assert Lineage.of([]).finished(None) == ()
+    assert Lineage.of([]).finish(None) == ()

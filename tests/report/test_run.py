@@ -13,15 +13,17 @@ import pytest
 from agentflow.errors import RunError
 from agentflow.metrics.usage import unpriced
 from agentflow.report.run import RunStory, reasons, validity
-from agentflow.runs import Event, read_result
+from agentflow.runs import read_result
+from agentflow.runs.events import AttemptEvent
+from tests.metrics.events import attempt as answered
 from tests.report.hostile import NASTY, hostile_run
 
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
 
 
-def attempt(code: str, problem: str = "", **data: object) -> Event:
-    known = {"role": "designer", "valid": not code, "parsed": True, "repaired": False}
-    return Event("attempt", problem, {**known, "code": code, "problem": problem, **data})
+def attempt(code: str, problem: str = "", **data: object) -> AttemptEvent:
+    known = {"role": "designer", "valid": not code, "code": code, "problem": problem}
+    return answered(problem, **{**known, **data})
 
 
 def test_a_finished_run() -> None:

@@ -10,9 +10,8 @@ from agentflow.llm.client import Client
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.runs import Event
-
-CALLS = "calls"
-"""Kind of the events that say how many calls are under way, and what all calls have cost."""
+from agentflow.runs.events import CallsEvent
+from agentflow.runs.places import Place
 
 
 def watched(models: Models, budget: Budget, tell: Callable[[Event], None]) -> Models:
@@ -34,7 +33,8 @@ class _Counter:
 
     def change(self, label: str, by: int) -> None:
         self.under_way += by
-        self.tell(Event(CALLS, label, {"under_way": self.under_way, "cost": self.budget.cost}))
+        event = CallsEvent(Place.parse(label), self.under_way, self.budget.cost)
+        self.tell(event.to_event())
 
 
 class _Watched:

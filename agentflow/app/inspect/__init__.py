@@ -1,1 +1,1 @@
-"""Recorded runs looked at: the list, one run, its machines, what went wrong, rescoring."""
+"""Looking at recorded runs: the list, one run, its machines, failures, rescoring."""

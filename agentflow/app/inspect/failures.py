@@ -1,4 +1,4 @@
-"""Owns the count of what went wrong in a run or in all runs of a folder (spec 6.3)."""
+"""Counts of what went wrong in a run or in all runs of a folder."""
 
 from __future__ import annotations
 
@@ -6,25 +6,26 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.inspect.rationales import unkept
-from agentflow.app.inspect.reading import recorded_machine, sound
+from agentflow.app.inspect.rationales import unfollowed_rationales
+from agentflow.app.inspect.reading import recorded_machine
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, place
 from agentflow.metrics.failures import KINDS, Failures, failures
-from agentflow.runs import find_runs, read_document, read_events
+from agentflow.runs import find_runs, read_document
+from agentflow.runs.events import read_typed_events
 
 DRIVING = frozenset({"movement", "delivery"})
-"""Families whose machines are to drive along z, so that powered wheels turn about x."""
+"""Families whose machines drive along z, so that powered wheels must turn about x."""
 STAYING = frozenset({"gearing"})
 """Families whose machines turn in place."""
 
 
 def count_failures(path: Path) -> dict[str, Any]:
-    """What went wrong in a run, or in all runs below a folder.
+    """Count what went wrong in a run, or in all runs below a folder.
 
     Returns:
         `runs`, `replies`, `refused`, `machines`; `kinds`, each with name, level, unit, rule and
-        count; `codes` of the refused replies.
+        count; `codes` of the refused replies and their counts.
 
     Raises:
         RunError: There is no run, or one is damaged.
@@ -34,10 +35,13 @@ def count_failures(path: Path) -> dict[str, Any]:
         raise RunError(f"{path} holds no run")
     total = Failures()
     for run in runs:
-        with sound(run):
-            family = _family_of(run)
-            judge = _misfaced_in(run, family)
-            total += failures(read_events(run), judge, unkept(run), in_place=family in STAYING)
+        family = str(read_document(run).get("config", {}).get("task", "")).partition("/")[0]
+        total += failures(
+            read_typed_events(run),
+            _misfaced_in(run, family),
+            unfollowed_rationales(run),
+            in_place=family in STAYING,
+        )
     return {
         "runs": len(runs),
         "replies": total.replies,
@@ -58,7 +62,7 @@ def count_failures(path: Path) -> dict[str, Any]:
 
 
 def misfaced(machine: Machine, family: str) -> bool:
-    """Whether a block of a machine faces the wrong way; the rule is `metrics.failures.FACING`."""
+    """Whether a block faces the wrong way, by the rule of `metrics.failures.FACING`."""
     geometry = place(machine)
     for block in geometry.blocks:
         kind = library()[block.type]
@@ -69,10 +73,6 @@ def misfaced(machine: Machine, family: str) -> bool:
         if wheel and family in DRIVING and block.facing[0] != "x":
             return True
     return False
-
-
-def _family_of(run: Path) -> str:
-    return str(read_document(run).get("config", {}).get("task", "")).partition("/")[0]
 
 
 def _misfaced_in(run: Path, family: str) -> Callable[[str], bool]:

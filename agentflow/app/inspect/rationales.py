@@ -1,7 +1,7 @@
-"""Owns whether designs of a run have the blocks that their own rationale counts (spec 6.3).
+"""Checks whether a run's designs have the blocks that their own rationale counts.
 
-The rule is `metrics.failures.RATIONALE`. It takes a number right before the name of a block, which
-prose rarely means in another way, and passes over everything else that a rationale says.
+The rule is `metrics.failures.RATIONALE`. It takes a number right before a block name, which is
+rarely meant otherwise, and ignores the rest of the rationale.
 """
 
 from __future__ import annotations
@@ -14,20 +14,21 @@ from pathlib import Path
 from agentflow.agents.designer import Designer, rationale_of
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.machine import Machine, library
-from agentflow.runs import read_calls, read_events
+from agentflow.runs import read_calls
+from agentflow.runs.events import AttemptEvent, read_typed_events
+from agentflow.runs.places import Place
 
 WORDS = (
     *("one", "two", "three", "four", "five", "six"),
     *("seven", "eight", "nine", "ten", "eleven", "twelve"),
 )
-_PART = re.compile(r"designer/structure-(\d+)/")
 
 
-def unkept(run: Path) -> frozenset[str]:
+def unfollowed_rationales(run: Path) -> frozenset[str]:
     """Labels of the accepted designs that have fewer blocks of a type than their rationale counts.
 
-    Of designs that are built structure by structure only those of the last structure are judged,
-    each as the whole machine that it is.
+    Of designs built structure by structure, only those of the last structure are judged, each as a
+    whole machine.
 
     Raises:
         RunError: The record is damaged.
@@ -41,10 +42,10 @@ def unkept(run: Path) -> frozenset[str]:
     )
 
 
-def counted(text: str) -> Iterator[tuple[int, int]]:
+def count_blocks(text: str) -> Iterator[tuple[int, int]]:
     """(block type, number) of each "four Powered Wheels", "2 logs" in a text.
 
-    What names a range or a most ("2-3 logs", "up to four", "one or two") counts nothing.
+    Ranges and limits ("2-3 logs", "up to four", "one or two") are skipped.
     """
     for number, name in _pattern().findall(text):
         word = number.lower()
@@ -54,25 +55,19 @@ def counted(text: str) -> Iterator[tuple[int, int]]:
 
 def _lacks(machine: Machine, rationale: str) -> bool:
     has = [step.type for step in machine.steps]
-    return any(has.count(block_type) < count for block_type, count in counted(rationale))
+    return any(has.count(block_type) < count for block_type, count in count_blocks(rationale))
 
 
 def _whole_designs(run: Path) -> dict[str, str]:
-    """Label -> content hash of the machine, of accepted designs of whole machines."""
-    designs: dict[str, str] = {}
+    """Label -> content hash of the machine, for accepted designs of whole machines."""
+    designs: dict[Place, str] = {}
     last = 0
-    for event in read_events(run):
-        if event.kind == "attempt" and event.data["role"] == Designer.name:
-            last = max(last, _structure(event.label))
-            if event.data["valid"]:
-                designs[event.label] = event.data["machine"]
-    return {label: digest for label, digest in designs.items() if _structure(label) == last}
-
-
-def _structure(label: str) -> int:
-    """Number of the structure that a design adds; 0 where it is the whole machine at once."""
-    part = _PART.match(label)
-    return int(part[1]) if part else 0
+    for event in read_typed_events(run):
+        if isinstance(event, AttemptEvent) and event.role == Designer.name:
+            last = max(last, event.place.structure)
+            if event.valid and event.machine is not None:
+                designs[event.place] = event.machine
+    return {str(place): digest for place, digest in designs.items() if place.structure == last}
 
 
 @cache

@@ -1,9 +1,7 @@
-"""Owns how what a run has kept is read back: its machines, and events that may be damaged."""
+"""Reading the machines that a run has kept."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from agentflow.errors import RunError
@@ -11,10 +9,10 @@ from agentflow.machine import Machine, library, read_machine
 
 
 def recorded_machine(path: Path, digest: str) -> Machine:
-    """A machine of a run by its content hash.
+    """Read a machine of a run by its content hash.
 
     Raises:
-        RunError: It is not there, or is another one.
+        RunError: The file is missing, or holds another machine.
     """
     file = path / "machines" / f"{digest}.json"
     try:
@@ -25,16 +23,3 @@ def recorded_machine(path: Path, digest: str) -> Machine:
     if machine is None or machine.digest != digest:
         raise RunError(f"{file} is damaged: it holds another machine than its name says")
     return machine
-
-
-@contextmanager
-def sound(path: Path) -> Iterator[None]:
-    """Say of a run that it is damaged, where its events are lines of JSON but not what they were.
-
-    Raises:
-        RunError: An event lacks a key, or has something else there.
-    """
-    try:
-        yield
-    except (KeyError, TypeError) as error:
-        raise RunError(f"{path} is damaged: an event is not as it was written ({error})") from error

@@ -1,4 +1,4 @@
-"""Owns the rescoring of a run: its machines simulated again, in today's environment (spec 6.1)."""
+"""Rescoring: simulate the machines of a run again in today's environment."""
 
 from __future__ import annotations
 
@@ -7,49 +7,49 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.conduct import Plan
-from agentflow.app.inspect.reading import recorded_machine, sound
+from agentflow.app.inspect.reading import recorded_machine
 from agentflow.config.run import build
 from agentflow.env.constants import constants
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
-from agentflow.runs import Event, read_document, read_events
+from agentflow.runs import read_document
+from agentflow.runs.events import EvaluationEvent, read_typed_events
 
 
 def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
     """Simulate every machine of a run again and compare.
 
     Args:
-        path: The run, finished or not; nothing in it is changed.
-        workers: Processes; as many as the run was configured for when None.
+        path: The run, finished or not; it is not changed.
+        workers: Number of processes; None takes the run's configuration.
 
     Returns:
-        `run`, `task`, `constants` (`recorded` and `now`), `identical` (how many machines have the
-        same rollout, bit by bit), and `machines`: each with `machine`, `place` (where it was first
-        tried), `recorded` and `now` (status and score), `difference` of the scores (None where
-        one is missing) and `identical`.
+        `run`, `task`, `constants` (`recorded` and `now`), `identical` (number of machines with a
+        bit-for-bit identical rollout), and `machines`: each with `machine`, `place` (where it was
+        first simulated), `recorded` and `now` (status and score), `difference` of the scores (None
+        if one is missing) and `identical`.
 
     Raises:
-        RunError: It is no run, or damaged.
-        UsageError: Its task does not exist any more.
+        RunError: It is not a run directory, or is damaged.
+        UsageError: Its task no longer exists.
     """
     document = read_document(path)
     plan = Plan.of(build(document.get("config")))
-    tried: dict[str, Event] = {}
-    with sound(path):
-        for event in read_events(path):
-            if event.kind == "evaluation":
-                tried.setdefault(event.data["machine"], event)
+    evaluations: dict[str, EvaluationEvent] = {}
+    for event in read_typed_events(path):
+        if isinstance(event, EvaluationEvent):
+            evaluations.setdefault(event.machine, event)
 
     async def compare() -> list[dict[str, Any]]:
         async with RolloutPool(workers or plan.config.workers) as pool:
-            return list(await asyncio.gather(*(again(digest, pool) for digest in tried)))
+            return list(await asyncio.gather(*(again(digest, pool) for digest in evaluations)))
 
     async def again(digest: str, pool: RolloutPool) -> dict[str, Any]:
         machine = recorded_machine(path, digest)
-        return _compared(tried[digest], await pool.run(machine, plan.task, seed=plan.config.seed))
+        rollout = await pool.run(machine, plan.task, seed=plan.config.seed)
+        return _compare(evaluations[digest], rollout)
 
-    with sound(path):
-        machines = asyncio.run(compare())
+    machines = asyncio.run(compare())
     return {
         "run": str(path),
         "task": plan.task.name,
@@ -59,16 +59,14 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
     }
 
 
-def _compared(tried: Event, rollout: Rollout) -> dict[str, Any]:
-    """A recorded evaluation and the same machine's rollout of today."""
-    recorded = {"status": tried.data["status"], "score": tried.data["score"]}
-    now = {"status": rollout.status, "score": rollout.score}
-    known = recorded["score"] is not None and rollout.score is not None
+def _compare(evaluation: EvaluationEvent, rollout: Rollout) -> dict[str, Any]:
+    """Compare a recorded evaluation with the same machine's rollout of today."""
+    old, new = evaluation.score, rollout.score
     return {
-        "machine": tried.data["machine"],
-        "place": tried.label,
-        "recorded": recorded,
-        "now": now,
-        "difference": rollout.score - recorded["score"] if known else None,
-        "identical": rollout.digest == tried.data["rollout"] and recorded["score"] == now["score"],
+        "machine": evaluation.machine,
+        "place": evaluation.label,
+        "recorded": {"status": evaluation.status, "score": old},
+        "now": {"status": rollout.status, "score": new},
+        "difference": None if old is None or new is None else new - old,
+        "identical": rollout.digest == evaluation.rollout and old == new,
     }

@@ -16,11 +16,11 @@ from agentflow.config.run import DesignConfig
 from agentflow.config.sweep import Member, SweepConfig, members
 from agentflow.errors import RunError
 from agentflow.metrics import published as literature
-from agentflow.metrics.cells import METRICS, Cell, Value
-from agentflow.metrics.cells import Member as Numbers
-from agentflow.metrics.records import STAGES, RunRecord
+from agentflow.metrics.cells import METRICS, Cell, RunNumbers, Value
 from agentflow.metrics.tables import Column, Row, Table
-from agentflow.runs import read_events
+from agentflow.runs.events import read_typed_events
+from agentflow.runs.places import STAGES
+from agentflow.runs.record import RunRecord
 from agentflow.workflows.registry import WORKFLOWS
 
 
@@ -32,7 +32,7 @@ class Finished:
     path: Path
     model: str
     """Who answered, as its result says."""
-    numbers: Numbers
+    numbers: RunNumbers
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ def read_swept(path: Path) -> Swept:
     for member in every:
         run = path / RUNS / member.name
         if (run / "result.json").exists():
-            record = RunRecord.of(read_events(run))
-            numbers = Numbers(record, _width(member.config))
+            record = RunRecord.of(read_typed_events(run))
+            numbers = RunNumbers(record, _width(member.config))
             done.append(Finished(member, run, finished(run)["model"], numbers))
     if not done:
         raise RunError(

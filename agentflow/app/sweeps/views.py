@@ -6,18 +6,18 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
+from agentflow.agents.registry import stage_of
 from agentflow.app.design.prices import cost_by
 from agentflow.app.sweeps.tables import Finished, Swept, layout, listed, read_swept, task_of
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.metrics import published as literature
-from agentflow.metrics.cells import Cell, Value, curve
-from agentflow.metrics.cells import Member as Numbers
-from agentflow.metrics.intervals import lacking
-from agentflow.metrics.records import STAGES
+from agentflow.metrics.cells import Cell, RunNumbers, Value, curve
+from agentflow.metrics.intervals import missing_scipy
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, shown
-from agentflow.metrics.usage import Bill, Simulated, Spent, bill
+from agentflow.metrics.usage import Bill, SimulationSpeed, Spent, bill
 from agentflow.metrics.validity import Rate
 from agentflow.runs import read_calls, read_result
+from agentflow.runs.places import STAGES
 
 LAYOUT = "published"
 """The view in the layout of the published table."""
@@ -70,7 +70,7 @@ def scores(swept: Swept) -> Table:
             *swept.notes,
             "Of the last stage. Shares with Wilson's interval, means with the bootstrap's (10,000 "
             "resamples); Best@N is exact, over all, invalid = 0; std is the population's.",
-            *filter(None, [lacking()]),
+            *filter(None, [missing_scipy()]),
         ),
     )
 
@@ -206,13 +206,13 @@ def _by_task(swept: Swept) -> dict[tuple[str, str], list[Finished]]:
     return groups
 
 
-def _numbers(runs: Iterable[Finished]) -> tuple[Numbers, ...]:
+def _numbers(runs: Iterable[Finished]) -> tuple[RunNumbers, ...]:
     return tuple(run.numbers for run in runs)
 
 
 def last_cell(swept: Swept, runs: Sequence[Finished]) -> Cell:
     """Of the last stage that any of the runs came to."""
-    reached = {item.stage for run in runs for item in run.numbers.record.candidates}
+    reached = {item.place.name for run in runs for item in run.numbers.record.candidates}
     last = [stage for stage in STAGES if stage in reached]
     return Cell(_numbers(runs), last[-1] if last else swept.sweep.table.stage)
 
@@ -229,15 +229,15 @@ def _between(interval: tuple[float, float] | None) -> str | None:
 def _bill(runs: Iterable[Finished]) -> Bill:
     total = Bill(Spent(), {}, {})
     for run in runs:
-        total += bill(read_calls(run.path), cost_by(run.member.config.model))
+        total += bill(read_calls(run.path), cost_by(run.member.config.model), stage_of)
     return total
 
 
-def _simulated(runs: Iterable[Finished]) -> Simulated:
-    total = Simulated(0, 0.0, 0.0)
+def _simulated(runs: Iterable[Finished]) -> SimulationSpeed:
+    total = SimulationSpeed(0, 0.0, 0.0)
     for run in runs:
         result = read_result(run.path)
-        total += Simulated(
+        total += SimulationSpeed(
             result["rollouts"], result["simulated_seconds"], result["worker_seconds"]
         )
     return total

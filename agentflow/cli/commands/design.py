@@ -63,9 +63,10 @@ def design(
     from agentflow.app.design.design import resume as go_on
     from agentflow.app.design.models import configured
     from agentflow.app.pages.pictures import render_run
-    from agentflow.cli.display.live import DRAWING, watch
+    from agentflow.cli.display.live import watch
     from agentflow.cli.display.show import show_result
-    from agentflow.runs import Event, state_of
+    from agentflow.runs import state_of
+    from agentflow.runs.events import DrawingEvent
 
     options = {
         "task": task,
@@ -95,7 +96,7 @@ def design(
             result = start(built, out, say, listener)
         drawn = result["valid"] and not finished
         if drawn and listener is not None:
-            listener(Event(DRAWING, "best", {}))
+            listener(DrawingEvent().to_event())
         pictures = render_run(Path(result["run"])) if drawn else {}
     if as_json:
         print_json(result)

@@ -1,6 +1,6 @@
-"""Owns what is seen of a run while it runs: a live view on a terminal, plain lines without one.
+"""Progress of a running run: a live view on a terminal, plain lines otherwise.
 
-Everything goes to stderr; standard output belongs to the result.
+Everything goes to stderr; stdout is for the result.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import Any
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -20,25 +19,30 @@ from rich.text import Text
 
 from agentflow.cli.display.text import escape_controls, number
 from agentflow.runs import Event, Listener
-
-Say = Callable[[str], None]
-BARS = "▁▂▃▄▅▆▇█"
-DRAWING = "drawing"
-"""Kind of the event, shown and not recorded, that the pictures of the result are being made."""
-BOOKKEEPING = frozenset(
-    (
-        *("refill", "beam", "candidate", "select", "expand", "node", "back_up", "query", "calls"),
-        *("blueprint", "inspection", "edit", "search", "result"),
-    )
+from agentflow.runs.events import (
+    AttemptEvent,
+    CallsEvent,
+    ConstructionEndEvent,
+    DrawingEvent,
+    EvaluationEvent,
+    RunEvent,
+    RunStartEvent,
+    StageBeginEvent,
+    StageEvent,
+    typed,
 )
-"""Events of the record that repeat, for a reader, what an attempt or an evaluation has said."""
+from agentflow.runs.record import RunRecord
+
+Notify = Callable[[str], None]
+"""Takes one line of text for the user."""
+BARS = "▁▂▃▄▅▆▇█"
 
 
 @contextmanager
-def watch(quiet: bool) -> Iterator[tuple[Listener | None, Say]]:
-    """What listens to a run, and where its remarks go, for as long as it runs.
+def watch(quiet: bool) -> Iterator[tuple[Listener | None, Notify]]:
+    """A listener for a run's events and a callback for its remarks, while the run goes on.
 
-    Quiet is without either: remarks are kept with the run, and an error says what it has to.
+    If quiet, nothing is shown: remarks are kept with the run, and errors are printed anyway.
     """
     console = Console(stderr=True, highlight=False)
     if quiet:
@@ -47,106 +51,80 @@ def watch(quiet: bool) -> Iterator[tuple[Listener | None, Say]]:
         progress = Progress()
         with Live(get_renderable=progress.draw, console=console, refresh_per_second=8) as live:
             yield progress.note, lambda line: console.print(Text(escape_controls(line)))
-            live.transient = True  # the result says it all; a run that fails leaves its view
+            live.transient = True  # the result follows; a failed run leaves its view
     else:
-        yield _print_event, _complain
+        yield _print_event, lambda line: _print(f"agentflow: {line}")
 
 
-def _complain(line: str) -> None:
-    _tell(f"agentflow: {line}")
-
-
-def _tell(line: str) -> None:
-    """Print to stderr; a run goes on when nobody is there to read."""
+def _print(line: str) -> None:
+    """Print to stderr; a run goes on even if stderr is closed."""
     with suppress(OSError, ValueError):
         print(escape_controls(line), file=sys.stderr, flush=True)
 
 
 @dataclass
 class Progress:
-    """What a run has come to so far."""
+    """The live view of a run."""
 
-    run: dict[str, Any] = field(default_factory=dict)
-    stage: str = ""
-    trajectories: int = 0
-    calls: int = 0
-    """Answered."""
+    record: RunRecord = field(default_factory=RunRecord)
+    drawing: bool = False
     under_way: int = 0
     """Calls begun and not answered."""
     cost: float | None = 0.0
-    """None when it is not known."""
-    valid: int = 0
-    tokens: int = 0
-    rollouts: int = 0
-    best: float | None = None
+    """None if unknown."""
     curve: list[float] = field(default_factory=list)
     """Best score after each evaluation."""
-    rows: list[dict[str, Any]] = field(default_factory=list)
-    """Finished stages."""
     failures: deque[str] = field(default_factory=lambda: deque(maxlen=3))
     started: float = field(default_factory=time.monotonic)
 
     def note(self, event: Event) -> None:
         """Take in one event."""
-        data = event.data
-        if event.kind == "run":
-            self.run = dict(data)
-        elif event.kind == "stage_begin":
-            self.stage, self.trajectories = event.label, data["trajectories"]
-        elif event.kind == "calls":
-            self.under_way, self.cost = data["under_way"], data["cost"]
-        elif event.kind == DRAWING:
-            self.stage = "drawing pictures"
-        elif event.kind == "attempt":
-            self.calls += 1
-            self.valid += data["valid"]
-            self.tokens += data["tokens"]
-            if not data["valid"]:
-                self.failures.append(f"{event.label}: {_first_line(data['problem'])}")
-        elif event.kind == "evaluation":
-            self._evaluated(data["score"])
-        elif event.kind == "stage":
-            self.rows.append(dict(data))
-
-    def _evaluated(self, score: float | None) -> None:
-        self.rollouts += 1
-        if score is not None:
-            self.best = score if self.best is None else max(self.best, score)
-        if self.best is not None:
-            self.curve.append(self.best)
+        item = typed(event)
+        self.record.add(item)
+        if isinstance(item, CallsEvent):
+            self.under_way, self.cost = item.under_way, item.cost
+        elif isinstance(item, DrawingEvent):
+            self.drawing = True
+        elif isinstance(item, AttemptEvent) and not item.valid:
+            self.failures.append(f"{item.label}: {_first_line(item.problem)}")
+        elif isinstance(item, EvaluationEvent) and self.record.best is not None:
+            self.curve.append(self.record.best)
 
     def draw(self) -> RenderableType:
         """The view, for a terminal of any width."""
+        run, start, stage = self.record, self.record.start, self.record.stage
         seconds = time.monotonic() - self.started
-        head = " · ".join(str(self.run[key]) for key in ("task", "workflow", "model") if self.run)
-        rate = f", {self.valid / self.calls:.0%} valid" if self.calls else ""
-        best = "-" if self.best is None else f"{self.best:.2f}"
+        head = f"{start.task} · {start.workflow} · {start.model}" if start else "starting"
+        name = "drawing pictures" if self.drawing else stage.place.name if stage else "waiting"
+        trajectories = stage.trajectories if stage else 0
+        rate = f", {run.valid_calls / run.calls:.0%} valid" if run.calls else ""
+        best = "-" if run.best is None else f"{run.best:.2f}"
         cost = "unknown" if self.cost is None else f"{self.cost:.4g}"
         lines: list[RenderableType] = [
-            _one_line(head or "starting", "bold"),
+            _one_line(head, "bold"),
             _one_line(
-                f"{self.stage or 'waiting'} · {self.trajectories} trajectories · "
-                f"{self.rollouts} evaluations · {seconds:.0f} s"
+                f"{name} · {trajectories} trajectories · {run.evaluations} evaluations · "
+                f"{seconds:.0f} s"
             ),
             _one_line(
-                f"{self.calls} calls, {self.under_way} under way{rate} · {self.tokens} tokens · "
+                f"{run.calls} calls, {self.under_way} under way{rate} · {run.tokens} tokens · "
                 f"cost {cost}"
             ),
             Text.assemble("best ", (best, "bold green"), "  ", (sparkline(self.curve), "green")),
         ]
-        if self.rows:
-            lines.append(_stage_table(self.rows))
+        if run.stages:
+            lines.append(_stage_table(run.stages))
         lines += [_one_line(line, "dim") for line in self.failures]
         return Group(*lines)
 
 
 def _one_line(text: str, style: str = "") -> Text:
-    """Text that a narrow terminal cuts off."""
+    """Text cut off at the terminal's width."""
     return Text(escape_controls(text), style=style, overflow="ellipsis", no_wrap=True)
 
 
 def sparkline(values: list[float], width: int = 40) -> str:
-    """A curve in one line of at most `width` characters, from 0 (or the least) to the greatest."""
+    """A curve in one line of at most `width` characters, from 0 (or the minimum) to the maximum."""
     if not values:
         return ""
     step = max(1, -(-len(values) // width))
@@ -156,13 +134,13 @@ def sparkline(values: list[float], width: int = 40) -> str:
     return "".join(BARS[round((value - low) * scale)] for value in picked)
 
 
-def _stage_table(rows: list[dict[str, Any]]) -> Table:
+def _stage_table(rows: list[StageEvent]) -> Table:
     table = Table(box=None, pad_edge=False)
     for name in ("stage", "valid", "mean", "best"):
         table.add_column(name, justify="left" if name == "stage" else "right")
     for row in rows:
-        cells = (f"{row['valid']}/{row['trajectories']}", number(row["mean"]), number(row["max"]))
-        table.add_row(row["name"], *cells)
+        valid = f"{row.valid}/{row.trajectories}"
+        table.add_row(row.name, valid, number(row.mean), number(row.max))
     return table
 
 
@@ -171,25 +149,26 @@ def _first_line(text: str) -> str:
 
 
 def _print_event(event: Event) -> None:
-    if event.kind not in BOOKKEEPING:
-        _tell(_line(event))
+    if line := _line(typed(event)):
+        _print(line)
 
 
-def _line(event: Event) -> str:
-    data = event.data
-    if event.kind == "attempt":
-        return f"{event.label}: {'valid' if data['valid'] else _first_line(data['problem'])}"
-    if event.kind == "evaluation":
-        return f"{event.label}: {data['status']}, score {number(data['score'])}"
-    if event.kind == "stage":
+def _line(event: RunEvent | Event) -> str:
+    """One line about an event; "" for those that add nothing to an attempt or evaluation."""
+    if isinstance(event, AttemptEvent):
+        return f"{event.label}: {'valid' if event.valid else _first_line(event.problem)}"
+    if isinstance(event, EvaluationEvent):
+        return f"{event.label}: {event.status}, score {number(event.score)}"
+    if isinstance(event, StageEvent):
         return (
-            f"stage {event.label}: {data['valid']} of {data['trajectories']} valid, "
-            f"mean {number(data['mean'])}, best {number(data['max'])}"
+            f"stage {event.label}: {event.valid} of {event.trajectories} valid, "
+            f"mean {number(event.mean)}, best {number(event.max)}"
         )
-    if event.kind == "stage_begin":
-        return f"stage {event.label} begins, {data['trajectories']} trajectories"
-    if event.kind == DRAWING:
+    if isinstance(event, StageBeginEvent):
+        return f"stage {event.label} begins, {event.trajectories} trajectories"
+    if isinstance(event, DrawingEvent):
         return "drawing pictures"
-    if event.kind == "run":
-        return f"{data['task']}, {data['workflow']}, {data['model']}"
-    return f"{event.kind} {event.label}"
+    if isinstance(event, RunStartEvent):
+        return f"{event.task}, {event.workflow}, {event.model}"
+    known = isinstance(event, RunEvent) and not isinstance(event, ConstructionEndEvent)
+    return "" if known else f"{event.kind} {event.label}"

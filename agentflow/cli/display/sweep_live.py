@@ -1,6 +1,6 @@
-"""Owns what is seen of a sweep while it runs: one line per run, live on a terminal.
+"""Progress of a running sweep: one line per run, live on a terminal.
 
-Everything goes to stderr; standard output belongs to the outcome.
+Everything goes to stderr; stdout is for the result.
 """
 
 from __future__ import annotations
@@ -20,14 +20,16 @@ from rich.text import Text
 from agentflow.app.sweeps.run import Watcher
 from agentflow.cli.display.text import escape_controls, number
 from agentflow.runs import Event
+from agentflow.runs.events import typed
+from agentflow.runs.record import RunRecord
 
 SPARE = 6
-"""Lines of a terminal that are left to everything but the runs."""
+"""Terminal lines kept free of runs."""
 
 
 @contextmanager
 def watch_sweep(runs: int, quiet: bool) -> Iterator[Watcher]:
-    """What is told of a sweep of so many runs, for as long as it runs."""
+    """A watcher for a sweep of this many runs, while it goes on."""
     console = Console(stderr=True, highlight=False)
     if quiet or not console.is_terminal:
         yield Lines(quiet)
@@ -38,7 +40,7 @@ def watch_sweep(runs: int, quiet: bool) -> Iterator[Watcher]:
 
 
 class Lines:
-    """One plain line when a run begins, ends or has something to say; failures alone if quiet."""
+    """Prints a line when a run begins, ends or has a remark; failures only if quiet."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
@@ -48,18 +50,18 @@ class Lines:
         self._tell(f"{run}: begun")
 
     def event(self, run: str, event: Event) -> None:
-        """Nothing is shown of single events."""
+        """Single events are not shown."""
 
     def remark(self, run: str, line: str) -> None:
-        """Kept with the run, too."""
+        """Print the remark."""
         self._tell(f"agentflow: {run}: {line}")
 
     def ended(self, run: str, result: Mapping[str, Any]) -> None:
-        """With score and time."""
+        """Print score and time."""
         self._tell(f"{run}: {_in_short(result)}")
 
     def failed(self, run: str, reason: str) -> None:
-        """Shown in any case."""
+        """Print the reason, even if quiet."""
         _print(f"agentflow: {run}: failed: {reason}")
 
     def _tell(self, line: str) -> None:
@@ -72,36 +74,28 @@ class Line:
     """One run as shown."""
 
     state: str = "waits"
-    stage: str = ""
-    calls: int = 0
-    evaluations: int = 0
-    best: float | None = None
-    said: str = ""
+    record: RunRecord = field(default_factory=RunRecord)
+    result: Mapping[str, Any] | None = None
+    message: str = ""
     started: float = field(default_factory=time.monotonic)
     ended: float | None = None
 
-    def note(self, event: Event) -> None:
-        """Take in one event."""
-        if event.kind == "stage_begin":
-            self.stage = event.label
-        elif event.kind == "attempt":
-            self.calls += 1
-        elif event.kind == "evaluation":
-            self.evaluations += 1
-            score = event.data["score"]
-            if score is not None and event.data["valid"]:
-                self.best = score if self.best is None else max(self.best, score)
-
     def cells(self, name: str) -> tuple[str, ...]:
-        """As a row of the view."""
-        seconds = (self.ended or time.monotonic()) - self.started
-        counts = (str(self.calls), str(self.evaluations), number(self.best), f"{seconds:.0f} s")
-        return (name, self.state, self.said or self.stage, *counts)
+        """The run as a row of the view."""
+        run, seconds = self.record, (self.ended or time.monotonic()) - self.started
+        stage = run.stage.place.name if run.stage and self.state == "runs" else ""
+        counts = (str(run.calls), str(run.evaluations), number(self.best), f"{seconds:.0f} s")
+        return (name, self.state, self.message or stage, *counts)
+
+    @property
+    def best(self) -> float | None:
+        """The result's score, or the best so far."""
+        return self.record.best if self.result is None else self.result["score"]
 
 
 @dataclass
 class View:
-    """The live view; runs in the order in which they began."""
+    """The live view; runs are in the order in which they began."""
 
     runs: int
     console: Console
@@ -113,26 +107,25 @@ class View:
         self.lines[run] = Line("runs")
 
     def event(self, run: str, event: Event) -> None:
-        """Counted."""
-        self.lines[run].note(event)
+        """Count the event."""
+        self.lines[run].record.add(typed(event))
 
     def remark(self, run: str, line: str) -> None:
-        """Above the view."""
+        """Print the remark above the view."""
         self.console.print(Text(escape_controls(f"{run}: {line}")))
 
     def ended(self, run: str, result: Mapping[str, Any]) -> None:
         """Kept as the run's last line."""
         line = self.lines[run]
-        line.state, line.ended, line.best = "done", time.monotonic(), result["score"]
-        line.stage = ""
+        line.state, line.ended, line.result = "done", time.monotonic(), result
 
     def failed(self, run: str, reason: str) -> None:
         """Kept as the run's last line."""
         line = self.lines[run]
-        line.state, line.ended, line.said = "failed", time.monotonic(), reason
+        line.state, line.ended, line.message = "failed", time.monotonic(), reason
 
     def draw(self) -> RenderableType:
-        """Running and failed runs first to stay, then the latest done, as many as there is room."""
+        """As many runs as fit: running ones, then failed ones, then the latest done."""
         states = [line.state for line in self.lines.values()]
         seconds = time.monotonic() - self.started
         head = (
@@ -164,6 +157,6 @@ def _in_short(result: Mapping[str, Any]) -> str:
 
 
 def _print(line: str) -> None:
-    """Print to stderr; a sweep goes on when nobody is there to read."""
+    """Print to stderr; a sweep goes on even if stderr is closed."""
     with suppress(OSError, ValueError):
         print(escape_controls(line), file=sys.stderr, flush=True)

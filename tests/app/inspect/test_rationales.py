@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.app.inspect.failures import count_failures
-from agentflow.app.inspect.rationales import counted, unkept
+from agentflow.app.inspect.rationales import count_blocks, unfollowed_rationales
 from agentflow.metrics.failures import RATIONALE
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
@@ -30,7 +30,7 @@ LAST, BEFORE = -1, -2
     ],
 )
 def test_only_numbers_before_names_count(text: str, found: list[tuple[int, int]]) -> None:
-    assert [(kind, count) for kind, count in counted(text)] == found
+    assert [(kind, count) for kind, count in count_blocks(text)] == found
 
 
 @pytest.mark.parametrize(
@@ -55,6 +55,6 @@ def test_a_design_with_fewer_blocks_than_it_says_is_counted(
     said = said.format(has=has, more=has + 1)
     call["reply"]["text"] = f"{said}\n{call['reply']['text']}"
     (run / "calls.jsonl").write_text("".join(json.dumps(call) + "\n" for call in calls))
-    assert unkept(run) == (frozenset([label]) if unfollowed else frozenset())
+    assert unfollowed_rationales(run) == (frozenset([label]) if unfollowed else frozenset())
     found = {kind["name"]: kind["count"] for kind in count_failures(run)["kinds"]}
     assert found[RATIONALE.name] == unfollowed

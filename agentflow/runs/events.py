@@ -1,0 +1,374 @@
+"""Typed events of a run: one class per kind, which builds and reads the event's label and data.
+
+Kinds that are unknown here (from plugins or later versions) stay plain `Event`s; readers skip them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar
+
+from agentflow.errors import RunError
+from agentflow.runs.places import Place
+from agentflow.runs.reading import EVENTS, Event, read_events
+
+
+@dataclass(frozen=True)
+class RunEvent:
+    """One thing that happened in a run. Fields are the event's data, except place and time."""
+
+    kind: ClassVar[str]
+    needs: ClassVar[tuple[str, ...]]
+    """Numbers that the place must have."""
+    optional: ClassVar[tuple[str, ...]]
+    """Fields left out of the data when None."""
+    kinds: ClassVar[dict[str, type[RunEvent]]] = {}
+
+    place: Place
+    at: float = field(default=0.0, compare=False, kw_only=True)
+    """Seconds of work into the run."""
+
+    def __init_subclass__(
+        cls, kind: str, needs: tuple[str, ...] = (), optional: tuple[str, ...] = ()
+    ) -> None:
+        cls.kind, cls.needs, cls.optional = kind, needs, optional
+        cls.kinds[kind] = cls
+
+    @property
+    def label(self) -> str:
+        """The place as text."""
+        return str(self.place)
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The data of the event's line."""
+        found = asdict(self)
+        omitted = {name for name in self.optional if found[name] is None}
+        return {key: found[key] for key in found if key not in {"place", "at", *omitted}}
+
+    def to_event(self) -> Event:
+        """The event as its line has it."""
+        return Event(self.kind, self.label, self.data, self.at)
+
+
+@dataclass(frozen=True)
+class FirstAttempt:
+    """The outcome of a first attempt, before any retry."""
+
+    parsed: bool = False
+    """The reply had the required format."""
+    spatial: bool = False
+    """... and its machine was spatially valid."""
+    valid: bool = False
+    """... and met every requirement."""
+
+    def __and__(self, other: FirstAttempt) -> FirstAttempt:
+        """Both; for designs that build on each other."""
+        return FirstAttempt(
+            self.parsed and other.parsed,
+            self.spatial and other.spatial,
+            self.valid and other.valid,
+        )
+
+
+@dataclass(frozen=True)
+class RunStartEvent(RunEvent, kind="run"):
+    """The run began; at "start"."""
+
+    task: str
+    workflow: str
+    model: str
+
+
+@dataclass(frozen=True)
+class StageBeginEvent(RunEvent, kind="stage_begin"):
+    """A stage began; the place names it."""
+
+    trajectories: int
+
+
+@dataclass(frozen=True)
+class AttemptEvent(RunEvent, kind="attempt", optional=("machine", "script")):
+    """A model call was answered; the place is that of the call."""
+
+    role: str
+    valid: bool
+    parsed: bool
+    spatial: bool | None
+    repaired: bool
+    code: str
+    problem: str
+    tokens: int
+    machine: str | None = None
+    """Content hash of the machine in the reply."""
+    script: str | None = None
+    """The edits of a refinement."""
+
+
+@dataclass(frozen=True)
+class BlueprintEvent(RunEvent, kind="blueprint"):
+    """A blueprint was accepted; its fields are those of the models' notation."""
+
+    definition: str
+    function_points: Sequence[Any]
+    design_structure: Sequence[Any]
+    build_order: Sequence[Any]
+    machine_structure: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class BeamEvent(RunEvent, kind="beam", needs=("structure",)):
+    """A structure was built on every machine of the beam: their content hashes."""
+
+    machines: tuple[str | None, ...]
+
+
+@dataclass(frozen=True)
+class RefillEvent(RunEvent, kind="refill", needs=("structure",)):
+    """Empty places of the beam were filled: the trajectory that each machine comes from."""
+
+    sources: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class ConstructionEndEvent(RunEvent, kind="construction_end", needs=("structure",)):
+    """Construction stopped early because no trajectory got a valid design."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class EvaluationEvent(RunEvent, kind="evaluation", needs=("trajectory",)):
+    """A machine was simulated, or its earlier result reused."""
+
+    machine: str
+    valid: bool
+    score: float | None
+    """None when the simulation crashed or timed out."""
+    status: str
+    broken: tuple[tuple[int, int, float], ...]
+    """(block, partner, seconds) of each broken connection."""
+    rollout: str | None
+    """Hash of every recorded state."""
+    moved: float | None = None
+    """Farthest that any block moved, m."""
+
+
+@dataclass(frozen=True)
+class InspectionEvent(RunEvent, kind="inspection"):
+    """An inspector's report."""
+
+    machine: str
+    world_score: float | None
+    world: Any
+    defects: Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class CandidateEvent(RunEvent, kind="candidate", needs=("trajectory",)):
+    """The machine of one trajectory at the end of a stage."""
+
+    trajectory: int
+    machine: str | None
+    valid: bool
+    """Whether there is a machine that could be simulated, after all retries."""
+    score: float | None
+    first: FirstAttempt
+    reason: str
+    """Why it is invalid; empty when it is valid."""
+
+
+@dataclass(frozen=True)
+class StageEvent(RunEvent, kind="stage"):
+    """A stage ended: its row of the stage table; see `workflows.statistics.row`."""
+
+    name: str
+    trajectories: int
+    parsed_first: int
+    spatial_first: int
+    valid_first: int
+    valid: int
+    mean: float | None
+    mean_all: float | None
+    max: float | None
+    std: float | None
+    calls: int
+    tokens: int
+    rollouts: int
+    expansions: int
+    attempts: int
+    children: int
+
+
+@dataclass(frozen=True)
+class SelectEvent(RunEvent, kind="select", needs=("trajectory", "round")):
+    """A search chose a node: the node ids from the root to it."""
+
+    path: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class QueryEvent(RunEvent, kind="query"):
+    """A querier's queries were answered."""
+
+    machine: str
+    queries: Sequence[Any]
+    answer: str
+
+
+@dataclass(frozen=True)
+class ExpandAttempt:
+    """One attempt of an expansion; `label` is relative to the search."""
+
+    label: str
+    valid: bool
+    note: str
+
+
+@dataclass(frozen=True)
+class ExpandEvent(RunEvent, kind="expand", needs=("trajectory", "round")):
+    """A search expanded a node."""
+
+    node: int
+    attempts: tuple[ExpandAttempt, ...]
+    children: tuple[int, ...]
+    """Ids of the new nodes."""
+    fallback: bool
+    """Whether no attempt was valid and the only child is the parent's machine again."""
+
+    @property
+    def valid(self) -> int:
+        """Number of valid attempts; each gave a new machine."""
+        return sum(attempt.valid for attempt in self.attempts)
+
+
+@dataclass(frozen=True)
+class NodeEvent(RunEvent, kind="node", needs=("trajectory", "node")):
+    """A new node of a search tree was evaluated. Ids count from 1; the root has no event."""
+
+    round: int
+    parent: int
+    made_by: str
+    """Label of the attempt, relative to the search."""
+    machine: str
+    valid: bool
+    score: float | None
+
+
+@dataclass(frozen=True)
+class BackUpEvent(RunEvent, kind="back_up", needs=("trajectory", "node")):
+    """A reward was added to every node of a path."""
+
+    path: tuple[int, ...]
+    reward: float
+
+
+@dataclass(frozen=True)
+class SearchEndEvent(RunEvent, kind="search", needs=("trajectory",)):
+    """A search ended."""
+
+    result: int
+    best: int
+    stopped: bool
+    expansions: int
+    attempts: int
+    valid: int
+    rollouts: int
+
+
+@dataclass(frozen=True)
+class EditEvent(RunEvent, kind="edit", needs=("trajectory", "round")):
+    """A random edit was tried, and kept if it scored higher."""
+
+    parent: str | None
+    machine: str
+    kept: bool
+
+
+@dataclass(frozen=True)
+class ResultEvent(
+    RunEvent, kind="result", optional=("trajectory", "machine", "valid", "score", "first")
+):
+    """The run ended; the place names the workflow."""
+
+    trajectory: int | None = None
+    machine: str | None = None
+    valid: bool | None = None
+    score: float | None = None
+    first: FirstAttempt | None = None
+    reason: str = ""
+    stage: str | None = None
+    stopped: str | None = None
+
+
+@dataclass(frozen=True)
+class RemarkEvent(RunEvent, kind="remark"):
+    """A message to the user, which changes no result; the place is its number."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class CallsEvent(RunEvent, kind="calls"):
+    """A call began or ended; shown and not recorded."""
+
+    under_way: int
+    cost: float | None
+
+
+@dataclass(frozen=True)
+class DrawingEvent(RunEvent, kind="drawing"):
+    """Pictures of the result are being made; shown and not recorded."""
+
+    place: Place = field(default_factory=lambda: Place("best"))
+
+
+def typed(event: Event) -> RunEvent | Event:
+    """The typed event; the event itself if its kind is unknown.
+
+    Raises:
+        ValueError: The event has a wrong label, or lacks a value or has one of a wrong type.
+    """
+    known = RunEvent.kinds.get(event.kind)
+    if known is None:
+        return event
+    place = Place.parse(event.label)
+    for part in known.needs:
+        if not place.has(part):
+            raise ValueError(f"the label of {event.kind} {event.label!r} has no {part}")
+    return _read({**event.data, "place": place, "at": event.at}, event)
+
+
+def read_typed_events(path: Path) -> Iterator[RunEvent | Event]:
+    """The recorded events in order, one at a time, typed where their kind is known.
+
+    Raises:
+        RunError: An event is damaged; the message has file and line.
+    """
+    for event in read_events(path):
+        try:
+            yield typed(event)
+        except ValueError as error:
+            raise RunError(f"{path / EVENTS} is damaged in line {event.line}: {error}") from None
+
+
+def _read(content: Mapping[str, Any], event: Event) -> RunEvent:
+    from pydantic import ValidationError
+
+    try:
+        read: RunEvent = _adapter(event.kind).validate_python(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ValueError(f"{event.kind} {event.label}: {where}: {first['msg']}") from None
+    return read
+
+
+@cache
+def _adapter(kind: str) -> Any:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(RunEvent.kinds[kind])

@@ -1,0 +1,68 @@
+"""Places in a run: what the labels of events and of model calls name."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+StageName = Literal["initial", "blind_refinement", "env_feedback"]
+INITIAL: StageName = "initial"
+BLIND: StageName = "blind_refinement"
+FEEDBACK: StageName = "env_feedback"
+STAGES = (INITIAL, BLIND, FEEDBACK)
+
+_PARTS = {
+    "structure": "structure",
+    "traj": "trajectory",
+    "candidate": "candidate",
+    "round": "round",
+    "node": "node",
+    "try": "try_",
+    "attempt": "attempt",
+}
+"""Word of a numbered part in a label -> attribute of a `Place`, in the order of labels."""
+_PLACE = re.compile(
+    "(?P<name>.*?)"
+    + "".join(
+        rf"(?:(?:^|(?<=.)/){word}-(?P<{part}>{'0|' * (word == 'node')}[1-9][0-9]{{0,8}}))?"
+        for word, part in _PARTS.items()
+    ),
+    re.DOTALL,
+)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where in a run something happens, or what a model call is for.
+
+    As text: "env_feedback/traj-1/round-2", "refiner/feedback/traj-1/round-2/node-0/try-1/attempt-1"
+    """
+
+    name: str = ""
+    """Stage of an event; role of a call, with its use where it has several."""
+    structure: int = 0
+    """This and the other numbers count from 1; 0 is none."""
+    trajectory: int = 0
+    candidate: int = 0
+    round: int = 0
+    node: int | None = None
+    """Counts from 0, the root of a search."""
+    try_: int = 0
+    attempt: int = 0
+
+    @classmethod
+    def parse(cls, label: str) -> Place:
+        """Read a label; whatever is not a numbered part at its end is the name."""
+        found = _PLACE.fullmatch(label)
+        assert found is not None
+        numbers = {part: int(found[part]) for part in _PARTS.values() if found[part]}
+        return cls(found["name"], **numbers)
+
+    def __str__(self) -> str:
+        parts = [f"{word}-{getattr(self, part)}" for word, part in _PARTS.items() if self.has(part)]
+        return "/".join([self.name, *parts] if self.name else parts)
+
+    def has(self, part: str) -> bool:
+        """Whether a number is given."""
+        return bool(getattr(self, part) != getattr(Place, part))

@@ -1,0 +1,92 @@
+"""What the events of a run add up to, in one pass; metrics, reports and displays all use it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from agentflow.runs.events import (
+    AttemptEvent,
+    CandidateEvent,
+    EditEvent,
+    EvaluationEvent,
+    ExpandEvent,
+    NodeEvent,
+    RemarkEvent,
+    RunEvent,
+    RunStartEvent,
+    StageBeginEvent,
+    StageEvent,
+)
+from agentflow.runs.reading import Event
+
+
+@dataclass
+class RunRecord:
+    """A run so far."""
+
+    start: RunStartEvent | None = None
+    stage: StageBeginEvent | None = None
+    """The last stage to begin."""
+    calls: int = 0
+    """Answered model calls."""
+    valid_calls: int = 0
+    tokens: int = 0
+    """As reported by the endpoint; 0 where it reports none."""
+    evaluations: int = 0
+    machines: set[str] = field(default_factory=set)
+    """Content hashes of the simulated machines."""
+    best: float | None = None
+    """Highest score of a valid machine."""
+    steps: int = 0
+    """Expansions of search trees, or random edits."""
+    candidates: list[CandidateEvent] = field(default_factory=list)
+    expansions: list[ExpandEvent] = field(default_factory=list)
+    nodes: list[NodeEvent] = field(default_factory=list)
+    stages: list[StageEvent] = field(default_factory=list)
+    """Finished stages."""
+    remarks: list[str] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, events: Iterable[RunEvent | Event]) -> RunRecord:
+        """Add up the events of a run."""
+        record = cls()
+        for event in events:
+            record.add(event)
+        return record
+
+    def add(self, event: RunEvent | Event) -> None:
+        """Take in one event."""
+        if isinstance(event, AttemptEvent):
+            self.calls += 1
+            self.valid_calls += event.valid
+            self.tokens += event.tokens
+        elif isinstance(event, EvaluationEvent):
+            self._add_evaluation(event)
+        elif isinstance(event, CandidateEvent):
+            self.candidates.append(event)
+        elif isinstance(event, ExpandEvent):
+            self.steps += 1
+            self.expansions.append(event)
+        elif isinstance(event, NodeEvent):
+            self.nodes.append(event)
+        elif isinstance(event, EditEvent):
+            self.steps += 1
+        elif isinstance(event, StageEvent):
+            self.stages.append(event)
+        elif isinstance(event, StageBeginEvent):
+            self.stage = event
+        elif isinstance(event, RunStartEvent):
+            self.start = event
+        elif isinstance(event, RemarkEvent):
+            self.remarks.append(event.text)
+
+    def of_stage(self, name: str) -> list[CandidateEvent]:
+        """The candidates of one stage, by trajectory."""
+        return [item for item in self.candidates if item.place.name == name]
+
+    def _add_evaluation(self, event: EvaluationEvent) -> None:
+        self.evaluations += 1
+        self.machines.add(event.machine)
+        if event.valid and event.score is not None:
+            self.best = event.score if self.best is None else max(self.best, event.score)
