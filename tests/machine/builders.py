@@ -1,4 +1,4 @@
-"""Machines that several tests of this folder use."""
+"""Machines that several tests share."""
 
 from __future__ import annotations
 

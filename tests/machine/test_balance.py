@@ -7,7 +7,7 @@ from tests.machine.builders import CAR, Spec, build
 LEFT, RIGHT = (-1.0, -1.0), (1.0, -1.0)
 
 
-def test_a_lone_root_stands_on_its_corners() -> None:
+def test_a_bare_root_stands_on_its_corners() -> None:
     geometry = place(build())
     assert mass(geometry) == 0.25
     assert centre_of_mass(geometry) == (0.0, 0.0, 0.0)
@@ -15,7 +15,7 @@ def test_a_lone_root_stands_on_its_corners() -> None:
     assert stands(geometry)
 
 
-def test_weight_pulls_the_centre() -> None:
+def test_centre_of_mass_is_weighted_by_mass() -> None:
     # root 0.25 kg at 0, ballast 3 kg at x = 1
     geometry = place(build((35, 0, 3)))
     assert mass(geometry) == 3.25
@@ -49,7 +49,9 @@ def test_wheels_stand_on_lines_below_their_axes() -> None:
         ([(15, 0, 5), (63, 0, 3)], ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)), False),
     ],
 )
-def test_footing(blocks: list[Spec], polygon: tuple[object, ...], upright: bool) -> None:
+def test_support_polygon_and_stability(
+    blocks: list[Spec], polygon: tuple[object, ...], upright: bool
+) -> None:
     geometry = place(build(*blocks))
     assert support_polygon(geometry) == polygon
     assert stands(geometry) is upright

@@ -39,7 +39,7 @@ def test_special_numbers() -> None:
     assert [kind for kind, block in library().items() if block.powered_wheel] == [2, 46]
 
 
-def test_finding_by_name_or_id() -> None:
+def test_lookup_by_name_or_id() -> None:
     assert library().find(63).type == 63
     assert library().find(" 63 ").type == 63
     assert library().find("large powered-wheel").type == 46

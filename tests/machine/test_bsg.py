@@ -95,7 +95,7 @@ def test_the_same_machine_is_the_same_file() -> None:
 
 
 @pytest.mark.parametrize("machine", [CAR, CATAPULT, SPRUNG, EXTENDED])
-def test_the_way_back(machine: Machine) -> None:
+def test_round_trip(machine: Machine) -> None:
     located = read_bsg(to_bsg(machine), tuple(library()))
     assert (located.machine, located.problems, located.loose, located.notes) == (
         machine,
@@ -106,7 +106,7 @@ def test_the_way_back(machine: Machine) -> None:
 
 
 @given(machines())
-def test_the_way_back_is_the_identity_or_says_what_is_ambiguous(machine: Machine) -> None:
+def test_round_trip_is_exact_or_reports_ambiguous_parents(machine: Machine) -> None:
     located = read_bsg(to_bsg(machine))
     assert (located.problems, located.loose) == ((), ())
     assert located.machine == machine or any("ambiguous" in note for note in located.notes)
@@ -153,7 +153,7 @@ PLAYERS = file(
 )
 
 
-def test_players_machines_are_read_without_what_is_foreign() -> None:
+def test_unsupported_blocks_of_players_machines_are_skipped() -> None:
     located = read_bsg(PLAYERS)
     assert located.machine == build((15, 0, 0), (15, 1, 3), (2, 0, 2))
     assert [(problem.code, problem.blocks) for problem in located.problems] == [
@@ -191,12 +191,12 @@ def test_players_machines_are_read_without_what_is_foreign() -> None:
     assert len(report.problems) == 5
 
 
-def test_what_hangs_on_nothing_is_spatially_invalid() -> None:
+def test_unattached_blocks_are_spatially_invalid() -> None:
     report = check(read_bsg(file(ROOT, block(15, "0 0 9"))))
     assert (report.file_valid, report.spatial_valid) == (True, False)
 
 
-def test_the_starting_block_may_stand_anywhere() -> None:
+def test_the_starting_block_may_be_anywhere_in_the_file() -> None:
     located = read_bsg(file(block(15, "1 1 1.5"), block(0, "1 1 1")))
     assert located.machine == build((15, 0, 0))
     second = read_bsg(file(ROOT, ROOT))
@@ -244,7 +244,7 @@ HOSTILE = [
 
 
 @pytest.mark.parametrize(("text", "code", "message"), HOSTILE, ids=range(len(HOSTILE)))
-def test_what_is_no_machine_file(text: str, code: str, message: str) -> None:
+def test_invalid_machine_files(text: str, code: str, message: str) -> None:
     located = read_bsg(text)
     assert located.machine is None
     assert located.problems[-1].code == code

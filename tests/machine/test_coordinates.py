@@ -39,7 +39,7 @@ def test_a_machine_in_coordinates() -> None:
 
 
 @pytest.mark.parametrize("machine", [CAR, CATAPULT, build((1, 0, 4), (7, 1, 1, 0, 0))])
-def test_the_way_back(machine: Machine) -> None:
+def test_round_trip(machine: Machine) -> None:
     located = read_coordinates(json.dumps(to_coordinates(machine)))
     assert (located.machine, located.problems, located.loose, located.notes) == (
         machine,
@@ -51,7 +51,7 @@ def test_the_way_back(machine: Machine) -> None:
 
 
 @given(machines())
-def test_the_way_back_is_the_identity_or_says_what_is_ambiguous(machine: Machine) -> None:
+def test_round_trip_is_exact_or_reports_ambiguous_parents(machine: Machine) -> None:
     located = read_coordinates(to_coordinates(machine))
     assert (located.problems, located.loose) == ((), ())
     assert located.machine == machine or any("ambiguous" in note for note in located.notes)
@@ -93,7 +93,7 @@ def test_a_parent_must_be_earlier() -> None:
 
 
 @pytest.mark.parametrize("name", FACINGS)
-def test_rotations_count_to_within_a_degree(name: str) -> None:
+def test_rotations_have_a_tolerance_of_one_degree(name: str) -> None:
     x, y, z, w = FACINGS[name].quaternion
     assert facing_of((-2 * x, -2 * y, -2 * z, -2 * w)) == name
 
@@ -121,7 +121,7 @@ def test_other_rotations_are_refused() -> None:
     ]
 
 
-def test_what_hangs_on_nothing_is_named_beside_what_overlaps() -> None:
+def test_unattached_blocks_are_reported_with_overlaps() -> None:
     small = {"type": 15, "Position": [0.5, 0, 0], "Rotation": [0, S, 0, S]}
     lost = {"type": 15, "Position": [9, 9, 9], "Rotation": [0, 0, 0, 1]}
     report = check(read_coordinates([ROOT, LOG, lost, small]))
@@ -133,7 +133,7 @@ def test_what_hangs_on_nothing_is_named_beside_what_overlaps() -> None:
     assert report.overlaps == ((1, 3),)
 
 
-def test_ambiguous_parents_are_told() -> None:
+def test_ambiguous_parents_are_noted() -> None:
     # a ring of blocks comes back to the root: its Left face meets that of block 3
     machine = build((15, 0, 0), (15, 1, 1), (15, 2, 1), (7, 0, 2, 3, 1))
     located = read_coordinates(to_coordinates(machine))
@@ -174,7 +174,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("source", "code", "message"), WRONG, ids=[row[1] for row in WRONG])
-def test_what_is_not_file_valid(source: object, code: str, message: str) -> None:
+def test_file_invalid_coordinates(source: object, code: str, message: str) -> None:
     report = check(read_coordinates(source))
     assert (report.file_valid, report.spatial_valid, report.machine) == (False, None, None)
     assert report.problems[0].code == code
@@ -197,7 +197,7 @@ def test_extended_types_are_read_where_they_are_allowed() -> None:
     assert read_coordinates(to_coordinates(machine), tuple(library())).machine == machine
 
 
-def test_hundreds_of_lost_blocks_take_little_time() -> None:
+def test_hundreds_of_unattached_blocks_are_fast() -> None:
     logs = to_coordinates(build(*[(63, i, 0) for i in range(400)]))
     lost = [{"type": 63, "Position": [9, 9, i], "Rotation": [0, 0, 0, 1]} for i in range(399)]
     start = time.process_time()

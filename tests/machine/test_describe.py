@@ -28,7 +28,7 @@ WAGON = apply_script(
 
 
 def tokens(text: str) -> int:
-    """An upper estimate: every word, number part and mark is a token, as with no merging."""
+    """Upper bound on the number of tokens: one per word, three digits, or punctuation mark."""
     return len(re.findall(r"[0-9]{1,3}| ?[A-Za-z]+| ?[^\sA-Za-z0-9]|\n", text))
 
 
@@ -148,7 +148,7 @@ def test_wheels_in_the_air_and_free_wheels_do_not_drive() -> None:
     assert describe(build((40, 0, 3)))["drives"] == []
 
 
-def test_closed_loops_are_told() -> None:
+def test_closed_loops_are_described() -> None:
     bridge = build((1, 0, 2), (1, 0, 3), (1, 1, 6), (1, 2, 6), (63, 3, 4))
     assert describe(bridge)["auto_connections"] == [
         {"block": 5, "face_id": 0, "partner": 4, "partner_face": 2}

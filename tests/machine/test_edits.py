@@ -44,7 +44,7 @@ def test_reading_commands(line: str, command: Command | None) -> None:
     assert read_command(line) == command
 
 
-def test_lines_that_need_not_be_commands() -> None:
+def test_lines_that_are_not_commands_are_skipped() -> None:
     script = "```\n\n// first the wheel\n  Remove 7  \n```"
     assert script_lines(script) == ["Remove 7"]
 
@@ -241,12 +241,12 @@ FACES_0 = "free faces of block 0"
         ),
     ],
 )
-def test_what_fails_and_why(script: str, code: str, reason: str) -> None:
+def test_failed_commands_and_reasons(script: str, code: str, reason: str) -> None:
     assert failure(CATAPULT, script) == (code, reason)
 
 
 @pytest.mark.parametrize("line", ["fly", "Add Log to 0 in 4", "## Steps", "Remove 13, 12"])
-def test_a_line_that_is_no_command_is_an_error(line: str) -> None:
+def test_a_line_that_is_not_a_command_is_an_error(line: str) -> None:
     assert failure(CATAPULT, line) == (
         "bad_format",
         "not a command; the commands are: Add [type] to [id] in [face]; "

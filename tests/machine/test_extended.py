@@ -1,4 +1,4 @@
-"""Extended types are legal only where a task lists them."""
+"""Extended types are legal only in tasks that list them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_extended_types_need_a_task_that_lists_them(kind: int) -> None:
 
 
 @pytest.mark.parametrize("kind", [kind for kind in library().core if kind != 0])
-def test_core_types_are_legal_where_no_task_says_otherwise(kind: int) -> None:
+def test_core_types_are_legal_by_default(kind: int) -> None:
     assert check(alone(kind)).machine_valid
     refused = check(alone(kind), brief(0))
     assert [problem.code for problem in refused.problems] == ["type_not_allowed"]

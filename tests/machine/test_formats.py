@@ -33,7 +33,7 @@ SPRUNG = to_bsg(build((1, 0, 4), (9, 0, 0, 1, 0)))
         (BSG.partition("\n")[2], LocatedMachine),
     ],
 )
-def test_the_form_is_found_out(source: object, kind: type) -> None:
+def test_the_form_is_detected(source: object, kind: type) -> None:
     reading = read_any(source)
     assert isinstance(reading, kind)
     assert reading.machine == CATAPULT
@@ -45,7 +45,7 @@ def test_a_tree_whose_blocks_have_positions_too_is_a_tree() -> None:
     assert read_any(both).machine == CATAPULT
 
 
-def test_a_form_that_is_given_is_not_found_out() -> None:
+def test_a_given_form_is_not_detected() -> None:
     assert read_any(COORDINATES, "tree").problems[0].message == "block 0 has no 'id'"
     assert read_any(BSG, "coordinates").problems[0].code == "not_json"
     assert read_any(COORDINATES, "bsg").problems[0].code == "not_xml"
@@ -53,7 +53,7 @@ def test_a_form_that_is_given_is_not_found_out() -> None:
     assert read_any(CATAPULT.to_text(), "coordinates").problems[0].code == "missing_field"
 
 
-def test_repairs_are_told() -> None:
+def test_repairs_are_reported() -> None:
     reading = read_any(COORDINATES[:-1] + ",]")
     assert (reading.machine, reading.repaired) == (CATAPULT, True)
     assert check(reading).repaired
@@ -67,7 +67,7 @@ junk = st.lists(
 
 @st.composite
 def mutated(draw: st.DrawFn) -> str:
-    """A valid document with pieces cut out and put in."""
+    """A valid document with random deletions and insertions."""
     text = draw(st.sampled_from((COORDINATES, f"```json\n{COORDINATES}\n```", BSG, SPRUNG)))
     for _ in range(draw(st.integers(1, 5))):
         at = draw(st.integers(0, len(text)))
@@ -95,7 +95,7 @@ def test_random_documents_never_raise(text: str, form: Form) -> None:
 @pytest.mark.slow
 @settings(max_examples=5_000, deadline=None)
 @given(mutated() | junk.map("".join), forms)
-def test_very_many_random_documents_never_raise(text: str, form: Form) -> None:
+def test_many_random_documents_never_raise(text: str, form: Form) -> None:
     never_raises(text, form)
 
 

@@ -1,4 +1,4 @@
-"""Gear trains: which cogs mesh, how fast they turn, which hold each other fast."""
+"""Gear trains: which cogs mesh, how fast they turn, and which are locked."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_cogs_above_each_other_do_not_mesh() -> None:
     assert pairs(Machine((*stacked, Step(2, MEDIUM, 1, 0)))) == ()
 
 
-def test_a_train_turns_by_turns() -> None:
+def test_meshing_cogs_turn_in_alternating_directions() -> None:
     machine = cogs((POWERED, 0, -4), (MEDIUM, 0, 4), (MEDIUM, 0, -2), (LARGE, 0, 1.5))
     assert gear_trains((1, 2, 3, 4), pairs(machine)) == (
         GearTrain({1: 1.0, 3: -1.0, 4: 0.4}, locked=False),
@@ -47,7 +47,7 @@ def test_a_train_turns_by_turns() -> None:
     )
 
 
-def test_a_loop_that_wants_both_ways_is_locked() -> None:
+def test_a_loop_with_contradicting_speeds_is_locked() -> None:
     ring = (Meshing(1, 2, 1.0), Meshing(2, 3, 1.0), Meshing(1, 3, 1.0))
     assert gear_trains((1, 2, 3), ring) == (GearTrain({1: 0.0, 2: 0.0, 3: 0.0}, locked=True),)
     uneven = (
@@ -70,7 +70,7 @@ def test_a_loop_that_wants_both_ways_is_locked() -> None:
     )
 
 
-def test_a_loop_that_agrees_but_for_rounding_turns() -> None:
+def test_rounding_does_not_lock_a_loop() -> None:
     ring = (
         Meshing(1, 2, 1.1),
         Meshing(2, 3, 1.1),

@@ -16,7 +16,7 @@ AXES = {
     "y+": ("x+", "z-", (-S, 0, 0, S)),
     "y-": ("x+", "z+", (S, 0, 0, S)),
 }
-"""Spec 1.2: right, up, quaternion by facing."""
+"""Right, up, quaternion by facing."""
 
 
 def axis(name: str) -> Vec:
@@ -91,7 +91,7 @@ def test_the_root_is_centred_on_its_origin() -> None:
 
 def test_roll_follows_the_facing_and_not_the_parents_roll() -> None:
     straight = place(build((1, 0, 4)))[1]
-    # up from the root, left from there (x-), and by the Up face of that again y+
+    # up from the root, left from there (x-), then up again from its Up face (y+)
     bent = place(build((15, 0, 4), (15, 1, 1), (1, 2, 3)))[3]
     assert (bent.facing, bent.right, bent.up) == (straight.facing, straight.right, straight.up)
 
@@ -134,7 +134,6 @@ def test_two_ended_blocks_have_ends_and_neither_box_nor_face() -> None:
     assert geometry.overlaps == ()
     assert geometry.size == (1.0, 4.0, 3.0)
     assert geometry[0].end_a is None
-    assert geometry.carried(1) == (2,)
     assert geometry.children(1) == (3,)
     assert geometry.free_faces(0) == (1, 2, 3, 5)
 
@@ -157,7 +156,7 @@ def test_json_of_a_placed_block() -> None:
 
 
 def test_touching_boxes_do_not_overlap() -> None:
-    # a ring of four blocks round a corner; the last touches the root's side
+    # four blocks around a corner; the last touches the side of the root
     machine = build((15, 0, 0), (15, 1, 2), (15, 2, 2))
     geometry = place(machine)
     assert geometry[3].box_max == (1.5, 0.5, 0.5)
@@ -166,7 +165,7 @@ def test_touching_boxes_do_not_overlap() -> None:
 
 
 def test_the_smallest_overlap_counts() -> None:
-    # a pad 0.8 wide beside a boulder 1.9 wide on the next face of a log: 0.35 m into each other
+    # a pad 0.8 wide beside a boulder 1.9 wide on the next face of a log: they overlap by 0.35 m
     machine = build((63, 0, 0), (49, 1, 7), (36, 1, 8))
     assert place(machine).overlaps == ((2, 3),)
     assert overlap_of(place(machine)[2], place(machine)[3]) == (0.8, 0.5, 0.35)
@@ -182,7 +181,7 @@ def test_a_container_may_overlap_its_child_and_nothing_else() -> None:
 # Closed loops
 
 U = ((1, 0, 2), (1, 0, 3), (1, 1, 6), (1, 2, 6))
-"""Two posts, 3 and 4, whose inner faces 3.4 and 4.2 look at each other over 3 m."""
+"""Two posts, 3 and 4, whose inner faces 3.4 and 4.2 face each other 3 m apart."""
 
 
 @pytest.mark.parametrize(

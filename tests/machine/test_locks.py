@@ -1,4 +1,4 @@
-"""Joints that rigid connections bridge are named, and no others."""
+"""Exactly the joints that rigid connections bridge are reported as locked."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_brace_across_a_hinge_locks_it() -> None:
     )
 
 
-def test_what_closes_a_frame_beside_a_hinge_locks_it() -> None:
+def test_a_closed_frame_beside_a_hinge_locks_it() -> None:
     frame = machine(
         (0, -1, -1),
         (15, 0, 2),
@@ -49,16 +49,16 @@ def test_what_closes_a_frame_beside_a_hinge_locks_it() -> None:
     )
 
 
-def test_a_decoupler_is_no_joint_that_could_move() -> None:
+def test_a_decoupler_is_not_a_moving_joint() -> None:
     assert locked_joints(place(machine((0, -1, -1), (4, 0, 0), (63, 1, 0), (7, 0, 4, 1, 2)))) == []
 
 
-def test_without_a_brace_or_with_a_spring_in_its_place_it_moves() -> None:
+def test_without_a_brace_or_with_a_spring_instead_it_moves() -> None:
     assert check(machine(*HINGED)).warnings == ()
     assert check(machine(*HINGED, (9, 0, 4, 2, 9))).warnings == ()
 
 
-def test_what_is_no_machine_has_no_warnings() -> None:
+def test_invalid_input_has_no_warnings() -> None:
     assert check("no machine").warnings == ()
 
 
@@ -66,7 +66,7 @@ def test_what_is_no_machine_has_no_warnings() -> None:
     "seed",
     [pytest.param(seed, marks=() if 3 <= seed < 13 else pytest.mark.slow) for seed in range(40)],
 )
-def test_they_are_the_joints_that_physics_finds_locked(seed: int) -> None:
+def test_warnings_agree_with_the_simulation(seed: int) -> None:
     """The fast part has six machines with nine such joints, and four without."""
     tree = random_machine(Random(seed), size=(12, 30))
     physics = assemble(tree, place(tree), constants())
@@ -76,6 +76,6 @@ def test_they_are_the_joints_that_physics_finds_locked(seed: int) -> None:
 
 
 def _blamed(tree: Machine) -> set[int]:
-    """Blocks whose joints are said to be locked."""
+    """Blocks whose joints are reported as locked."""
     moving = (warning.message.split("block ")[1] for warning in locked_joints(place(tree)))
     return {int(text.split()[0]) for text in moving}

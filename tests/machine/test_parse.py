@@ -19,7 +19,7 @@ def codes(source: object) -> list[tuple[str, tuple[int, ...], str]]:
     return [(problem.code, problem.blocks, problem.message) for problem in reading.problems]
 
 
-def test_a_lone_root_is_a_machine() -> None:
+def test_a_bare_root_is_a_machine() -> None:
     assert read_machine([START]).machine == Machine((ROOT,))
 
 
@@ -37,7 +37,7 @@ def test_a_repaired_machine_says_so() -> None:
     assert (reading.machine, reading.repaired) == (CATAPULT, True)
 
 
-def test_the_last_fence_with_blocks_counts() -> None:
+def test_the_last_fence_with_blocks_wins() -> None:
     reply = f"```json\n{CATAPULT.to_text()}\n```\nThe arm is [11, 12]:\n```json\n[11, 12]\n```"
     assert read_machine(reply).machine == CATAPULT
 
@@ -245,11 +245,11 @@ def test_two_ended_blocks() -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_said(source: object, expected: tuple[str, tuple[int, ...], str]) -> None:
+def test_file_problems(source: object, expected: tuple[str, tuple[int, ...], str]) -> None:
     assert codes(source)[0] == expected
 
 
-def test_every_problem_is_named() -> None:
+def test_all_problems_are_reported() -> None:
     source = [START, block(1, type=99), block(5, parent=9), "x", block(4, face_id="q")]
     assert [(code, blocks) for code, blocks, _ in codes(source)] == [
         ("unknown_type", (1,)),

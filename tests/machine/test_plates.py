@@ -26,12 +26,12 @@ plates = st.builds(Plate, st.integers(*SIZES), st.integers(*HOLES), st.integers(
 
 
 @given(plates)
-def test_the_number_says_all(plate: Plate) -> None:
+def test_the_type_number_encodes_the_plate(plate: Plate) -> None:
     assert plate_of(plate.type) == plate
 
 
 @pytest.mark.parametrize("number", [0, 63, 4999, 9210, 32000, -9000])
-def test_other_numbers_are_no_plates(number: int) -> None:
+def test_other_numbers_are_not_plates(number: int) -> None:
     assert plate_of(number) is None
     assert (number in library()) == (number in (0, 63))
 
@@ -63,7 +63,7 @@ def test_nothing_can_be_attached_over_a_hole() -> None:
     assert closed not in place(Machine((Step(0, PIERCED.type, -1, -1),))).free_faces(0)
 
 
-def test_the_plate_is_exempt_from_the_size_limit_and_what_stands_on_it_is_not() -> None:
+def test_only_the_plate_is_exempt_from_the_size_limit() -> None:
     wide = Plate(31)
     ends = (Step(1, 15, 0, wide.face(-9, 0)), Step(2, 15, 0, wide.face(9, 0)))
     root = Step(0, wide.type, -1, -1)
@@ -72,7 +72,7 @@ def test_the_plate_is_exempt_from_the_size_limit_and_what_stands_on_it_is_not() 
     assert [problem.code for problem in check(Machine((root, *ends))).problems] == ["size_limit"]
 
 
-def test_what_is_given_must_be_repeated_and_is_not_bound_by_the_block_list() -> None:
+def test_given_blocks_must_be_repeated_and_may_have_any_type() -> None:
     cog = Step(2, 38, 0, SMALL.face(0, 0))
     assert check(Machine((*GIVEN, cog)), BRIEF).task_valid
     assert check(GIVEN.to_text(), BRIEF).task_valid
@@ -91,7 +91,7 @@ def test_what_is_given_must_be_repeated_and_is_not_bound_by_the_block_list() -> 
     assert not missing.file_valid
 
 
-def test_what_is_given_can_neither_be_moved_nor_removed() -> None:
+def test_given_blocks_cannot_be_moved_or_removed() -> None:
     for command, done in (("Remove 1", "removed"), (f"Move 1 to 0 in {SMALL.face(2, 2)}", "moved")):
         outcome = apply_script(GIVEN, command, BRIEF)
         assert (outcome.steps[0].code, outcome.steps[0].reason) == (
@@ -102,7 +102,7 @@ def test_what_is_given_can_neither_be_moved_nor_removed() -> None:
     assert added.success
 
 
-def test_overlaps_on_a_plate_are_told_in_few_words() -> None:
+def test_overlaps_on_a_plate_are_reported_briefly() -> None:
     twins = (*GIVEN, Step(2, 38, 0, SMALL.face(0, -1)))
     (problem,) = check(Machine(twins), BRIEF).problems
     assert problem.message.startswith("block 2 (Medium Cog) and block 1 (Powered Cog) overlap by")
@@ -110,7 +110,7 @@ def test_overlaps_on_a_plate_are_told_in_few_words() -> None:
 
 
 @pytest.mark.parametrize(("free", "end"), [(24, "all"), (25, "all and 1 more")])
-def test_up_to_twenty_four_free_faces_are_all_told(free: int, end: str) -> None:
+def test_at_most_24_free_faces_are_listed(free: int, end: str) -> None:
     tiny = Plate(5, 1)
     brief = replace(BRIEF, given=Machine((Step(0, tiny.type, -1, -1),)))
     faces = [face for face in range(tiny.row**2) if face not in tiny.closed]

@@ -28,7 +28,7 @@ from tests.machine.strategies import draw_step, machines, valid_machines
 
 
 @given(machines())
-def test_what_is_written_is_read_back(machine: Machine) -> None:
+def test_written_machines_are_read_back(machine: Machine) -> None:
     assert read_machine(machine.to_text()).machine == machine
     assert read_machine(json.dumps(machine.to_json())).machine == machine
 
@@ -54,7 +54,7 @@ def test_placing_then_reading_back(machine: Machine) -> None:
 
 
 @given(machines())
-def test_overlaps_are_what_every_pair_of_boxes_says(machine: Machine) -> None:
+def test_overlaps_agree_with_a_check_of_all_pairs(machine: Machine) -> None:
     geometry = place(machine)
     boxed = [placed for placed in geometry.blocks if not placed.two_ended]
     expected = []
@@ -117,7 +117,7 @@ def test_an_addition_and_its_removal_restore_the_machine(data: st.DataObject) ->
 
 
 @given(st.data())
-def test_a_move_and_its_way_back_restore_the_machine(data: st.DataObject) -> None:
+def test_a_move_and_its_inverse_restore_the_machine(data: st.DataObject) -> None:
     machine = data.draw(valid_machines())
     movable = [step for step in machine.steps[1:] if not step.two_ended]
     if not movable:
@@ -173,7 +173,7 @@ replies = st.sampled_from(
 
 @st.composite
 def mutated(draw: st.DrawFn) -> str:
-    """A valid reply with pieces cut out and put in."""
+    """A valid reply with random deletions and insertions."""
     text = draw(replies)
     for _ in range(draw(st.integers(0, 6))):
         at = draw(st.integers(0, len(text)))
@@ -202,7 +202,7 @@ def test_random_text_never_raises(text: str) -> None:
 @pytest.mark.slow
 @settings(max_examples=20_000, deadline=None)
 @given(any_text)
-def test_very_much_random_text_never_raises(text: str) -> None:
+def test_lots_of_random_text_never_raises(text: str) -> None:
     never_raises(text)
 
 

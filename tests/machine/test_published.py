@@ -1,4 +1,4 @@
-"""The examples that the paper prints come out as printed."""
+"""Examples from the paper."""
 
 from agentflow.machine import check, place
 from tests.machine.builders import CATAPULT, PUBLISHED_OVERLAP

@@ -34,7 +34,7 @@ def test_random_machines_are_valid(task: Brief | None, size: tuple[int, int]) ->
         assert check(machine, task).task_valid
 
 
-def test_one_seed_gives_one_machine() -> None:
+def test_the_same_seed_gives_the_same_machine() -> None:
     assert random_machine(Random(5)) == random_machine(Random(5)) != random_machine(Random(6))
 
 
@@ -51,7 +51,7 @@ def test_sizes_are_drawn_from_the_whole_range() -> None:
         (brief(15, required={36: 1}), (2, 3)),
     ],
 )
-def test_what_cannot_be_built_is_an_error(task: Brief, size: tuple[int, int]) -> None:
+def test_impossible_machines_are_an_error(task: Brief, size: tuple[int, int]) -> None:
     with pytest.raises(
         UsageError, match=f"found no valid machine of {size[0]} to {size[1]} blocks"
     ):
@@ -130,7 +130,7 @@ def test_actuation_goes_both_ways() -> None:
 
 
 def test_edits_are_uniform_over_the_kinds_that_have_a_legal_one() -> None:
-    # one wheel on the root: nothing else to hang it on, and only wheels are allowed
+    # one wheel on the root: it has no other place, and only wheels are allowed
     start, task, rng = build((2, 0, 4)), brief(2, 40), Random(4)
     counts: Counter[str] = Counter()
     added: Counter[Machine] = Counter()

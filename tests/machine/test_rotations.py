@@ -1,4 +1,4 @@
-"""Machines turned as a whole: where the rules for orientation allow it, nothing changes."""
+"""Rotating a whole machine changes nothing where the orientation rules allow it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROOT_FACE = {tuple(DIRECTIONS[face.direction]): face.id for face in library()[0]
 
 
 def turned(machine: Machine, by: Facing) -> Machine:
-    """The machine with all that hangs on the root on the face that a rotation takes it to."""
+    """The machine with everything on the root moved to the face that a rotation takes it to."""
     faces = library()[0].faces
 
     def end(parent: int, face: int) -> int:
@@ -53,7 +53,7 @@ def same_but_turned(machine: Machine, by: Facing) -> None:
     assert after.overlaps == before.overlaps
     for old, new in zip(before.blocks, after.blocks, strict=True):
         assert (new.lo, new.hi) == box(by, old.lo, old.hi)
-    # not so the loops that close at the root, for its own front does not turn
+    # except loops that close at the root, because its own front does not rotate
     assert loops(after) == loops(before)
 
 

@@ -61,7 +61,7 @@ async def test_golden_tree() -> None:
     assert (cost.expansions, cost.attempts, cost.valid, cost.rollouts) == (4, 16, 9, 8)
 
 
-async def test_a_spent_budget_ends_it_with_the_best_so_far() -> None:
+async def test_the_search_ends_with_the_best_node_when_the_budget_runs_out() -> None:
     words = Words({f"round-1/node-0/try-{i}": "ab"[i % 2] for i in (1, 2, 3, 4)}, {"a": 0, "b": 2})
     words.budget = 3
     found = await run(words, SearchSettings(rounds=5, width=4))

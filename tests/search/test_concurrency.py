@@ -14,7 +14,7 @@ async def test_results_come_in_order() -> None:
     assert await run_concurrently(late(i) for i in range(4)) == [0, 1, 2, 3]
 
 
-async def test_nothing_runs_on_after_a_failure() -> None:
+async def test_a_failure_cancels_the_other_jobs() -> None:
     ended = []
 
     async def slow() -> None:
@@ -35,7 +35,7 @@ async def test_nothing_runs_on_after_a_failure() -> None:
     assert ended == ["cancelled"]
 
 
-async def test_each_candidate_is_tried_once() -> None:
+async def test_each_candidate_is_evaluated_once() -> None:
     asked = []
 
     async def evaluate(candidate: str, label: str) -> Evaluation:

@@ -81,7 +81,7 @@ async def test_golden_tree() -> None:
     assert cost.seconds > 0
 
 
-async def test_waves_ask_for_what_is_missing_and_know_the_earlier_attempts() -> None:
+async def test_later_waves_fill_missing_children_and_see_earlier_attempts() -> None:
     words = Words(REPLIES, SCORES)
     await run(words)
     assert words.waves == [
@@ -91,7 +91,7 @@ async def test_waves_ask_for_what_is_missing_and_know_the_earlier_attempts() -> 
     ]
 
 
-async def test_each_word_is_tried_once_under_its_first_label() -> None:
+async def test_each_word_is_evaluated_once_under_its_first_label() -> None:
     words = Words(REPLIES, SCORES)
     await run(words)
     assert words.rollouts == [
@@ -152,7 +152,7 @@ async def test_waves_end_with_fewer_children() -> None:
     assert (found.result, found.best) == (0, 0)
 
 
-async def test_scores_that_are_missing_or_invalid_are_never_best() -> None:
+async def test_missing_or_invalid_scores_are_never_best() -> None:
     words = Words({f"round-1/node-0/try-{i}": "x" for i in (1, 2, 3, 4)}, {"x": None})
     found = await mcts(
         "r",
@@ -181,7 +181,7 @@ async def test_no_rounds_give_the_root() -> None:
         (14, "rabacdcef", 14, 6),
     ],
 )
-async def test_a_spent_budget_ends_it_with_what_was_answered(
+async def test_the_search_keeps_completed_attempts_when_the_budget_runs_out(
     budget: int, nodes: str, attempts: int, rollouts: int
 ) -> None:
     """Children that were answered for are simulated and backed up; nothing is asked after that."""
@@ -214,7 +214,7 @@ async def test_completion_order_changes_nothing() -> None:
     rounds=st.integers(0, 8),
     scale=st.sampled_from(["minmax", "none"]),
 )
-async def test_back_up_keeps_the_books(
+async def test_back_up_updates_visits_and_totals(
     seed: int, width: int, waves: int, rounds: int, scale: str
 ) -> None:
     """A node's visits and total are those of the scored nodes below it, and its own."""

@@ -45,7 +45,7 @@ async def test_golden_chain() -> None:
     assert (cost.expansions, cost.attempts, cost.valid, cost.rollouts) == (4, 6, 3, 3)
 
 
-async def test_a_spent_budget_ends_it_with_the_last() -> None:
+async def test_the_search_ends_with_the_last_node_when_the_budget_runs_out() -> None:
     words = Words({"round-1/node-0/try-1": "a"}, {"a": 0.0}, budget=1)
     found = await run(words, SearchSettings())
     assert (found.result, found.best, found.stopped) == (1, 0, True)

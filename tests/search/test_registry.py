@@ -36,6 +36,6 @@ def test_every_setting_has_help(settings: type[SearchSettings] | type[UcbSetting
 @pytest.mark.parametrize(
     "wrong", [{"rounds": -1}, {"width": 0}, {"waves": 0}, {"depth": 3}, {"ucb": {"c": -1}}]
 )
-def test_wrong_settings_are_refused(wrong: dict[str, object]) -> None:
+def test_invalid_settings_are_rejected(wrong: dict[str, object]) -> None:
     with pytest.raises(ValidationError, match=next(iter(wrong))):
         SearchSettings.model_validate(wrong)

@@ -30,7 +30,7 @@ def test_better_is_valid_scored_and_above(new: Evaluation, old: Evaluation, expe
 
 
 @pytest.mark.parametrize("name", STRATEGIES)
-async def test_a_root_that_is_fallen_back_to_is_not_tried_again(name: str) -> None:
+async def test_a_fallback_child_is_not_evaluated_again(name: str) -> None:
     words = Words({f"round-1/node-0/try-{i}": None for i in (1, 2)}, {})
     numbers = SearchSettings(rounds=1, width=1, waves=2)
     found = await STRATEGIES[name]("r", ROOT, words.expand, words.evaluate, numbers)
@@ -39,7 +39,7 @@ async def test_a_root_that_is_fallen_back_to_is_not_tried_again(name: str) -> No
 
 
 @pytest.mark.parametrize("name", STRATEGIES)
-async def test_a_budget_spent_before_the_first_answer_ends_it_without_an_expansion(
+async def test_no_expansion_is_counted_when_the_budget_is_already_spent(
     name: str,
 ) -> None:
     words = Words({}, {}, budget=0)

@@ -17,7 +17,7 @@ def test_upper_confidence_bound() -> None:
     assert ucb(1, 1, 3.0, (0.0, 1.0), 5.0) == 3.0
 
 
-def test_range_is_that_of_the_tree_so_far_root_included() -> None:
+def test_reward_range_spans_the_current_tree_including_the_root() -> None:
     minmax, raw = UcbSettings(), UcbSettings(scale="none")
     nodes = [node(0, -2.0, None), node(1, 3.0), node(2, None)]
     assert reward_range(nodes, minmax) == (-2.0, 5.0)

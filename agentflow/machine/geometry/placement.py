@@ -12,13 +12,7 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Vec3
-from agentflow.machine.geometry.pose import (
-    Placed,
-    Units3,
-    add,
-    shape,
-    to_metres,
-)
+from agentflow.machine.geometry.pose import Placed, Units3, add, shape, to_metres
 from agentflow.machine.tree import Machine, Step
 
 
@@ -49,14 +43,6 @@ class Geometry:
     def children_by_face(self, block_id: int) -> tuple[tuple[int, int], ...]:
         """(face id, child id) of the standard blocks attached to a block, by child id."""
         return tuple((face, child) for child, face in self._children[block_id])
-
-    def carried(self, block_id: int) -> tuple[int, ...]:
-        """Ids of the two-ended blocks attached to a block, ascending."""
-        return tuple(
-            placed.id
-            for placed in self.blocks
-            if placed.two_ended and block_id in placed.step.parents
-        )
 
     def free_faces(self, block_id: int) -> tuple[int, ...]:
         """Ids of a block's faces without a standard block, ascending."""

@@ -50,7 +50,7 @@ def test_strict_json_is_found_and_not_repaired(text: str, value: object) -> None
     ],
 )
 @pytest.mark.parametrize("around", ["```json\n{}\n```", "{}", "So:\n{}\n"])
-def test_what_models_really_send_is_repaired(inner: str, around: str) -> None:
+def test_typical_model_mistakes_are_repaired(inner: str, around: str) -> None:
     found = extract_json(around.replace("{}", inner), list)
     assert found == ([{"a": 1, "b": [2, 3]}], True)
 
@@ -75,7 +75,7 @@ def test_text_without_a_list_gives_none(text: str) -> None:
     assert extract_json(text, list) == (None, False)
 
 
-def test_a_fault_of_the_repairer_is_a_text_that_cannot_be_repaired() -> None:
+def test_an_error_in_json_repair_counts_as_not_repairable() -> None:
     assert extract_json('{\\"```json\n[```:', list) == (None, False)
 
 
