@@ -14,7 +14,7 @@ from agentflow.report.sweep import sweep_data
 from agentflow.runs import read_result
 
 
-def sweep_report(path: Path, out: Path) -> Path:
+def sweep_report(path: Path, out: Path, **_: Any) -> Path:
     """Write the page of a sweep, done or not.
 
     Args:

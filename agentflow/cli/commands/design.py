@@ -20,6 +20,7 @@ from agentflow.cli.root import (
     print_json,
 )
 from agentflow.errors import EndpointError, UsageError
+from agentflow.workflows.registry import WORKFLOWS
 
 
 @commands.command(
@@ -29,10 +30,7 @@ def design(
     task: Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")] = None,
     workflow: Annotated[
         str | None,
-        typer.Option(
-            help="single, iterative, hierarchical or random-dsl; placement or random-placement "
-            "for gearing."
-        ),
+        typer.Option(help=f"Workflow: {', '.join(WORKFLOWS.ours)}. The last two are for gearing."),
     ] = None,
     model: ModelName = None,
     base_url: BaseUrl = None,

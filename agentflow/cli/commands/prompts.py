@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
+from agentflow.agents.registry import ROLES
 from agentflow.cli.root import Json, commands, print_json
+from agentflow.prompts.registry import PROMPT_SETS
 
 prompts = typer.Typer(
     help="Inspect the prompts that models get.",
@@ -34,11 +36,11 @@ def list_(as_json: Json = False) -> None:
 
 @prompts.command(epilog="Example: agentflow prompts show --role refiner --task throwing")
 def show(
-    role: Annotated[
-        str, typer.Option(help="meta_designer, designer, inspector, querier, refiner or placer.")
-    ] = "designer",
+    role: Annotated[str, typer.Option(help=f"Role: {', '.join(ROLES.ours)}.")] = "designer",
     task: Annotated[str, typer.Option(help="Task, such as throwing or movement/3.")] = "throwing",
-    name: Annotated[str, typer.Option("--set", help="Prompt set.")] = "default",
+    name: Annotated[
+        str, typer.Option("--set", help=f"Prompt set: {', '.join(PROMPT_SETS.ours)}.")
+    ] = "default",
     knobs: Annotated[
         list[str] | None,
         typer.Option("--knob", help="Set a knob of the task, knob=value; repeatable."),

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from agentflow.app.pages.registry import PAGES
 from agentflow.cli.root import commands
 
 Out = Annotated[Path | None, typer.Option(help="Output file; default: report.html in the run.")]
@@ -21,17 +22,16 @@ def report(
     out: Out = None,
     films: Films = 200,
     workers: Workers = 2,
+    page: Annotated[
+        str | None,
+        typer.Option(help=f"Page: {', '.join(PAGES.ours)}; default: the one for the directory."),
+    ] = None,
 ) -> None:
     """Write an HTML report: 3D films for a run, tables for a sweep."""
-    from agentflow.app.pages.runs import report as of_run
-    from agentflow.app.pages.sweeps import sweep_report as of_sweep
     from agentflow.app.sweeps.folder import is_sweep
 
-    file = out or run / "report.html"
-    if is_sweep(run):
-        print(of_sweep(run, file))
-    else:
-        print(of_run(run, file, films=films, workers=workers, say=_progress))
+    write = PAGES[page or ("sweep" if is_sweep(run) else "run")]
+    print(write(run, out or run / "report.html", films=films, workers=workers, say=_progress))
 
 
 def _progress(done: int, of: int) -> None:
