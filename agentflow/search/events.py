@@ -28,7 +28,7 @@ class Expanded:
     children: tuple[int, ...]
     """Ids of the new nodes; empty only if the budget ran out first."""
     fallback: bool
-    """Whether no attempt was valid, so that the only child repeats the parent's candidate."""
+    """Whether no attempt was valid, so the only child repeats the parent's candidate."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ class Expansion(Generic[C]):
     attempts: tuple[Attempt[C], ...]
     children: tuple[tuple[C, str], ...]
     fallback: bool = False
-    """Whether no attempt was valid, so that the only child repeats the parent's candidate."""
+    """Whether no attempt was valid, so the only child repeats the parent's candidate."""
     stopped: bool = False
     """Whether the budget ran out; children received before that are kept."""
 

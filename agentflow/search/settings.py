@@ -25,7 +25,7 @@ class UcbSettings(BaseModel):
 
 
 class SearchSettings(BaseModel):
-    """Strategy and budget; all strategies share these keys, so that sweeps can compare them."""
+    """Strategy and budget; all strategies share these keys, so sweeps can compare them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

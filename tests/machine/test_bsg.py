@@ -239,7 +239,7 @@ HOSTILE = [
         "block 0 of the file (id '0', guid 'g0'): it is scaled to 1 x 1 x 2; blocks cannot "
         "be scaled here",
     ),
-    (file(*[ROOT] * 801), "too_many_blocks", "the machine has 801 blocks; at most 800 are read"),
+    (file(*[ROOT] * 801), "too_many_blocks", "the machine has 801 blocks; the maximum is 800"),
 ]
 
 

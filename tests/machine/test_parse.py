@@ -274,7 +274,7 @@ def test_extended_types_need_a_task_that_lists_them() -> None:
 def test_too_many_blocks_are_refused() -> None:
     source = [START] + [block(index) for index in range(1, MAX_BLOCKS + 1)]
     assert codes(json.dumps(source)) == [
-        ("too_many_blocks", (), f"the machine has {MAX_BLOCKS + 1} blocks; at most 800 are read")
+        ("too_many_blocks", (), f"the machine has {MAX_BLOCKS + 1} blocks; the maximum is 800")
     ]
 
 

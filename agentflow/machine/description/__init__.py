@@ -1,1 +1,1 @@
-"""What models are told about the geometry of a machine."""
+"""Descriptions of a machine's geometry, for models."""

@@ -48,7 +48,7 @@ def read_bsg(text: str, blocks: Collection[int] | None = None) -> LocatedMachine
         message = "this is not a Besiege machine file: it has no Machine element with Blocks"
         return LocatedMachine(problems=(Problem("not_a_machine", (), message),))
     if len(found) > MAX_BLOCKS:
-        message = f"the machine has {len(found)} blocks; at most {MAX_BLOCKS} are read"
+        message = f"the machine has {len(found)} blocks; the maximum is {MAX_BLOCKS}"
         return LocatedMachine(problems=(Problem("too_many_blocks", (), message),))
     reader = _Reader(library().core if blocks is None else blocks)
     for index, block in enumerate(found):
@@ -127,7 +127,7 @@ class _Reader:
         start = block.find(f"./Data/Vector3[@key='{START}']")
         a = _ORIGIN if start is None else _point(start, "XYZ", START)
         b = _point(end, "XYZ", END)
-        ends = (add_floats(position, _turned(rotation, reach)) for reach in (a, b))
+        ends = (add_floats(position, _rotate(rotation, reach)) for reach in (a, b))
         return LocatedBlock(index, kind, next(ends), rotation, next(ends))
 
     def _type(self, block: Element) -> int:
@@ -178,8 +178,8 @@ def _numbers(element: Element | None, names: str, what: str) -> list[float]:
     return numbers
 
 
-def _turned(rotation: Quat, vector: Vec3) -> Vec3:
-    """A vector of a block's own frame in the machine frame."""
+def _rotate(rotation: Quat, vector: Vec3) -> Vec3:
+    """Rotate a vector by a quaternion of any length but 0."""
     length = math.sqrt(sum(part * part for part in rotation)) or 1.0
     x, y, z, w = (part / length for part in rotation)
     a, b, c = vector

@@ -163,11 +163,11 @@ class _Connector:
 
     def _face_at(self, block: LocatedBlock, point: Vec3, facing: str | None) -> _Face | None:
         """The face at a point; None, and a problem, if there is none."""
-        here = self._units(point)
+        at = self._units(point)
         near = [
             (round(distance, 6), face.block, face.face, face)
-            for face in self._faces_near(here)
-            if facing in (None, face.facing) and (distance := math.dist(here, face.at)) <= _REACH
+            for face in self._faces_near(at)
+            if facing in (None, face.facing) and (distance := math.dist(at, face.at)) <= _REACH
         ]
         if not near:
             self.loose.append(self._no_parent(block, point, facing))
@@ -182,14 +182,14 @@ class _Connector:
             )
         return best[0]
 
-    def _faces_near(self, here: Vec3) -> list[_Face]:
+    def _faces_near(self, at: Vec3) -> list[_Face]:
         """All faces that may be within the tolerance."""
         x, y, z = (
             range(
                 math.floor((part - _REACH + _HALF) / _CELL),
                 math.floor((part + _REACH + _HALF) / _CELL) + 1,
             )
-            for part in here
+            for part in at
         )
         return [face for i in x for j in y for k in z for face in self.faces.get((i, j, k), ())]
 
@@ -203,13 +203,13 @@ class _Connector:
             message += self._nearest_face(self._units(point), facing)
         return Problem("no_parent", (block.index,), message)
 
-    def _nearest_face(self, here: Vec3, facing: str | None) -> str:
+    def _nearest_face(self, at: Vec3, facing: str | None) -> str:
         """The nearest face with this facing, in words; "" if there is none."""
         known = (face for cell in self.faces.values() for face in cell)
         fitting = [face for face in known if facing in (None, face.facing)]
         if not fitting:
             return ""
-        nearest = min(fitting, key=lambda face: (math.dist(here, face.at), face))
+        nearest = min(fitting, key=lambda face: (math.dist(at, face.at), face))
         where = _point_text(add_floats(self.origin, to_metres(nearest.at)))
         carrier = self.placed[nearest.block].label
         return f"; the nearest such face is {nearest.face} of {carrier} at {where}"

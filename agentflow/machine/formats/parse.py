@@ -85,7 +85,7 @@ def find_items(source: object, form: str) -> tuple[list[object], bool, Problem |
         message = f"the machine is an empty list; write it as {form}"
         return [], repaired, Problem("empty", (), message)
     if len(source) > MAX_BLOCKS:
-        message = f"the machine has {len(source)} blocks; at most {MAX_BLOCKS} are read"
+        message = f"the machine has {len(source)} blocks; the maximum is {MAX_BLOCKS}"
         return [], repaired, Problem("too_many_blocks", (), message)
     return source, repaired, None
 

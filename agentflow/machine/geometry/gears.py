@@ -29,7 +29,7 @@ class GearTrain:
     speeds: Mapping[int, float]
     """Block id -> turns about its Front per turn of the cog with the lowest id; 0 if locked."""
     locked: bool
-    """Whether a closed loop demands two speeds of one cog, so that no cog can turn."""
+    """Whether a closed loop would require two speeds of one cog, so none can turn."""
 
 
 def meshing_pairs(blocks: Sequence[Placed], tolerance: float) -> tuple[Meshing, ...]:
