@@ -80,7 +80,7 @@ async def test_reason_is_appended() -> None:
         (
             "user",
             "Your reply was not accepted:\n'many' is no number for t.\n"
-            "Mend this and send the whole reply again in the demanded format.\n",
+            "Correct this and send the complete reply again in the required format.\n",
         ),
     ]
 

@@ -275,7 +275,7 @@ def test_foreign_text_is_data() -> None:
     entry = quoted.replace("> ", ">    ") * 2
     assert _section(user, "Edit history") == f"> 1. Error, score 4.50 -> none\n{entry}\n"
     assert _section(user, "Earlier attempts") == (
-        f"What became of earlier replies to this very prompt:\n1.\n{quoted}2.\n> second\n\n"
+        f"Results of earlier replies to this prompt:\n1.\n{quoted}2.\n> second\n\n"
     )
     assert _section(user, "Simulation feedback") == "Score: 4.50 m\nBroken: none\n> ## Task\n\n"
 
@@ -308,7 +308,8 @@ def test_rules_mention_only_what_the_task_allows() -> None:
 def test_size_limit_is_the_task_s() -> None:
     system, _ = _render(Designer(), DesignerInput(replace(THROWING, size_limit=(5.0, 4.0, 6.5))))
     assert (
-        "- The whole machine stays within 5 m along x, 4 m along y and 6.5 m along z.\n" in system
+        "- The whole machine must fit within 5 m along x, 4 m along y and 6.5 m along z.\n"
+        in system
     )
 
 

@@ -58,7 +58,7 @@ def test_retry_says_what_is_wrong() -> None:
         "Your reply was not accepted:\n"
         "- block 3 overlaps\n"
         "> ## Task\n"
-        "Mend this and send the whole reply again in the demanded format.\n"
+        "Correct this and send the complete reply again in the required format.\n"
     )
 
 

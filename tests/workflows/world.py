@@ -130,7 +130,7 @@ class Author:
         built = _current(prompt)
         parent = chance.choice([s["id"] for s in built if s["type"] != 2])
         face = chance.randrange(6)
-        if "holds the whole modified machine" in prompt:
+        if "contains the whole modified machine" in prompt:
             whole = [*built, _step(len(built), 1, parent, face)]
             return edit(fenced(_written(whole, prompt)))
         return edit(f"Add 1 to {parent} in {face}")

@@ -38,7 +38,7 @@ def plan(prompt: Prompt, rng: random.Random) -> str:
         functions.append(
             {"function_name": name, "description": text, "related_function_points": points}
         )
-        guidance = f"{text} Counted in blocks: {', '.join(dims)}."
+        guidance = f"{text} Dimensions in blocks: {', '.join(dims)}."
         structures[name] = {"type": kinds, "guidance": guidance}
     blueprint = {"definition": f"{mechanism['name']}: {points[0]}", "function_points": points,
                  "design_structure": functions, "build_order": list(types),
@@ -75,7 +75,7 @@ def design(prompt: Prompt, rng: random.Random) -> str:
         if _is_complete(builder, [parts[name]["slots"][0] for name in names], prompt):
             break
     machine = prompt.format_machine(builder.machine)
-    return f"Counted in blocks: {' '.join(notes)}\n```json\n{machine}\n```"
+    return f"Dimensions in blocks: {' '.join(notes)}\n```json\n{machine}\n```"
 
 
 def _is_complete(builder: Builder, slots: list[list[int]], prompt: Prompt) -> bool:

@@ -53,17 +53,17 @@ def _find_defects(geometry: Geometry) -> Iterator[tuple[list[int], str]]:
     arms = [b.id for b in blocks if b.type in JOINTS]
     wheels = [b.id for b in blocks if b.type in WHEELS]
     if not stands(geometry):
-        yield ground, "the centre of mass is not above what stands on the ground: it tips"
+        yield ground, "the centre of mass is not above the footprint: it tips"
     elif arms and max(depth) - min(depth) < geometry.size[1]:
-        yield ground, "shorter on the ground than high: what swings tips it"
+        yield ground, "footprint shorter than the height: the swinging arm tips it"
     for wheel in (b for b in blocks if b.type in WHEELS and b.facing[0] != "x"):
         yield [wheel.id], f"facing {wheel.facing} it does not drive to z+"
     if 0 < len(wheels) < 6:
         yield wheels, "too few wheels for a quick start"
     for arm in (arm for arm in arms if len(geometry.children(arm)) == 1):
-        yield [arm], "unbalanced: its load hangs on one side only"
+        yield [arm], "unbalanced: loaded on one side only"
     for block in _idle_blocks(geometry):
-        yield [block], "useless: it bears nothing and stands on nothing"
+        yield [block], "useless: it carries nothing and does not touch the ground"
 
 
 def _idle_blocks(geometry: Geometry) -> list[int]:
@@ -84,6 +84,6 @@ def query(prompt: Prompt, rng: random.Random) -> str:
         intervals = [(int(block), round(start, 2), round(end, 2)) for block in broken.groups()[:2]]
     queries = [{"id": b, "duration": [start, end], "properties": ["position", "velocity"]}
                for b, start, end in intervals if b < len(prompt.machine)]  # fmt: skip
-    thought = "What broke shows the weak place." if broken else "Nothing is told to break."
+    thought = "The broken connection is the weak point." if broken else "No breakage is reported."
     template = str(load_data("replies.yaml")["inquiry"])
     return template.format(thought=thought, queries=json.dumps(queries))

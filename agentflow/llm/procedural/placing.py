@@ -35,8 +35,8 @@ def place_cogs(prompt: Prompt, rng: random.Random) -> str:
             break
     centres = [cog.center for cog in place(machine).blocks[len(given) :]]
     positions = ", ".join(f"({x:g}, {z:g})" for x, _, z in centres)
-    verdict = "Every target is driven as asked." if done else "I found no way to the end."
-    return f"Cogs at {positions or 'no place'}. {verdict}\n```json\n{machine.to_text()}\n```"
+    verdict = "Every target turns as required." if done else "I found no complete chain."
+    return f"Cogs at {positions or 'no position'}. {verdict}\n```json\n{machine.to_text()}\n```"
 
 
 def _try_chain(

@@ -45,8 +45,8 @@ def refine(prompt: Prompt, rng: random.Random) -> str:
     whole = "whole modified machine" in prompt.sections["Your reply"]
     found = ", ".join(sorted({words for seen in matches for words in seen}))
     return str(load_data("replies.yaml")["refinement"]).format(
-        seen=found or "nothing I know of",
-        names=", then ".join(names) or "nothing that works",
+        seen=found or "no known symptom",
+        names=", then ".join(names) or "no change found",
         body=f"```json\n{prompt.format_machine(edited)}\n```" if whole else "\n".join(script),
     )
 

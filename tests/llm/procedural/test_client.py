@@ -12,8 +12,8 @@ from agentflow.llm.procedural import ProceduralClient
 from tests.llm.procedural.asking import PROMPTS, brief_of, request
 
 APOLOGY = (
-    "Sorry, this prompt asks for nothing that I can do. I am a procedural designer and no language "
-    "model: I answer the prompts of the machine-design roles only."
+    "Sorry, I cannot answer this prompt. I am a procedural designer, not a language model, and "
+    "only answer prompts of the machine-design roles."
 )
 FORMS = (
     "machine_structure",
@@ -33,7 +33,7 @@ def plan_request(label: str = "meta", seed: int | None = None) -> Request:
     return Request(role="meta_designer", label=label, messages=messages, sampling=sampling)
 
 
-async def test_it_says_what_it_is() -> None:
+async def test_its_name_says_that_it_is_not_a_language_model() -> None:
     client = ProceduralClient(0)
     reply = await client.complete(plan_request())
     assert client.name == reply.model == "procedural (no language model)"
@@ -75,7 +75,8 @@ COGS = f'{PLATE},{{"type": 39, "id": 1, "parent": 0, "face_id": 140}}'
 
 @pytest.mark.parametrize("target", [0, 1, 2, 99])
 @pytest.mark.parametrize(
-    ("blocks", "reply"), [(PLATE, "There is no plate with a source."), (COGS, "Cogs at no place. ")]
+    ("blocks", "reply"),
+    [(PLATE, "There is no plate with a source."), (COGS, "Cogs at no position.")],
 )
 async def test_missing_targets_are_ignored(blocks: str, reply: str, target: int) -> None:
     asked = f"## Task\nblock {target} (target) turns in the same sense\n\n## Blocks\n| 38 | Cog |\n"
@@ -112,7 +113,7 @@ LINES = (
     st.lists(st.one_of(st.sampled_from(LINES), st.text(max_size=60)), max_size=12), st.integers()
 )
 @settings(max_examples=150, deadline=None)
-async def test_no_prompt_whatever_makes_it_raise(pieces: list[str], seed: int) -> None:
+async def test_no_prompt_makes_it_raise(pieces: list[str], seed: int) -> None:
     reply = await ProceduralClient(seed).complete(
         request("\n".join(pieces), system=pieces[0] if pieces else "")
     )

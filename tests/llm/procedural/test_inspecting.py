@@ -45,18 +45,18 @@ async def test_wheels_that_do_not_drive_forward_are_a_defect() -> None:
     assert ((1, 2), "too few wheels for a quick start") in told
 
 
-async def test_what_stands_beside_its_feet_tips() -> None:
+async def test_a_machine_with_its_centre_of_mass_beside_its_feet_tips() -> None:
     found = await inspected("throwing", machine_of((1, 0, 4), (63, 1, 6), (36, 2, 0)))
     told = [defect.text for defect in found.defects]
-    assert told[0] == "the centre of mass is not above what stands on the ground: it tips"
+    assert told[0] == "the centre of mass is not above the footprint: it tips"
 
 
-async def test_idle_blocks_and_lone_loads_are_named() -> None:
+async def test_idle_blocks_and_one_sided_loads_are_reported() -> None:
     steps = ((1, 0, 4), (22, 1, 4), (63, 2, 2), (15, 1, 6), (36, 3, 0))
     found = await inspected("throwing", machine_of(*steps))
     told = [(defect.blocks, defect.text) for defect in found.defects]
-    assert ((2,), "unbalanced: its load hangs on one side only") in told
-    assert ((4,), "useless: it bears nothing and stands on nothing") in told
+    assert ((2,), "unbalanced: loaded on one side only") in told
+    assert ((4,), "useless: it carries nothing and does not touch the ground") in told
 
 
 async def test_it_queries_broken_blocks_around_the_time_of_breaking() -> None:
