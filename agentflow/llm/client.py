@@ -1,4 +1,4 @@
-"""The interface that every model implements."""
+"""The interface that every model implements, and the base of wrapping clients."""
 
 from __future__ import annotations
 
@@ -25,3 +25,19 @@ class Client(Protocol):
 
     async def aclose(self) -> None:
         """Release connections and files; the client cannot be used afterwards."""
+
+
+class ClientWrapper:
+    """Base of clients that wrap another client."""
+
+    def __init__(self, inner: Client) -> None:
+        self._inner = inner
+
+    @property
+    def name(self) -> str:
+        """Model name."""
+        return self._inner.name
+
+    async def aclose(self) -> None:
+        """Close the inner client."""
+        await self._inner.aclose()

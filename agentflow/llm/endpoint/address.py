@@ -65,14 +65,10 @@ class Endpoint:
         # URLs may carry a token as the user name, with no password or a dummy one.
         credential = max(given.password, given.username, key=_is_secret)
         self._secrets = [secret for secret in (key, credential, basic) if _is_secret(secret)]
-        self._auth: httpx.Auth | None = _Bearer(key) if key else None
-        if self._auth is None and given.username:
-            self._auth = httpx.BasicAuth(given.username, given.password)
-
-    @property
-    def auth(self) -> httpx.Auth | None:
+        self.auth: httpx.Auth | None = _Bearer(key) if key else None
         """Authentication for httpx."""
-        return self._auth
+        if self.auth is None and given.username:
+            self.auth = httpx.BasicAuth(given.username, given.password)
 
     def scrub(self, text: str) -> str:
         """Mask this endpoint's secrets and anything else that looks like an API key."""

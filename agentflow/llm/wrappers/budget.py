@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pydantic import BaseModel, ConfigDict, Field
 
 from agentflow.errors import BudgetSpentError
-from agentflow.llm.client import Client
+from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import CHARS_PER_TOKEN, Reply, Request, Usage
 from agentflow.llm.wrappers.prices import Price
 
@@ -77,7 +77,7 @@ class Budget:
             self.cost += cost
 
 
-class BudgetClient:
+class BudgetClient(ClientWrapper):
     """Rejects calls once a limit is reached; calls in progress finish normally.
 
     Args:
@@ -94,15 +94,10 @@ class BudgetClient:
         price: Price | None = None,
         recorded: Callable[[Request], bool] = lambda _request: False,
     ) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self._budget = budget
         self._price = price
         self._recorded = recorded
-
-    @property
-    def name(self) -> str:
-        """Model name."""
-        return self._inner.name
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; see `Client`."""
@@ -112,10 +107,6 @@ class BudgetClient:
         reply = await self._inner.complete(request)
         self._budget.add(request, reply, self._price)
         return reply
-
-    async def aclose(self) -> None:
-        """Close the inner client."""
-        await self._inner.aclose()
 
 
 def _estimate(request: Request, reply: Reply) -> Usage:

@@ -8,7 +8,7 @@ from collections import deque
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 
-from agentflow.llm.client import Client
+from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.settings import LimitSettings
 
@@ -73,17 +73,12 @@ class Limiter:
         self.tokens = SlidingWindow(settings.tpm, period_s) if settings.tpm else None
 
 
-class LimitedClient:
+class LimitedClient(ClientWrapper):
     """Delays calls until the rate limits allow them."""
 
     def __init__(self, inner: Client, limiter: Limiter) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self._limiter = limiter
-
-    @property
-    def name(self) -> str:
-        """Model name."""
-        return self._inner.name
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request as soon as the limits allow; see `Client`."""
@@ -98,10 +93,6 @@ class LimitedClient:
             if limits.tokens and booked and reply.usage.total:
                 limits.tokens.correct(booked, reply.usage.total)
             return reply
-
-    async def aclose(self) -> None:
-        """Close the inner client."""
-        await self._inner.aclose()
 
 
 def _estimate(request: Request) -> int:

@@ -8,13 +8,13 @@ from collections.abc import Callable
 
 from tenacity import AsyncRetrying, RetryCallState, retry_if_exception_type, stop_after_attempt
 
-from agentflow.llm.client import Client
+from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.endpoint.faults import TransientFault
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.settings import RetrySettings
 
 
-class RetryClient:
+class RetryClient(ClientWrapper):
     """Retries calls that fail with a `TransientFault`; other errors are raised immediately.
 
     Args:
@@ -31,15 +31,10 @@ class RetryClient:
         rng: random.Random,
         on_wait: Callable[[str], None] = lambda _line: None,
     ) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self._settings = settings
         self._rng = rng
         self._on_wait = on_wait
-
-    @property
-    def name(self) -> str:
-        """Model name."""
-        return self._inner.name
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; `Reply.retries` counts the retries.
@@ -61,10 +56,6 @@ class RetryClient:
             raise fault.final_error(self._settings.attempts) from None
         retries = int(retrying.statistics.get("attempt_number", 1)) - 1
         return reply.model_copy(update={"retries": retries}) if retries else reply
-
-    async def aclose(self) -> None:
-        """Close the inner client."""
-        await self._inner.aclose()
 
     def _wait_s(self, state: RetryCallState) -> float:
         fault = state.outcome.exception() if state.outcome else None
