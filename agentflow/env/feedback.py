@@ -91,7 +91,7 @@ def orientation_runs(trace: Trace) -> list[tuple[str, float, float]]:
     turn = trace.rotation[:, 0]
     fronts, tops = rotate(turn, (0.0, 0.0, 1.0)), rotate(turn, (0.0, 1.0, 0.0))
     words = [
-        _axis(front) + ("" if (up := _axis(top)) == "y+" else f" with its top to {up}")
+        _axis(front) + ("" if (up := _axis(top)) == "y+" else f" with its top towards {up}")
         for front, top in zip(fronts.tolist(), tops.tolist(), strict=True)
     ]
     runs = []
@@ -212,7 +212,7 @@ def _stall_lines(stalls: Sequence[Event]) -> list[str]:
     lines = [f"Motor stalled: {event.text}" for event in stalls[:MAX_STALLS]]
     rest = sorted({block for event in stalls[MAX_STALLS:] for block in event.blocks})
     if rest:
-        lines.append(f"Motors stalled as well: blocks {', '.join(map(str, rest))}")
+        lines.append(f"Other stalled motors: blocks {', '.join(map(str, rest))}")
     return lines
 
 

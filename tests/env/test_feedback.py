@@ -49,7 +49,7 @@ def test_orientation_names_the_front_and_a_top_that_is_not_up() -> None:
     assert orientation_runs(make_trace(1, 4, rotation=rotation)) == [
         ("z+", 0.0, pytest.approx(0.2)),
         ("x+", pytest.approx(0.4), pytest.approx(0.4)),
-        ("y+ with its top to z-", pytest.approx(0.6), pytest.approx(0.6)),
+        ("y+ with its top towards z-", pytest.approx(0.6), pytest.approx(0.6)),
     ]
 
 
@@ -110,13 +110,13 @@ def test_a_motor_that_turns_with_its_carrier_stalls() -> None:
 
 def test_four_stalls_are_told_one_by_one_and_the_rest_by_number() -> None:
     stalls = [Event(0.2, "motor_stalled", (i,), f"block {i} (Rotating Block)") for i in range(1, 8)]
-    for told, rest in ((4, []), (5, ["Motors stalled as well: blocks 5"])):
+    for told, rest in ((4, []), (5, ["Other stalled motors: blocks 5"])):
         verdict = Verdict(0.0, {}, tuple(stalls[:told]))
         text = compose(WHEELED, make_trace(4), (), verdict, "m", (), {}, ()).text
-        assert [line for line in text.splitlines() if line.startswith("Motor")] == [
+        assert [line for line in text.splitlines() if line.startswith(("Motor", "Other"))] == [
             *(f"Motor stalled: block {i} (Rotating Block)" for i in range(1, 5)),
             *rest,
         ]
     verdict = Verdict(0.0, {}, tuple(stalls))
     text = compose(WHEELED, make_trace(4), (), verdict, "m", (), {}, ()).text
-    assert text.endswith("Motors stalled as well: blocks 5, 6, 7")
+    assert text.endswith("Other stalled motors: blocks 5, 6, 7")

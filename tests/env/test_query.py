@@ -127,7 +127,8 @@ def test_only_twelve_queries_are_answered() -> None:
 def test_without_a_record_there_is_nothing_to_tell() -> None:
     query = {"id": 0, "duration": [0, 0], "properties": ["position"]}
     given = answer_queries(MACHINE, make_rollout(None), [query])
-    assert given.text == "Query 1: no answer: nothing was recorded, the rollout ended as invalid"
+    reason = "nothing was recorded because the rollout ended as invalid"
+    assert given.text == f"Query 1: no answer: {reason}"
 
 
 def test_no_queries_no_text() -> None:

@@ -77,7 +77,7 @@ def test_successes_are_counted_and_the_first_failure_is_shown() -> None:
         "Trial 2: failed, 0.5 m short\n"
         "Trial 3: failed, 0.25 m short\n"
         "Trial 4: success, over\n"
-        "All that follows is of trial 2."
+        "The rest is about trial 2."
     )
     assert (whole.feedback.data["score"], whole.feedback.data["shown_trial"]) == (2.0, 2)
     assert [item["success"] for item in whole.feedback.data["trials"]] == [True, False, False, True]

@@ -74,7 +74,7 @@ def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
     text = [
         f"Score: {score:.2f} successful trials of {len(played)}",
         *(f"Trial {n}: {_outcome(rollout)}" for n, rollout in enumerate(played, start=1)),
-        f"All that follows is of trial {index + 1}.",
+        f"The rest is about trial {index + 1}.",
         *(line for line in shown.text.splitlines() if not line.startswith(("Score:", "Result:"))),
     ]
     trials: list[dict[str, Any]] = [

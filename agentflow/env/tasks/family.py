@@ -73,17 +73,17 @@ def schedule_sentences(
     names = " and ".join(filter(None, (", ".join(turning[:-1]), *turning[-1:])))
     times = vars(schedule)
     return (
-        "Before t = 0 the machine settles with power off until it rests: motors hold still, "
-        "springs exert nothing.",
+        "Before t = 0 the machine settles with power off until it rests: motors hold still and "
+        "springs exert no force.",
         *([f"At t = {schedule.motors:g} s {names} start to turn and never stop."] if names else []),
         *(block.schedule_text.format(**times) for block in types if block.schedule_text),
-        f"The window ends at t = {window:g} s; nothing can be switched or steered in between.",
+        f"The window ends at t = {window:g} s; nothing can be switched or steered during it.",
     )
 
 
 GROUND = (
     "The ground is flat, at y = 0; z+ is the target direction.",
-    "The machine stands with the centre of its bounding box over x = z = 0 and its lowest point "
+    "The machine starts with the centre of its bounding box above x = z = 0 and its lowest point "
     "on the ground.",
 )
 """First sentences of most scenes."""

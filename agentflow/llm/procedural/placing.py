@@ -15,7 +15,7 @@ from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.geometry.gears import gear_trains, meshing_pairs
 
 ATTEMPTS, MAX_COGS = 8, 12  # per reply; per attempt
-_TARGET = re.compile(r"block (\d{1,3}) \(target\) turns in the (same|opposite) sense")
+_TARGET = re.compile(r"block (\d{1,3}) \(target\) turns in the (same|opposite) direction")
 
 
 def place_cogs(prompt: Prompt, rng: random.Random) -> str:

@@ -28,12 +28,10 @@ def placed(level: str, *middles: tuple[float, float], power: bool = True) -> Rol
 def test_a_row_of_cogs_turns_the_target() -> None:
     rollout = placed("gearing", (0, 0))
     assert (rollout.status, rollout.score) == ("ok", 1.0)
-    assert rollout.terms["result"] == "turning as asked for 5.0 s"
+    assert rollout.terms["result"] == "turning as required for 5.0 s"
     assert rollout.terms["speed_1"] == pytest.approx(2.0, abs=0.01)
     text = rollout.feedback.text
-    assert (
-        "Meshing: 1-3, 2-3\nLocked against each other: none\nTurning with the source: 2, 3" in text
-    )
+    assert "Meshing: 1-3, 2-3\nLocked: none\nCoupled to the source: 2, 3" in text
     speeds = rollout.feedback.data["speeds"]
     assert speeds == {
         cog: pytest.approx(v, abs=0.02) for cog, v in {"1": 2, "2": 2, "3": -2}.items()
@@ -67,8 +65,8 @@ def test_the_feedback_tells_what_is_locked_and_speeds_with_the_source() -> None:
     assert feedback.text.splitlines()[2:6] == [
         "Speeds at the end (rad/s, positive with the source): 1 2.00, 2 -0.50, 3 0.00, 4 1.00",
         "Meshing: 1-3, 1-4, 3-4",
-        "Locked against each other: 1-3-4",
-        "Turning with the source: 3, 4",
+        "Locked: 1-3-4",
+        "Coupled to the source: 3, 4",
     ]
     assert feedback.data["locked"] == [[1, 3, 4]]
 
@@ -81,15 +79,16 @@ def test_each_of_two_targets_has_its_own_place_and_sense() -> None:
         assert task.parameters.targets == places
         assert task.parameters.senses == ("with", "against")
         told = task.brief.score[0]
-        assert "block 2 (target) turns in the same sense as the source and block 3 (target)" in told
-        assert "turns in the opposite sense to the source, at least" in told
+        first = "block 2 (target) turns in the same direction as the source and block 3 (target)"
+        assert first in told
+        assert "turns in the opposite direction to the source, at 0.5 rad/s" in told
 
 
 def test_two_targets_must_turn_together() -> None:
     told = " ".join(get_task("gearing/5").brief.score)
     assert "block 2 (target) turns" in told
     assert "block 3 (target) turns" in told
-    assert "for 1 s on end at the same time within 5 s" in told
+    assert "both at the same time, for 1 s without a break within 5 s" in told
 
 
 @pytest.mark.parametrize(

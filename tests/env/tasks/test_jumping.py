@@ -42,7 +42,7 @@ def test_the_root_and_half_of_the_mass_have_to_get_over() -> None:
     assert over.terms["outcome"] == "success, ends 0.75 m beyond"
     assert over.terms["mass_beyond"] == 1.0
     light = judge(task.referee(PAIR), FakeWorld(), (0.5, 13.0), (0.5, 12.0))
-    assert (light.score, light.terms["outcome"]) == (0.0, "failed, only 8% of the mass got beyond")
+    assert (light.score, light.terms["outcome"]) == (0.0, "failed, only 8% of the mass got across")
     short = judge(task.referee(PAIR), FakeWorld(), (0.5, 11.0), (0.5, 13.0))
     assert short.terms["outcome"] == "failed, the root ends 1.25 m short of the far side"
     assert short.terms["miss"] == 1.25
@@ -150,7 +150,7 @@ def test_springs_and_steering_hinges_wait_for_the_jump() -> None:
     assert (schedule.motors, schedule.springs, schedule.steering_hinges) == (0.0, 1.75, 1.5)
     told = " ".join(task.brief.schedule)
     assert "At t = 1.75 s springs start to contract." in told
-    assert "At t = 1.5 s steering hinges swing to their Left, once." in told
+    assert "At t = 1.5 s steering hinges swing once, to their Left." in told
 
 
 def test_designers_are_told_to_which_side_the_machine_is_turned() -> None:

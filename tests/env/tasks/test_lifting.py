@@ -149,8 +149,8 @@ def test_designers_are_told_where_the_object_is_heavier() -> None:
     for balance, side in ((0.4, "x+"), (-0.25, "x-")):
         told = level("lifting/4", **{"object.balance": balance}).brief.scene
         assert (
-            f"It is heavier on one side: its centre of mass lies {abs(balance):g} m towards {side} "
-            "of its centre."
+            f"It is heavier on one side: its centre of mass is {abs(balance):g} m from its "
+            f"centre, towards {side}."
         ) in told
     assert not any("heavier" in line for line in level("lifting").brief.scene)
 

@@ -131,7 +131,7 @@ def test_the_feedback_tells_the_height_of_every_second_and_where_things_were() -
     assert lines[:4] == [
         "Score: 2.00 m",
         "Result: the ball gained 2.00 m and ended in the pit",
-        "Height that the ball has gained after each second (m): 0.20, 0.40, 0.60, 0.80, 1.00, "
+        "Height gained by the ball after each second (m): 0.20, 0.40, 0.60, 0.80, 1.00, "
         "1.20, 1.40, 1.60, 1.80, 2.00",
         "Ball at t = 10 s: (0.00, 3.00, 11.50)",
     ]

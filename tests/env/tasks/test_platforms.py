@@ -36,10 +36,10 @@ def test_without_one_the_machine_stands_on_the_ground() -> None:
 
 def test_it_is_told() -> None:
     assert Platform(height=2).sentences() == (
-        "It stands not on the ground but on a platform, 18 m long and wide, 2 m above the ground.",
+        "It starts on a platform, 18 m long and wide, 2 m above the ground.",
     )
     assert Platform(angle=-10).sentences() == (
-        "It stands not on the ground but on a platform, 18 m long and wide, that is tilted by 10 "
-        "degrees, its z- end up; its lowest edge is 0 m above the ground, and the machine is "
+        "It starts on a platform, 18 m long and wide, tilted by 10 "
+        "degrees with its z- end up; its lowest edge is 0 m above the ground, and the machine is "
         "tilted with it.",
     )

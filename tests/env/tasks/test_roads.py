@@ -114,14 +114,14 @@ def _within(x: float, z: float, wall: Thing) -> bool:
 
 def test_a_road_that_turns_tells_where() -> None:
     assert road_sentences(ROAD, CORNER)[1:] == (
-        "At z = 40 m the road turns 90 degrees to the right (towards x+): its centre line, between "
-        "walls 20 m apart all the way, follows a circle of radius 15 m about x = 15 m, z = 40 m, "
-        "as far as x = 15 m, z = 55 m.",
-        "After 60 m straight on it turns 90 degrees to the left, on a circle of the same radius, "
-        "as far as x = 90 m, z = 70 m.",
-        "From there it goes on straight towards z+.",
+        "At z = 40 m the road turns 90 degrees to the right (towards x+): its centre line follows "
+        "a circle of radius 15 m about x = 15 m, z = 40 m, to x = 15 m, z = 55 m; the walls stay "
+        "20 m apart.",
+        "After 60 m straight ahead it turns 90 degrees to the left on a circle of the same radius, "
+        "to x = 90 m, z = 70 m.",
+        "From there it continues straight towards z+.",
     )
-    assert road_sentences(ROAD, HALF_TURN)[-1] == "From there it goes on straight towards z-."
+    assert road_sentences(ROAD, HALF_TURN)[-1] == "From there it continues straight towards z-."
     assert len(road_sentences(ROAD, Curve())) == 1
 
 

@@ -51,4 +51,4 @@ def test_the_level_tells_its_numbers() -> None:
         in (text)
     )
     assert "rise up to 0.15 m" in text
-    assert "0.06 per square metre: balls of 0.5 to 2 m across" in text
+    assert "0.06 per square metre: fixed balls, 0.5 to 2 m in diameter" in text

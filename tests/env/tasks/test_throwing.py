@@ -130,9 +130,7 @@ def test_a_boulder_carried_to_the_end_scores_nothing() -> None:
     verdict = judge(moments(STEP, 5.0, 0.0, 40.0, HELD), root_z=40.0)
     assert verdict.score == 0.0
     assert verdict.terms["left_holder"] is None
-    assert verdict.terms["result"] == (
-        "not thrown: the boulder never came down free of the machine"
-    )
+    assert verdict.terms["result"] == ("not thrown: the boulder never landed free of the machine")
 
 
 def test_a_boulder_dropped_from_a_car_scores_nothing() -> None:
@@ -170,7 +168,7 @@ def test_a_boulder_that_rolls_off_while_the_machine_drives_on_scores_nothing(
     assert verdict.score == score
     if not score:
         assert str(verdict.terms["result"]).endswith(
-            f"5.00 m along z+ in flight, while the Starting Block went {driven:.2f} m"
+            f"5.00 m along z+ in flight, while the Starting Block moved {driven:.2f} m"
         )
 
 

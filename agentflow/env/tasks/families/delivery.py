@@ -117,10 +117,9 @@ class Delivery(Family):
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
                 f"Score: the greatest distance in metres of the cargo's centre {way} from its "
-                f"place at t = 0, within {self.window:g} s.",
-                "It may be pushed, pulled, carried or thrown. A cargo that the machine never "
-                "touches after t = 0 scores 0, and only how far it gets from its first touch on "
-                "counts.",
+                f"position at t = 0, within {self.window:g} s.",
+                "The machine may push, pull, carry or throw it. Only the distance from the first "
+                "touch after t = 0 counts; a cargo that the machine never touches scores 0.",
             ),
             blocks=BLOCKS,
             size_limit=self._size_limit,
@@ -274,7 +273,7 @@ class DeliveryReferee:
             text = "the machine touches the cargo for the first time"
             events.append(Event(self._touched, "cargo_touched", (), text))
         if self._landing is not None:
-            text = f"the cargo comes down after {FLIGHT:g} s or more in the air"
+            text = f"the cargo lands after {FLIGHT:g} s or more in the air"
             events.append(Event(self._landing, "landing", (), text))
         return tuple(events)
 

@@ -208,8 +208,8 @@ def _hoop_sentences(hoops: tuple[Ring, ...]) -> tuple[str, ...]:
         return ()
     places = ", ".join("({:g}, {:g}, {:g})".format(*hoop.centre) for hoop in hoops)
     return (
-        f"Upright hoops, {len(hoops)} of them, of inner radius {hoops[0].radius:g} m, stand across "
-        f"the way, their centres at (x, y, z) = {places} m; their rims are solid.",
+        f"Upright hoops ({len(hoops)} of them) of inner radius {hoops[0].radius:g} m stand across "
+        f"the path, with their centres at (x, y, z) = {places} m; their rims are solid.",
     )
 
 
@@ -220,16 +220,16 @@ def _gust_sentences(knobs: FlyingKnobs) -> tuple[str, ...]:
     swing = knobs.gusts.swing
     low, high = mean * (1 - swing), mean * (1 + swing)
     return (
-        f"From t = 0 on it is steady no more: it comes in gusts about this mean, in the same "
-        f"direction, its speed changing within a second or two between {low:g} and {high:g} m/s.",
+        f"From t = 0 on it blows in gusts around this mean, in the same direction: its speed "
+        f"changes within a second or two between {low:g} and {high:g} m/s.",
     )
 
 
 def _altitude_score(window: float) -> tuple[str, ...]:
     return (
-        "Score: the greatest height in metres of the Starting Block's centre above its place at "
+        "Score: the greatest height in metres of the Starting Block's centre above its position at "
         f"t = 0, within {window:g} s.",
-        "Sideways motion counts nothing; what moves before t = 0 counts nothing.",
+        "Sideways motion and motion before t = 0 do not count.",
     )
 
 
@@ -238,5 +238,5 @@ def _mark_score(window: float) -> tuple[str, ...]:
         f"Score: {EACH:g} for every hoop that the Starting Block's centre passes in order, "
         f"within {window:g} s, plus {CLOSE:g} minus its closest distance in metres to the centre "
         "of the next hoop (at least 0).",
-        "A hoop is passed from its z- side to its z+ side, within its inner radius.",
+        "A hoop must be passed from its z- side to its z+ side, within its inner radius.",
     )

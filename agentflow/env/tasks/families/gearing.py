@@ -26,7 +26,7 @@ from agentflow.machine.tree import Machine, Step
 
 MEDIUM, POWERED, LARGE = 38, 39, 51
 BLOCKS = (MEDIUM, LARGE)
-SENSES = {"with": "in the same sense as", "against": "in the opposite sense to"}
+SENSES = {"with": "in the same direction as", "against": "in the opposite direction to"}
 
 
 def _sense(help: str) -> Any:
@@ -142,10 +142,10 @@ class Gearing(Family):
                 f"The window ends at t = {self.window:g} s.",
             ),
             score=(
-                f"Score: 1 if {_goal(knobs)}, at least {MIN_SPEED:g} rad/s fast for {HOLD:g} s on "
-                f"end {'at the same time ' * (knobs.target.count > 1)}within {self.window:g} s; "
-                "else 0.",
-                "The speed is taken against the plate, every 0.1 s.",
+                f"Score: 1 if {_goal(knobs)}, at {MIN_SPEED:g} rad/s or faster"
+                f"{', both at the same time,' * (knobs.target.count > 1)} for {HOLD:g} s without a "
+                f"break within {self.window:g} s; else 0.",
+                "Speeds are measured relative to the plate, every 0.1 s.",
             ),
             blocks=BLOCKS,
             given=self.given,
@@ -172,8 +172,8 @@ class Gearing(Family):
             f"Speeds at the end (rad/s, positive with the source): "
             f"{', '.join(f'{cog} {number(speed)}' for cog, speed in speeds.items())}",
             f"Meshing: {', '.join(f'{pair.a}-{pair.b}' for pair in pairs) or 'none'}",
-            f"Locked against each other: {_locked(found)}",
-            f"Turning with the source: {_train_of(SOURCE, found)}",
+            f"Locked: {_locked(found)}",
+            f"Coupled to the source: {_train_of(SOURCE, found)}",
         )
         data = {
             "speeds": {str(cog): speed for cog, speed in speeds.items()},
@@ -217,8 +217,8 @@ def _plate_sentences(plate: Plate) -> tuple[str, ...]:
     sentences = (
         "The ground is flat, at y = 0.",
         f"Block 0 is given: a square plate, {plate.size:g} m wide along x and z and "
-        f"{THICKNESS:g} m thick, that lies on the ground with its middle over x = z = 0.",
-        f"The plate has {row} x {row} faces, {GRID:g} m apart, that all look Up (y+), numbered row "
+        f"{THICKNESS:g} m thick, that lies on the ground with its centre above x = z = 0.",
+        f"The plate has {row} x {row} faces, {GRID:g} m apart, that all face Up (y+), numbered row "
         f"by row: face n is at x = {x:g} + {GRID:g} * (n mod {row}), z = {z:g} + {GRID:g} * "
         f"(n div {row}) m.",
     )
@@ -228,8 +228,8 @@ def _plate_sentences(plate: Plate) -> tuple[str, ...]:
     return (
         *sentences,
         f"The plate has {plate.holes} square holes, {HOLE:g} m wide, with their middles at (x, z) "
-        f"= {middles}; nothing can be attached within a hole or on its rim, to faces at most "
-        f"{HOLE / 2:g} m from the middle along both x and z. Cogs may reach over holes.",
+        f"= {middles}; nothing can be attached in a hole or on its rim (faces at most "
+        f"{HOLE / 2:g} m from its middle along both x and z). Cogs may extend over holes.",
     )
 
 
@@ -253,13 +253,14 @@ def _meshing_sentences() -> tuple[str, ...]:
     radius = {kind: library()[kind].pitch_radius or 0.0 for kind in BLOCKS}
     medium, large = radius[MEDIUM], radius[LARGE]
     return (
-        f"Two cogs mesh where they lie in one plane and their pitch circles touch within "
-        f"{constants()['cog_tolerance']:g} m; the radius is {medium:g} m (Medium and Powered Cog) "
-        f"or {large:g} m (Large Cog). Boxes must not overlap ({2 * medium:g} x {2 * medium:g} and "
-        f"{2 * large:g} x {2 * large:g} m), so cogs mesh side by side along x or z, with their "
-        f"middles {2 * medium:g} m (both small), {medium + large:g} m (one large) or "
-        f"{2 * large:g} m (both large) apart; {GRID:g} m aside of that they still mesh.",
-        "Cogs that mesh turn in opposite senses, so the sense changes with every meshing on the "
-        "way; where a closed loop of meshing cogs asks one of them to turn both ways, all of that "
-        "train are locked.",
+        f"Two cogs mesh if they lie in one plane and their pitch circles touch within "
+        f"{constants()['cog_tolerance']:g} m; the pitch radius is {medium:g} m (Medium and "
+        f"Powered Cog) or {large:g} m (Large Cog). Boxes must not overlap ({2 * medium:g} x "
+        f"{2 * medium:g} and {2 * large:g} x {2 * large:g} m), so cogs mesh side by side along x "
+        f"or z, with their centres {2 * medium:g} m (both small), {medium + large:g} m (one large) "
+        f"or {2 * large:g} m (both large) apart; they still mesh with an offset of "
+        f"{GRID:g} m to the side.",
+        "Meshing cogs turn in opposite directions, so the direction changes with every mesh along "
+        "a train; if a closed loop of meshing cogs would force a cog to turn both ways, the whole "
+        "train is locked.",
     )

@@ -110,24 +110,25 @@ class Jumping(TrialFamily):
                 *(_ON_BANK if knobs.trench.length else GROUND),
                 *barrier_sentences(knobs.walls, knobs.trench, knobs.slope),
                 *knobs.wind.sentences(),
-                f"{self.count} trials differ by chance: obstacles stand up to {by.distance:g} m "
-                f"nearer or farther along z, their {'depth' if knobs.trench.length else 'height'} "
-                f"changes by up to {by.height:.0%}, the friction of ground and obstacles, "
-                f"{knobs.friction:g}, by up to {by.friction:.0%}, and the machine is turned by up "
-                f"to {by.yaw:g} degrees to the left or right.",
+                f"The {self.count} trials differ at random: obstacles stand up to "
+                f"{by.distance:g} m nearer or farther along z, their "
+                f"{'depth' if knobs.trench.length else 'height'} varies by up to "
+                f"{by.height:.0%}, the friction of ground and obstacles ({knobs.friction:g}) "
+                f"by up to {by.friction:.0%}, and the machine is turned by up to {by.yaw:g} "
+                "degrees to the left or right.",
                 *_yaw_sentences(knobs.yaw),
             ),
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
-                f"A trial succeeds when no block of the machine, also none that broke off, ever "
+                f"A trial succeeds if no block of the machine, not even one that broke off, "
                 f"touches {_obstacle_text(knobs)} from t = 0 on, and at the end the centre of the "
-                f"Starting Block and at least half of the machine's mass lie beyond z = "
-                f"{far_side(knobs.walls, knobs.trench):g} m (the far side, moved as the trial "
-                "moves the obstacles).",
-                "At t = 0 every block has to be on this side of the first obstacle; what crosses "
-                "it before t = 0 fails the trial.",
+                f"Starting Block and at least half of the machine's mass are beyond z = "
+                f"{far_side(knobs.walls, knobs.trench):g} m (the far side; it moves with the "
+                "obstacles).",
+                "At t = 0 every block must be on the near side of the first obstacle; crossing it "
+                "before t = 0 fails the trial.",
             ),
             blocks=BLOCKS,
         )
@@ -249,7 +250,7 @@ class JumpReferee:
             return f"success, ends {number(root - self._far)} m beyond"
         if root <= self._far:
             return f"failed, the root ends {number(self._far - root)} m short of the far side"
-        return f"failed, only {share:.0%} of the mass got beyond"
+        return f"failed, only {share:.0%} of the mass got across"
 
     def _events(self) -> tuple[Event, ...]:
         if self._touch is None:
@@ -272,8 +273,8 @@ def lowest_point(world: World, machine: Machine, block: int) -> float:
 
 _ON_BANK = (
     "The ground, which is the trench's floor, is flat, at y = 0; z+ is the target direction.",
-    "The machine stands on a flat bank before the trench, with the centre of its bounding box over "
-    "x = z = 0 and its lowest point on the bank.",
+    "The machine starts on a flat bank in front of the trench, with the centre of its bounding box "
+    "above x = z = 0 and its lowest point on the bank.",
 )
 
 

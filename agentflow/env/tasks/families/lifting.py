@@ -116,22 +116,22 @@ class Lifting(TrialFamily):
         by = self.parameters.variation
         return Brief(
             name=self.name,
-            objective="Build a machine that lifts the object that stands on it and keeps it up.",
+            objective="Build a machine that lifts the object placed on it and keeps it up.",
             scene=(
                 *GROUND,
                 *_object_sentences(self.parameters.object),
                 *self.parameters.wind.sentences(),
-                f"{self.count} trials differ by chance: the object's mass changes by up to "
-                f"{by.mass:.0%}, its friction by up to {by.friction:.0%}, its place by up to "
-                f"{by.offset:g} m along x and z.",
+                f"The {self.count} trials differ at random: the object's mass varies by up to "
+                f"{by.mass:.0%}, its friction by up to {by.friction:.0%}, and its position by up "
+                f"to {by.offset:g} m along x and z.",
             ),
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
-                f"A trial succeeds when the object's centre is at least {RISE:g} m above its "
-                f"height at t = 0 for {HOLD:g} s together, and at the end as well; it must then "
-                f"have touched the machine within the last {LOOSE:g} s.",
+                f"A trial succeeds if the object's centre stays at least {RISE:g} m above its "
+                f"height at t = 0 for {HOLD:g} s without a break and is that high at the end; it "
+                f"must have touched the machine within the last {LOOSE:g} s.",
             ),
             blocks=BLOCKS,
         )
@@ -239,7 +239,11 @@ class LiftReferee:
     def _events(self) -> tuple[Event, ...]:
         if self._first is None:
             return ()
-        return (Event(self._first, "lifted", (), f"the object is {RISE:g} m above its place"),)
+        return (
+            Event(
+                self._first, "lifted", (), f"the object is {RISE:g} m above its initial position"
+            ),
+        )
 
 
 def highest_point_under(machine: Machine, x: float, z: float, reach: float) -> float:
@@ -275,10 +279,10 @@ def _object_sentences(knobs: Object) -> tuple[str, ...]:
     }[knobs.shape]
     place = f"x = {knobs.offset:g}, z = {knobs.forward:g} m"
     return (
-        f"The object is {size}, of mass {knobs.mass:g} and friction {knobs.friction:g}.",
+        f"The object is {size}, with mass {knobs.mass:g} and friction {knobs.friction:g}.",
         *_balance_sentences(knobs.balance),
-        f"Before t = 0 it is set down with its centre over {place}, on the highest point that the "
-        "machine has under it, and settles there with the machine.",
+        f"Before t = 0 it is placed with its centre above {place}, on the highest point of the "
+        "machine below it, and settles there with the machine.",
     )
 
 
@@ -287,6 +291,6 @@ def _balance_sentences(balance: float) -> tuple[str, ...]:
         return ()
     side = "x+" if balance > 0 else "x-"
     return (
-        f"It is heavier on one side: its centre of mass lies {abs(balance):g} m towards {side} of "
-        "its centre.",
+        f"It is heavier on one side: its centre of mass is {abs(balance):g} m from its centre, "
+        f"towards {side}.",
     )

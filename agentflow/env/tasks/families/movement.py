@@ -91,9 +91,8 @@ class Movement(Family):
             schedule=schedule_sentences(self.schedule, self.window, blocks),
             score=(
                 f"Score: the greatest distance in metres of the Starting Block's centre {way} "
-                f"from its place at t = 0, within {self.window:g} s.",
-                "Sideways, backward and upward motion count nothing; what moves before t = 0 "
-                "counts nothing.",
+                f"from its position at t = 0, within {self.window:g} s.",
+                "Sideways, backward and upward motion, and motion before t = 0, do not count.",
             ),
             blocks=tuple(sorted(blocks)),
         )

@@ -112,10 +112,10 @@ class Picking(Family):
             ),
             schedule=_schedule_sentences(knobs.schedule, self.window),
             score=(
-                "Score: the greatest height in metres that the ball's centre gains over its place "
+                "Score: the greatest height in metres of the ball's centre above its position "
                 f"at t = 0, within {self.window:g} s.",
-                "It is a success when the ball ends outside the pit: above the level of the "
-                "ground and not over the opening.",
+                "It is a success if the ball ends outside the pit: above ground level and not over "
+                "the opening.",
             ),
             blocks=BLOCKS,
         )
@@ -143,7 +143,7 @@ class Picking(Family):
         grab = min(self.parameters.schedule.grab, float(trace.times[-1]))
         lines = (
             f"Result: {verdict.terms['result']}",
-            "Height that the ball has gained after each second (m): "
+            "Height gained by the ball after each second (m): "
             + ", ".join(number(height) for height in gained),
             f"Ball at t = {grab:g} s: {_point(_at(trace.times, path, grab))}",
             *(
@@ -238,11 +238,12 @@ def _pit_sentences(pit: Pit) -> tuple[str, ...]:
     return (
         f"The ground on which the machine stands is flat, at y = {pit.depth:g} m; z+ is the target "
         "direction.",
-        "The machine stands with the centre of its bounding box over x = z = 0 and its lowest "
+        "The machine starts with the centre of its bounding box above x = z = 0 and its lowest "
         "point on the ground.",
         f"A square pit lies ahead, {pit.opening:g} m wide and {pit.depth:g} m deep: it reaches "
         f"from x = -{half:g} to x = {half:g} m and from its near edge at z = {pit.edge:g} m to "
-        f"z = {pit.edge + pit.opening:g} m; its walls are upright, its bottom is flat, at y = 0.",
+        f"z = {pit.edge + pit.opening:g} m; its walls are vertical and its bottom is flat, "
+        "at y = 0.",
     )
 
 
@@ -261,21 +262,21 @@ def _bar_sentences(knobs: PickingKnobs) -> tuple[str, ...]:
     end = bar.share * knobs.pit.opening - half
     return (
         f"A bar, {BAR:g} m thick, lies across the pit at z = {knobs.middle:g} m, from x = "
-        f"-{half:g} to x = {end:g} m, its upper side {bar.below:g} m below the ground.",
+        f"-{half:g} to x = {end:g} m, its top {bar.below:g} m below ground level.",
     )
 
 
 def _schedule_sentences(times: PickingTimes, window: float) -> tuple[str, ...]:
     return (
-        "Before t = 0 the machine settles with power off until it rests: motors hold still, "
-        "springs exert nothing.",
+        "Before t = 0 the machine settles with power off until it rests: motors hold still and "
+        "springs exert no force.",
         f"At t = {times.motors:g} s wheels and rotating blocks start to turn; at "
         f"t = {times.lower:g} s they stop and hold still; at t = {times.back:g} s they start to "
-        "turn backwards.",
-        f"At t = {times.lower:g} s decouplers let go of their parents and winches start to give "
-        f"rope out; they stop at t = {times.grab:g} s.",
-        f"From t = {times.grab:g} s on grabbers grip what their front touches, and hold it.",
+        "turn backward.",
+        f"At t = {times.lower:g} s decouplers release their parents and winches start to pay out "
+        f"rope; they stop at t = {times.grab:g} s.",
+        f"From t = {times.grab:g} s on grabbers grip and hold whatever their Front touches.",
         f"From t = {times.lift:g} s to t = {times.back:g} s winches reel in.",
         f"At t = {times.springs:g} s springs start to contract.",
-        f"The window ends at t = {window:g} s; nothing can be switched or steered in between.",
+        f"The window ends at t = {window:g} s; nothing can be switched or steered during it.",
     )

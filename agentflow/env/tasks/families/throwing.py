@@ -219,7 +219,7 @@ def _objective(knobs: ThrowingKnobs) -> str:
     boulder = "its boulder" if knobs.reload == 1 else f"its {knobs.reload} boulders"
     aims = {
         "rings": f"through {'the ring' if knobs.ring.count == 1 else 'the rings'} along z+",
-        "accuracy": "along z+ on to a target",
+        "accuracy": "along z+ onto a target",
     }
     aim = aims.get(knobs.score, "as far as possible along z+")
     return f"Build a machine that throws {boulder} {aim}."
@@ -236,8 +236,8 @@ def _ring_sentences(ring: Rings) -> tuple[str, ...]:
 
 def _distance(window: float) -> str:
     return (
-        "the distance in metres along z+ from the boulder's place at t = 0 to its first touch of "
-        f"ground or wall after free flight, within {window:g} s"
+        "the distance in metres along z+ from the boulder's position at t = 0 to its first touch "
+        f"of ground or wall after free flight, within {window:g} s"
     )
 
 
@@ -264,4 +264,4 @@ _SCORES: Mapping[Mode, Callable[[ThrowingKnobs, float], tuple[str, ...]]] = {
 def _reload_sentences(count: int) -> tuple[str, ...]:
     if count == 1:
         return ()
-    return (f"There are {count} boulders; the score is the mean of what each of them is worth.",)
+    return (f"There are {count} boulders; the score is the mean of their scores.",)

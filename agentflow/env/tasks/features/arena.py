@@ -55,7 +55,7 @@ def arena_sentences(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> Iterator[str]
         yield (
             f"Ramps surround them on all four sides: from the ground at {_foot(arena):g} m from "
             f"x = z = 0 they rise outward by {ramps.angle:g} degrees over {ramps.length:g} m, to a "
-            f"height of {top:.1f} m; to touch one is to land."
+            f"height of {top:.1f} m; touching one counts as landing."
         )
     if hurdle.height:
         yield (

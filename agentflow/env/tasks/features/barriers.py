@@ -125,7 +125,7 @@ def barrier_sentences(walls: Walls, trench: Trench, slope: Slope) -> tuple[str, 
 
 def _wall_sentences(walls: Walls) -> tuple[str, ...]:
     return tuple(
-        f"A wall stands across the way with its middle at z = "
+        f"A wall stands across the path with its middle at z = "
         f"{walls.first + index * walls.spacing:g} m: {walls.height:g} m high, "
         f"{walls.thickness:g} m thick, {WIDTH:g} m wide."
         for index in range(walls.count)
@@ -135,7 +135,7 @@ def _wall_sentences(walls: Walls) -> tuple[str, ...]:
 def _trench_sentences(trench: Trench) -> tuple[str, ...]:
     near, far = trench.at - trench.length / 2, trench.at + trench.length / 2
     return (
-        f"A trench lies across the way from z = {near:g} m to z = {far:g} m: {trench.length:g} m "
-        f"long, {trench.depth:g} m deep, {WIDTH:g} m wide; behind it the far bank is as high as "
-        "the one on which the machine stands.",
+        f"A trench lies across the path from z = {near:g} m to z = {far:g} m: {trench.length:g} m "
+        f"long, {trench.depth:g} m deep, {WIDTH:g} m wide; the far bank is as high as the near "
+        "bank, on which the machine stands.",
     )

@@ -205,7 +205,7 @@ class Flight:
         if landing.rolled_off:
             return (
                 f"rolled off: {flight}, {number(landing.flown)} m along z+ in flight, while the "
-                f"Starting Block went {number(landing.driven)} m"
+                f"Starting Block moved {number(landing.driven)} m"
             )
         return (
             f"carried: {flight}, {number(landing.forward)} m along z+ with the Starting Block only "
@@ -215,19 +215,19 @@ class Flight:
 
 _FAILURES = {
     (False, False): "not thrown: the boulder never touched the machine",
-    (False, True): "not thrown: the boulder never came down free of the machine",
-    (True, False): "not thrown: the boulder lay on the ground and never left from the machine",
+    (False, True): "not thrown: the boulder never landed free of the machine",
+    (True, False): "not thrown: the machine never lifted the boulder off the ground",
     (True, True): f"not thrown: the boulder reached the ground without {FREE_FLIGHT:g} s of free "
     "flight (carried, dropped, pushed or rolled)",
 }
 """Keys: whether it rolled, whether it was ever held."""
 
 RULES = (
-    "The centre of the boulder is what counts.",
+    "All distances are measured to the centre of the boulder.",
     f"Free flight means no contact with the machine for {FREE_FLIGHT:g} s: a boulder that is "
     "carried, rolls, is pushed along or never leaves the machine scores 0.",
-    f"The throw counts only when the Starting Block is not within {NEAR:.0%} of the distance of "
-    "the boulder when it lands, and has not moved farther along z+ than the boulder since it left: "
-    "a boulder that rolls off while the machine drives on scores 0.",
+    f"The throw counts only if, when the boulder lands, the Starting Block is at least {NEAR:.0%} "
+    "of the distance away from it and has not moved farther along z+ than the boulder since it "
+    "left: a boulder that rolls off while the machine drives on scores 0.",
 )
 """The rules of `Flight` in words."""

@@ -69,8 +69,8 @@ def beam_sentences(beam: Beam) -> tuple[str, ...]:
     if not beam.clearance:
         return ()
     return (
-        f"A beam crosses the whole road at z = {beam.at:g} m, {beam.thickness:g} m thick; it "
-        f"leaves {beam.clearance:g} m of height free.",
+        f"A beam, {beam.thickness:g} m thick, crosses the whole road at z = {beam.at:g} m with "
+        f"{beam.clearance:g} m of clearance below it.",
     )
 
 

@@ -49,11 +49,11 @@ class Platform(Parameters):
         """Description for designers; () without a platform."""
         if not self.present:
             return ()
-        flat = f"It stands not on the ground but on a platform, {SIDE:g} m long and wide, "
+        flat = f"It starts on a platform, {SIDE:g} m long and wide, "
         if not self.angle:
             return (f"{flat}{self.height:g} m above the ground.",)
         end = "z+" if self.angle > 0 else "z-"
         return (
-            f"{flat}that is tilted by {abs(self.angle):g} degrees, its {end} end up; its lowest "
+            f"{flat}tilted by {abs(self.angle):g} degrees with its {end} end up; its lowest "
             f"edge is {self.height:g} m above the ground, and the machine is tilted with it.",
         )

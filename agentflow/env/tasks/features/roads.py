@@ -204,7 +204,7 @@ def road_sentences(road: Road, curve: Curve) -> tuple[str, ...]:
     """Describe the road to designers."""
     straight = (
         f"A road runs along z+ between walls at x = -{road.half_width:g} m and x = "
-        f"{road.half_width:g} m, {road.wall_height:g} m high, {road.length:g} m long, of "
+        f"{road.half_width:g} m, {road.wall_height:g} m high and {road.length:g} m long, with "
         f"friction {road.wall_friction:g}; a wall closes it behind the machine at z = "
         f"-{road.back:g} m."
     )
@@ -224,18 +224,18 @@ def _curve_sentences(road: Road, curve: Curve) -> Iterator[str]:
     x, z, _ = line[1].end
     yield (
         f"At z = {curve.at:g} m the road turns {curve.angle:g} degrees to the right (towards x+): "
-        f"its centre line, between walls {2 * road.half_width:g} m apart all the way, follows a "
-        f"circle of radius {radius:g} m about x = {radius:g} m, z = {curve.at:g} m, as far as x = "
-        f"{_rounded(x)} m, z = {_rounded(z)} m."
+        f"its centre line follows a circle of radius {radius:g} m about x = {radius:g} m, z = "
+        f"{curve.at:g} m, to x = {_rounded(x)} m, z = {_rounded(z)} m; the walls stay "
+        f"{2 * road.half_width:g} m apart."
     )
     x, z, heading = line[-1].end if not curve.back else line[-1].position_at(0.0)
     if curve.back:
         yield (
-            f"After {curve.further:g} m straight on it turns {curve.back:g} degrees to the left, "
-            f"on a circle of the same radius, as far as x = {_rounded(x)} m, "
+            f"After {curve.further:g} m straight ahead it turns {curve.back:g} degrees to the left "
+            f"on a circle of the same radius, to x = {_rounded(x)} m, "
             f"z = {_rounded(z)} m."
         )
-    yield f"From there it goes on straight{_towards(heading)}."
+    yield f"From there it continues straight{_towards(heading)}."
 
 
 def _rounded(value: float) -> str:

@@ -87,7 +87,7 @@ def stone_sentences(stone: Stones) -> tuple[str, ...]:
     if not stone.density:
         return ()
     return (
-        f"From z = {stone.first:g} m to z = {stone.last:g} m stones lie scattered over the whole "
-        f"road, {stone.density:g} per square metre: balls of {stone.smallest:g} to "
-        f"{stone.largest:g} m across that are fixed with one half in the ground.",
+        f"From z = {stone.first:g} m to z = {stone.last:g} m stones are scattered over the whole "
+        f"road, {stone.density:g} per square metre: fixed balls, {stone.smallest:g} to "
+        f"{stone.largest:g} m in diameter, half buried in the ground.",
     )

@@ -69,9 +69,9 @@ class GearingReferee:
         slow = min(self._fastest)
         lasting = f"for {number(self._best, 1)} s"
         terms["result"] = (
-            f"turning as asked {lasting}"
+            f"turning as required {lasting}"
             if success
-            else f"not turning as asked: {number(slow)} rad/s at most, fast enough {lasting}"
+            else f"not turning as required: at most {number(slow)} rad/s, fast enough {lasting}"
         )
         return Verdict(float(success), terms)
 
