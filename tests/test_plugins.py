@@ -1,0 +1,128 @@
+"""One thing of each kind from outside the package, used as ours are.
+
+tests/plugins holds a distribution as pip would leave it; it is on the path of the commands here.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PLUGINS = ROOT / "tests" / "plugins"
+MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
+SMALL = ("trajectories=2", "search.rounds=1", "search.width=1", "search.strategy=eager")
+DESIGN = ("design", "--task", "rolling", "--workflow", "judged", "--set", "prompts=terse")
+SWEEP = """
+title: Seeds of a toy
+about: Counts its own runs.
+base: {task: rolling, workflow: random-dsl, settings: {trajectories: 1, rollouts: 2}}
+seeds: [0, 1]
+axes: {condition: {plain: {}}}
+table: {conditions: axes, stage: initial, metrics: [run_count, mean]}
+"""
+
+
+def python(code: str, *arguments: str, cwd: Path) -> str:
+    """Standard output of a Python process that finds the plugins."""
+    environ = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
+    environ["PYTHONPATH"] = os.pathsep.join(map(str, (ROOT, PLUGINS)))
+    command = [sys.executable, "-W", "error", "-c", code, *arguments]
+    done = subprocess.run(
+        command, cwd=cwd, env=environ, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of the toy workflow at the toy task, with the toy prompts and the toy strategy."""
+    folder = tmp_path_factory.mktemp("toys")
+    settings = [word for item in SMALL for word in ("--set", item)]
+    result = json.loads(python(MAIN, *DESIGN, *settings, "--quiet", "--json", cwd=folder))
+    assert (result["task"], result["workflow"], result["valid"]) == ("rolling", "judged", True)
+    return folder / result["run"]
+
+
+def test_every_registry_lists_what_was_added(tmp_path: Path) -> None:
+    code = """
+from agentflow.agents.registry import ROLES, model_roles, stage_of
+from agentflow.app.pages.registry import PAGES
+from agentflow.env.physics.engines import ENGINES
+from agentflow.env.tasks.discovery import FAMILIES
+from agentflow.llm.procedural.mechanisms import MECHANISMS
+from agentflow.metrics.cells import METRICS
+from agentflow.prompts.registry import PROMPT_SETS
+from agentflow.search.registry import STRATEGIES
+from agentflow.workflows.registry import WORKFLOWS
+every = (ROLES, PAGES, ENGINES, FAMILIES, METRICS, PROMPT_SETS, STRATEGIES, WORKFLOWS, MECHANISMS)
+for registry in every:
+    print(*(name for name in registry if name not in registry.ours and registry[name]))
+print("judge" in model_roles(), stage_of("judge/traj-1/attempt-1"))
+"""
+    assert python(code, cwd=tmp_path).split() == [
+        *("judge", "plain", "toy", "rolling", "run_count", "terse", "eager", "judged", "rolling"),
+        *("True", "env_feedback"),
+    ]
+
+
+def test_the_lists_of_commands_name_what_was_added(tmp_path: Path) -> None:
+    assert "rolling " in python(MAIN, "tasks", cwd=tmp_path)
+    assert "terse " in python(MAIN, "prompts", "list", cwd=tmp_path)
+    shown = python(MAIN, "prompts", "show", "--role", "judge", "--set", "terse", cwd=tmp_path)
+    assert shown.startswith("--- system\nYou judge machines in one sentence.\n")
+
+
+@pytest.mark.slow
+def test_a_run_made_of_toys(run: Path) -> None:
+    calls = [json.loads(line) for line in (run / "calls.jsonl").read_text().splitlines()]
+    roles = {call["request"]["role"] for call in calls}
+    assert roles == {"designer", "querier", "refiner", "judge"}
+    prompts = {call["request"]["messages"][0]["text"] for call in calls}
+    assert "You judge machines in one sentence.\n" in prompts
+    designs = [call for call in calls if call["request"]["role"] == "designer"]
+    assert all("Roller: length " in call["reply"]["text"] for call in designs)
+    events = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
+    assert sum(event["kind"] == "judgement" for event in events) == 2
+    assert python(MAIN, "replay", str(run), cwd=run.parent) == "identical\n"
+
+
+@pytest.mark.slow
+def test_its_page(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "page.html"
+    python(MAIN, "report", str(run), "--page", "plain", "--out", str(out), cwd=tmp_path)
+    assert out.read_text() == f"<p>{json.loads((run / 'result.json').read_text())['score']}</p>"
+
+
+@pytest.mark.slow
+def test_a_metric_in_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "toys.yaml"
+    path.write_text(SWEEP)
+    python(MAIN, "sweep", str(path), "--quiet", cwd=tmp_path)
+    table = python(MAIN, "table", "sweeps/toys", "--format", "json", cwd=tmp_path)
+    assert '"run_count"' in table
+    assert "run_count: number of runs" in python(MAIN, "table", "sweeps/toys", cwd=tmp_path)
+
+
+@pytest.mark.slow
+def test_an_engine_simulates(tmp_path: Path) -> None:
+    code = """
+from pathlib import Path
+import sys
+from agentflow.env.physics.engines import ENGINES, default_engine
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine import library, read_machine
+machine = read_machine(Path(sys.argv[1]).read_text(), library()).machine
+toy, usual = (simulate(machine, get_task("rolling"), engine=spec.start())
+              for spec in (ENGINES["toy"], default_engine()))
+print(toy.status, toy.engine.partition(" ")[0], toy.score == usual.score, toy.score > 1)
+"""
+    car = ROOT / "examples" / "car.json"
+    assert python(code, str(car), cwd=tmp_path) == "ok toy True True\n"
