@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -70,6 +71,17 @@ print("judge" in model_roles(), stage_of("judge/traj-1/attempt-1"))
         *("judge", "plain", "toy", "rolling", "run_count", "terse", "eager", "judged", "rolling"),
         *("True", "env_feedback"),
     ]
+
+
+def test_contributing_names_every_group_and_files_that_exist() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    section = text.split("## To add something\n", 1)[1].partition("\n## ")[0]
+    info = PLUGINS / "toybox-1.0.dist-info" / "entry_points.txt"
+    groups = re.findall(r"^\[(.*)\]$", info.read_text(), re.MULTILINE)
+    assert set(re.findall(r"group `([\w.]+)`", section)) == set(groups)
+    paths = re.findall(r"`((?:agentflow|tests|docs|examples)/[^`]+)`", section)
+    assert len(paths) > 20
+    assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
 def test_the_lists_of_commands_name_what_was_added(tmp_path: Path) -> None:

@@ -75,3 +75,7 @@ def test_a_task_family_outside_the_package(tmp_path: Path) -> None:
     few = ("--set", "trajectories=1", "--set", "rollouts=1", "--quiet", "--out", "runs")
     options = ("design", "--task", "pushing", "--workflow", "random-dsl", *few)
     assert "(pushing), " in run(*ours, *options, cwd=tmp_path, path=project)
+    few = ("--set", "trajectories=1", "--set", "search.rounds=0", "--quiet", "--out", "planned")
+    run(*ours, "design", "--task", "pushing", *few, cwd=tmp_path, path=project)
+    (events,) = tmp_path.glob("planned/*/events.jsonl")
+    assert '"definition": "ram car: ' in events.read_text()
