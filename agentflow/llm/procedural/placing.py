@@ -65,7 +65,7 @@ def _try_chain(
 def _add_cog(machine: Machine, wanted: Mapping[int, int], kind: int, x: float, z: float) -> Machine:
     """Add a cog unless it lacks a face or room, locks the gears or turns a target wrongly."""
     plate = plate_of(machine[0].type)
-    if plate is None or not plate.has(x, z):
+    if plate is None or not plate.has_face(x, z):
         return machine
     longer = Machine((*machine, Step(len(machine), kind, 0, plate.face(x, z))))
     geometry = place(longer)

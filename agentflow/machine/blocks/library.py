@@ -34,13 +34,13 @@ FLAGS = ("non_static", "non_stable", "powered_wheel")
 class Library(Mapping[int, BlockType]):
     """All block types by type id, ascending.
 
-    Plates (plates.py) are found by their number as well, but are not among those listed.
+    Plates (plates.py) can be looked up by their number too, but are not listed.
     """
 
     def __init__(self, types: Mapping[int, BlockType]) -> None:
         self._types = dict(sorted(types.items()))
         self.core = tuple(key for key, block in self._types.items() if not block.extended)
-        """Type ids that are legal where a task lists nothing else."""
+        """Type ids that are legal unless a task lists others."""
         self.extended = tuple(key for key, block in self._types.items() if block.extended)
         self.containers = frozenset(
             key for key, block in self._types.items() if block.shape == "container"
@@ -58,10 +58,10 @@ class Library(Mapping[int, BlockType]):
         return len(self._types)
 
     def find(self, name_or_id: int | str) -> BlockType:
-        """The type of this id or name; letter case, spaces, dashes and underscores do not count.
+        """The type with this id or name; case, spaces, dashes and underscores are ignored.
 
         Raises:
-            UnknownNameError: no such type; names the nearest ones.
+            UnknownNameError: There is no such type; the message lists the nearest.
         """
         text = str(name_or_id).strip()
         if text.isascii() and text.isdigit() and len(text) < 10:
@@ -76,7 +76,7 @@ class Library(Mapping[int, BlockType]):
         raise UnknownNameError("block type", text, [block.name for block in self._types.values()])
 
     def nearest(self, number: int) -> list[str]:
-        """Labels of all types, those with the nearest type ids first."""
+        """Labels of all types, nearest type ids first."""
         order = sorted(self._types, key=lambda key: (abs(key - number), key))
         return [self._types[key].label for key in order]
 
@@ -186,4 +186,4 @@ _READ: dict[str, Callable[[Any], Any]] = {
     "bsg": lambda settings: tuple(tuple(setting) for setting in settings),
     **dict.fromkeys(("mass", "linear_drag", "angular_drag", "thrust", "pitch_radius"), float),
 }
-"""How fields of an entry become values, where they are not taken as they are."""
+"""Converters of entry fields; fields not listed are taken unchanged."""

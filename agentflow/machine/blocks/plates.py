@@ -19,16 +19,16 @@ COLOR = (0.56, 0.6, 0.62, 1.0)
 HOLE = 2.0
 """Width of a hole, m."""
 SIZES, HOLES, PATTERNS = (5, 31), (0, 20), (0, 9)
-"""Least and greatest width in whole m, number of holes, number of the pattern."""
+"""Ranges of the width (whole m), the number of holes, the number of the pattern."""
 
 
 @dataclass(frozen=True)
 class Plate:
     """A square plate in the x-z plane.
 
-    Its faces lie on all points of a 0.5 m grid inside it, are numbered row by row from (-x, -z),
-    x first, and all look Up. Holes are squares of 2 m with their centres on the grid; nothing can
-    be attached to faces within a hole or on its rim.
+    Its faces lie on all points of a 0.5 m grid inside it, point Up and are numbered row by row,
+    x first, from the corner with the lowest x and z. Holes are 2 m squares with their centres on
+    the grid; nothing can be attached to faces within a hole or on its rim.
     """
 
     size: int
@@ -43,61 +43,62 @@ class Plate:
         return 1000 * self.size + 10 * self.holes + self.pattern
 
     @property
-    def row(self) -> int:
+    def row_length(self) -> int:
         """Faces in a row."""
         return 2 * self.size - 1
 
     def face(self, x: float, z: float) -> int:
-        """The face at a place, m from the plate's middle.
+        """The face at x and z, m from the plate's middle.
 
         Raises:
             ConfigError: The place is off the plate or over a hole.
         """
         column, line = self._grid(x, z)
-        if not (0 <= column < self.row and 0 <= line < self.row):
+        if not (0 <= column < self.row_length and 0 <= line < self.row_length):
             raise ConfigError(f"x = {x:g}, z = {z:g} m is not on a plate {self.size} m wide")
-        face = line * self.row + column
-        if face in self.closed:
+        face = line * self.row_length + column
+        if face in self.closed_faces:
             raise ConfigError(f"x = {x:g}, z = {z:g} m lies over a hole of the plate")
         return face
 
-    def has(self, x: float, z: float) -> bool:
-        """Whether something can be attached at a place, m from the plate's middle."""
+    def has_face(self, x: float, z: float) -> bool:
+        """Whether a block can be attached at x and z, m from the plate's middle."""
         column, line = self._grid(x, z)
-        inside = 0 <= column < self.row and 0 <= line < self.row
-        return inside and line * self.row + column not in self.closed
+        inside = 0 <= column < self.row_length and 0 <= line < self.row_length
+        return inside and line * self.row_length + column not in self.closed_faces
 
     def _grid(self, x: float, z: float) -> tuple[int, int]:
-        return round(x / GRID) + self.row // 2, round(z / GRID) + self.row // 2
+        return round(x / GRID) + self.row_length // 2, round(z / GRID) + self.row_length // 2
 
-    def place(self, face: int) -> tuple[float, float]:
-        """Where a face is: x and z, m from the plate's middle."""
-        line, column = divmod(face, self.row)
-        return (column - self.row // 2) * GRID, (line - self.row // 2) * GRID
+    def face_position(self, face: int) -> tuple[float, float]:
+        """x and z of a face, m from the plate's middle."""
+        line, column = divmod(face, self.row_length)
+        return (column - self.row_length // 2) * GRID, (line - self.row_length // 2) * GRID
 
     @property
-    def centres(self) -> tuple[tuple[float, float], ...]:
-        """x and z of the middle of each hole, m; no two holes meet each other or the edge."""
-        chance = Random(f"plate {self.type}")
-        found: list[tuple[int, int]] = []
-        most = self.row // 2 - 4
-        spots = [(x, z) for x in range(-most, most + 1, 2) for z in range(-most, most + 1, 2)]
-        chance.shuffle(spots)
-        for x, z in spots:
-            if len(found) == self.holes:
+    def hole_centres(self) -> tuple[tuple[float, float], ...]:
+        """x and z of the middle of each hole, m; holes touch neither each other nor the edge."""
+        rng = Random(f"plate {self.type}")
+        centres: list[tuple[int, int]] = []
+        limit = self.row_length // 2 - 4
+        places = [(x, z) for x in range(-limit, limit + 1, 2) for z in range(-limit, limit + 1, 2)]
+        rng.shuffle(places)
+        for x, z in places:
+            if len(centres) == self.holes:
                 break
-            if all(max(abs(x - u), abs(z - v)) > 6 for u, v in found):
-                found.append((x, z))
-        return tuple((x * GRID, z * GRID) for x, z in sorted(found))
+            if all(max(abs(x - u), abs(z - v)) > 6 for u, v in centres):
+                centres.append((x, z))
+        return tuple((x * GRID, z * GRID) for x, z in sorted(centres))
 
     @property
-    def closed(self) -> frozenset[int]:
+    def closed_faces(self) -> frozenset[int]:
         """Faces that lie within a hole or on its rim."""
         return plate_type(self.type).closed
 
-    def block(self) -> BlockType:
+    def block_type(self) -> BlockType:
         """The plate as a block type."""
-        places, centres = [self.place(face) for face in range(self.row**2)], self.centres
+        centres = self.hole_centres
+        places = [self.face_position(face) for face in range(self.row_length**2)]
         closed = {
             face
             for face, (x, z) in enumerate(places)
@@ -136,4 +137,4 @@ def plate_type(block_type: int) -> BlockType:
     plate = plate_of(block_type)
     if plate is None:
         raise KeyError(block_type)
-    return plate.block()
+    return plate.block_type()

@@ -17,14 +17,14 @@ from agentflow.machine.tree import Machine
 
 
 def assemble(machine: Machine, geometry: Geometry, constants: Constants) -> Assembly:
-    """Parts, joints and devices of a valid machine, standing on the ground at the world's middle.
+    """Parts, joints and devices of a valid machine, placed on the ground.
 
-    The centre of the machine's box lies over x = z = 0 and its lowest point on y = 0.
+    The centre of its bounding box is at x = z = 0 and its lowest point at y = 0.
 
     Args:
         machine: A machine-valid construction tree.
         geometry: Its placement.
-        constants: Masses and sizes come from the block library, everything else from here.
+        constants: Everything but masses and sizes, which come from the block library.
     """
     low, high = geometry.box_min, geometry.box_max
     shift = (-(low[0] + high[0]) / 2, -low[1], -(low[2] + high[2]) / 2)

@@ -109,10 +109,10 @@ def _plate(kind: BlockType, shrink: float, thick: float) -> Iterator[Shape]:
     plate = plate_of(kind.type)
     assert plate is not None
     edge = plate.size / 2 - shrink
-    rims = {-edge, edge, *(z + rim for _, z in plate.centres for rim in (-HOLE / 2, HOLE / 2))}
+    rims = {-edge, edge, *(z + rim for _, z in plate.hole_centres for rim in (-HOLE / 2, HOLE / 2))}
     for low, high in pairwise(sorted(rims)):
         middle = (low + high) / 2
-        missing = [x for x, z in plate.centres if abs(z - middle) < HOLE / 2]
+        missing = [x for x, z in plate.hole_centres if abs(z - middle) < HOLE / 2]
         ends = [-edge, *(x + rim for x in sorted(missing) for rim in (-HOLE / 2, HOLE / 2)), edge]
         for left, right in zip(ends[::2], ends[1::2], strict=True):
             size = (right - left, thick, high - low)

@@ -1,7 +1,7 @@
-"""Owns the forces of the air, which engines must apply by hand: drag and wind (spec 2.1).
+"""Forces of the air: drag and wind.
 
-Works on cluster rows (see kinematics.py) in any right-handed frame; applying is the engine's.
-Drag runs on plain floats: a machine has few clusters, and arrays only pay for many.
+They work in any right-handed frame. Drag runs on plain floats: a machine has few clusters, and
+arrays only pay for many.
 """
 
 from __future__ import annotations
@@ -28,10 +28,11 @@ from agentflow.env.scene import Vec3
 
 
 class DragForce:
-    """Air drag of every part, summed per cluster once.
+    """Air drag, as one force and torque per cluster.
 
-    A part loses m k v at its centre and I c w; over a rigid cluster that is a linear law of the
-    leading centre's velocity and spin, with constant coefficients in the cluster's own axes.
+    Drag on a part is -m k v at its centre and -I c w, with its linear drag k and angular drag c.
+    Over a rigid cluster this sums to a linear function of the velocity and spin of its leading
+    part, with constant coefficients in the cluster's own axes.
     """
 
     def __init__(self, parts: Sequence[Part], locations: PartLocations, inertia: Array) -> None:
@@ -72,10 +73,10 @@ class DragForce:
             else:
                 self._full.append((row, law))
         self.rows = [row for row, _, _ in self._plain] + [row for row, _ in self._full]
-        """Rows that it acts on."""
+        """Rows of the clusters that it acts on."""
 
     def __call__(self, rows: Sequence[Row]) -> list[Wrench]:
-        """What drag does to each cluster that it acts on."""
+        """Force and torque on each cluster that has drag."""
         wrenches = []
         for row, loss, spin in self._plain:
             _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz = rows[row]
@@ -88,7 +89,7 @@ class DragForce:
 
 
 def _is_plain(law: Sequence[float]) -> bool:
-    """Whether the law looks the same from every side, so that no axes matter."""
+    """Whether the law is isotropic, so that the cluster's axes do not matter."""
     return law[4] == law[5] == law[6] and not any(law[1:4]) and not any(law[7:])
 
 
@@ -119,29 +120,29 @@ def _resist(row: Row, law: Sequence[float]) -> tuple[Vec3, Vec3]:
 class WindForce:
     """Wind on every part and thing: 0.6 * area facing it * wind * (wind - velocity).
 
-    What rests feels 0.6 * area * wind squared, as spec 2.1 has it. What moves feels it in
-    proportion to its own speed through the air, so that a light breeze does little, and none
-    nothing: resistance of still air is drag's. (The square of the speed through the air would let
-    the faintest breeze brake everything that moves, and stop a 47 m throw at 1 m/s.)
+    At rest this is 0.6 * area * wind squared. In motion the force is linear in the speed through
+    the air, so a light breeze does little and still air nothing; drag covers still air. With the
+    square of the speed through the air, the faintest breeze would brake everything that moves: a
+    breeze of 1 m/s would stop a 47 m throw.
     """
 
     def __init__(self, locations: PartLocations, extents: Array, wind: Array, drag: float) -> None:
-        """Set up the boxes.
+        """Work out the areas of the boxes.
 
         Args:
-            locations: Places of all parts and things.
+            locations: Of all parts and things.
             extents: (P, 3) boxes that the wind sees, engine frame, m.
             wind: (3,) mean velocity of the air, engine frame, m/s.
             drag: Force over area times squared speed, kg/m3.
         """
-        self._members, self._wind, self._drag = locations, wind, drag
+        self._locations, self._wind, self._drag = locations, wind, drag
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
 
     def __call__(self, rows: Array, strength: float = 1.0) -> list[PartForce]:
-        """What the wind does to every part, then to every thing, at a share of its mean."""
-        row = self._members.row
+        """Forces on all parts, then on all things, at `strength` times the mean wind."""
+        row = self._locations.row
         rotation = matrices(rows[:, ROTATION])[row]
-        arms = turn(rotation, self._members.offset)
+        arms = turn(rotation, self._locations.offset)
         velocity = rows[row, VELOCITY] + cross(rows[row, SPIN], arms)
         air = self._wind * strength
         facing = self._areas * np.abs(turn_back(rotation, air[None]))

@@ -89,8 +89,8 @@ class GearingKnobs(CommonKnobs):
 
     @model_validator(mode="after")
     def _fits(self) -> GearingKnobs:
-        if len(self.base.centres) < self.base.holes:
-            most = len(self.base.centres)
+        if len(self.base.hole_centres) < self.base.holes:
+            most = len(self.base.hole_centres)
             raise ConfigError(
                 f"plate.holes must be 0 to {most} on this plate of {self.base.size} m, "
                 f"not {self.base.holes}"
@@ -212,8 +212,8 @@ def _goal(knobs: GearingKnobs) -> str:
 
 
 def _plate_sentences(plate: Plate) -> tuple[str, ...]:
-    row = plate.row
-    x, z = plate.place(0)
+    row = plate.row_length
+    x, z = plate.face_position(0)
     sentences = (
         "The ground is flat, at y = 0.",
         f"Block 0 is given: a square plate, {plate.size:g} m wide along x and z and "
@@ -222,9 +222,9 @@ def _plate_sentences(plate: Plate) -> tuple[str, ...]:
         f"by row: face n is at x = {x:g} + {GRID:g} * (n mod {row}), z = {z:g} + {GRID:g} * "
         f"(n div {row}) m.",
     )
-    if not plate.centres:
+    if not plate.hole_centres:
         return sentences
-    middles = ", ".join(f"({u:g}, {v:g})" for u, v in plate.centres)
+    middles = ", ".join(f"({u:g}, {v:g})" for u, v in plate.hole_centres)
     return (
         *sentences,
         f"The plate has {plate.holes} square holes, {HOLE:g} m wide, with their middles at (x, z) "
