@@ -6,7 +6,7 @@ Kinds that are unknown here (from plugins or later versions) stay plain `Event`s
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -45,7 +45,7 @@ class RunEvent:
     @property
     def data(self) -> dict[str, Any]:
         """The data of the event's line."""
-        found = asdict(self)
+        found = {key: _plain(value) for key, value in vars(self).items()}
         omitted = {name for name in self.optional if found[name] is None}
         return {key: found[key] for key in found if key not in {"place", "at", *omitted}}
 
@@ -56,17 +56,17 @@ class RunEvent:
 
 @dataclass(frozen=True)
 class FirstAttempt:
-    """The outcome of a first attempt, before any retry."""
+    """How far the first attempt got, before any retry."""
 
     parsed: bool = False
     """The reply had the required format."""
     spatial: bool = False
     """... and its machine was spatially valid."""
     valid: bool = False
-    """... and met every requirement."""
+    """... and it was accepted."""
 
     def __and__(self, other: FirstAttempt) -> FirstAttempt:
-        """Both; for designs that build on each other."""
+        """Both, for designs that build on each other."""
         return FirstAttempt(
             self.parsed and other.parsed,
             self.spatial and other.spatial,
@@ -353,6 +353,15 @@ def read_typed_events(path: Path) -> Iterator[RunEvent | Event]:
             yield typed(event)
         except ValueError as error:
             raise RunError(f"{path / EVENTS} is damaged in line {event.line}: {error}") from None
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON data."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return (
+        {key: _plain(item) for key, item in vars(value).items()} if is_dataclass(value) else value
+    )
 
 
 def _read(content: Mapping[str, Any], event: Event) -> RunEvent:

@@ -9,12 +9,12 @@ from typing import Any, Literal, Protocol
 from agentflow.agents.base import AskContext
 from agentflow.agents.history import EditRecord
 from agentflow.machine.tree import Machine
+from agentflow.runs.events import FirstAttempt
+from agentflow.runs.places import StageName
 from agentflow.search.node import Evaluation, SearchCost
 
 AskContexts = Callable[[str], AskContext]
 """Role name -> client, prompts and sampling to ask the role with."""
-
-StageName = Literal["initial", "blind_refinement", "env_feedback"]
 
 
 @dataclass(frozen=True)
@@ -62,26 +62,6 @@ class Record(Protocol):
 
 
 @dataclass(frozen=True)
-class FirstAttempt:
-    """How far the first attempt got, before any retry."""
-
-    parsed: bool = False
-    """The reply had the required format."""
-    spatial: bool = False
-    """... and its machine was spatially valid."""
-    valid: bool = False
-    """... and it was accepted."""
-
-    def __and__(self, other: FirstAttempt) -> FirstAttempt:
-        """Both, for designs that build on each other."""
-        return FirstAttempt(
-            self.parsed and other.parsed,
-            self.spatial and other.spatial,
-            self.valid and other.valid,
-        )
-
-
-@dataclass(frozen=True)
 class Candidate:
     """The machine of one trajectory at the end of a stage, or why there is none."""
 
@@ -90,7 +70,7 @@ class Candidate:
     machine: Machine | None = None
     evaluation: Evaluation | None = None
     """None if it was not simulated; invalid machines are not."""
-    first: FirstAttempt = FirstAttempt()
+    first: FirstAttempt = field(default_factory=FirstAttempt)
     reason: str = ""
     """Why it is invalid; empty if it is valid."""
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)

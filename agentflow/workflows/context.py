@@ -1,6 +1,6 @@
-"""Owns what all stages of one run share: asking roles, simulating, noting it all, counting.
+"""The context of a workflow: asks roles, simulates machines, records and counts it all.
 
-The only place where a spent budget is noticed; what to do in which order is the workflows'.
+A spent budget is noticed only here.
 """
 
 from __future__ import annotations
@@ -15,6 +15,17 @@ from agentflow.agents.refiner import Refinement
 from agentflow.errors import BudgetSpentError
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
+from agentflow.runs.events import (
+    AttemptEvent,
+    CandidateEvent,
+    EvaluationEvent,
+    QueryEvent,
+    ResultEvent,
+    RunEvent,
+    StageBeginEvent,
+    StageEvent,
+)
+from agentflow.runs.places import Place, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import (
@@ -24,7 +35,6 @@ from agentflow.workflows.base import (
     Record,
     SimulationSummary,
     Stage,
-    StageName,
     WorkflowResult,
 )
 from agentflow.workflows.settings import WorkflowSettings
@@ -36,15 +46,15 @@ Out = TypeVar("Out")
 
 @dataclass
 class _Count:
-    """What a stage has cost."""
+    """What a stage has cost so far."""
 
     calls: int = 0
     tokens: int = 0
-    tried: set[Machine] = field(default_factory=set)
+    machines: set[Machine] = field(default_factory=set)
 
 
 class WorkflowContext:
-    """One run of a workflow. Identical machines are simulated once, whoever asks."""
+    """One run of a workflow. Identical machines are simulated once."""
 
     def __init__(
         self,
@@ -56,100 +66,98 @@ class WorkflowContext:
         record: Record,
         seed: int,
     ) -> None:
-        """Everything as for a `Workflow`, and its name."""
-        self.brief, self.settings, self.record = brief, settings, record
+        """Take the arguments of a `Workflow`, and its name."""
+        self.brief, self.settings = brief, settings
         self.spent: BudgetSpentError | None = None
-        """Set once the budget has run out; no more questions are worth asking then."""
-        self._workflow, self._contexts, self._laboratory, self._seed = (
-            workflow,
-            contexts,
-            laboratory,
-            seed,
-        )
-        self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._try)
+        """Set once the budget has run out; then no further question will be answered."""
+        self._workflow, self._contexts, self._seed = workflow, contexts, seed
+        self._laboratory, self._record = laboratory, record
+        self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._counts: dict[str, _Count] = {}
-        """By stage name; trajectories may be in different stages at a time."""
+        """By stage name; trajectories may be in different stages at the same time."""
 
     def stream(self, name: str) -> random.Random:
-        """A random stream of its own for one purpose, derived from the run's seed by name."""
+        """A random stream for one purpose, derived from the run's seed and the name."""
         return random.Random(f"{self._seed}/{name}")
 
     async def ask(
         self,
         role: Role[In, Out],
         given: In,
-        label: str,
+        place: Place,
         *,
         stage: StageName,
         model_role: str = "",
         once: bool = False,
     ) -> RoleOutcome[Out] | None:
-        """Ask a role, with its retries or `once`; None when the budget runs out before the answer.
+        """Ask a role; None if the budget runs out before the answer.
 
         Args:
-            role: Who is asked.
-            given: What it is told.
-            label: Of the question; unique in the run.
-            stage: For which it is asked, and counted.
+            role: Role to ask.
+            given: Its input.
+            place: Place of the question; unique in the run.
+            stage: Stage to which the calls are counted.
             model_role: Role whose model and sampling to use, if not its own.
-            once: Whether one attempt is all; for searches, which own the attempts.
+            once: Whether to make one attempt only, as searches do.
         """
         own = self._contexts(model_role or role.model_role or role.name)
         count = self._counts[stage]
-        used = replace(own, on_attempt=lambda made: self._note(made, count, own.on_attempt))
+        used = replace(own, on_attempt=lambda made: self._count(made, count, own.on_attempt))
         try:
-            return await ask(role, given, replace(used, max_retry=1) if once else used, label)
+            return await ask(role, given, replace(used, max_retry=1) if once else used, str(place))
         except BudgetSpentError as spent:
             self.spent = spent
             return None
 
-    async def evaluate(self, machine: Machine, stage: StageName, place: str) -> Evaluation:
-        """Simulate a machine, or remember what came of it, and note it as `stage/place`."""
-        label = f"{stage}/{place}"
-        self._counts[stage].tried.add(machine)
+    def note(self, event: RunEvent) -> None:
+        """Record an event."""
+        self._record.event(event.kind, event.label, **event.data)
+
+    async def evaluate(self, machine: Machine, place: Place) -> Evaluation:
+        """Simulate a machine or reuse its result, and record that at a place of a stage."""
+        self._counts[place.name].machines.add(machine)
         evaluation = await self._simulate(machine, f"machine-{machine.digest}")
         summary: SimulationSummary = evaluation.details
-        self.record.event(
-            "evaluation",
-            label,
-            machine=machine.digest,
-            valid=evaluation.valid,
-            score=evaluation.score,
-            status=summary.status,
-            broken=[list(item) for item in summary.broken],
-            rollout=summary.digest,
-            moved=summary.moved,
+        self.note(
+            EvaluationEvent(
+                place,
+                machine.digest,
+                evaluation.valid,
+                evaluation.score,
+                summary.status,
+                summary.broken,
+                summary.digest,
+                summary.moved,
+            )
         )
         return evaluation
 
-    async def query(self, machine: Machine, queries: Sequence[object], label: str) -> str:
-        """Answer queries on an evaluated machine and note them under the label."""
+    async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
+        """Answer queries on an evaluated machine, and record them at the querier's place."""
         answer = await self._laboratory.query(machine, queries)
-        self.record.event(
-            "query", label, machine=machine.digest, queries=list(queries), answer=answer
-        )
+        self.note(QueryEvent(place, machine.digest, list(queries), answer))
         return answer
 
     @property
     def rollouts(self) -> int:
-        """Machines simulated so far, each once."""
+        """Number of distinct machines simulated so far."""
         return self._simulate.count
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
-        """Pictures of a machine for a refiner; none when vision is switched off."""
+        """Pictures of a machine for a refiner; none if vision is switched off."""
         return await self._laboratory.views(machine) if self.settings.vision else ()
 
     def begin_stage(self, name: StageName) -> None:
-        """Open a stage; opening it again, for another trajectory, changes nothing."""
+        """Open a stage; a second call, for another trajectory, does nothing."""
         if name not in self._counts:
             self._counts[name] = _Count()
-            self.record.event("stage_begin", name, trajectories=self.settings.trajectories)
+            self.note(StageBeginEvent(Place(name), self.settings.trajectories))
 
     def end_stage(self, name: StageName, candidates: Sequence[Candidate]) -> Stage:
-        """Close a stage, earlier ones first; trajectories without a candidate are invalid."""
+        """Close a stage, after all earlier ones; trajectories without a candidate are invalid."""
         count = self._counts[name]
-        earlier = (self._counts[stage.name].tried for stage in self._stages)
+        earlier = (self._counts[stage.name].machines for stage in self._stages)
         found = {candidate.trajectory: candidate for candidate in candidates}
         every = range(1, self.settings.trajectories + 1)
         stage = Stage(
@@ -157,13 +165,12 @@ class WorkflowContext:
             tuple(found.get(t) or Candidate(t, reason="ended in an earlier stage") for t in every),
             count.calls,
             count.tokens,
-            len(count.tried.difference(*earlier)),
+            len(count.machines.difference(*earlier)),
         )
         for candidate in stage.candidates:
-            self.record.event(
-                "candidate", f"{stage.name}/traj-{candidate.trajectory}", **outline(candidate)
-            )
-        self.record.event("stage", stage.name, **row(stage))
+            place = Place(name, trajectory=candidate.trajectory)
+            self.note(CandidateEvent(place, **_fields(candidate)))
+        self.note(StageEvent(Place(name), **row(stage)))
         self._stages.append(stage)
         return stage
 
@@ -172,14 +179,13 @@ class WorkflowContext:
         return any(stage.name == name for stage in self._stages)
 
     def is_over(self, stage: Stage) -> bool:
-        """Whether the run ends with this stage: nothing to go on with, or nothing to pay with."""
+        """Whether the run ends with this stage: no valid machine is left, or no budget."""
         return self.spent is not None or not stage.survivors
 
     def result(self) -> WorkflowResult:
         """Close the run: the best valid machine of all stages."""
         stages = tuple(self._stages)
-        found = best_of(stages)
-        best, stage = found if found else (None, None)
+        best, stage = best_of(stages) or (None, None)
         reason = "" if best else _why_none(stages)
         result = WorkflowResult(
             workflow=self._workflow,
@@ -189,57 +195,50 @@ class WorkflowContext:
             stopped="budget" if self.spent else None,
             reason=reason,
         )
-        self.record.event(
-            "result",
-            self._workflow,
-            **(outline(best) if best else {"reason": reason}),
-            stage=result.best_stage,
-            stopped=result.stopped,
-        )
+        found = _fields(best) if best else {"reason": reason}
+        place, stopped = Place(self._workflow), result.stopped
+        self.note(ResultEvent(place, **found, stage=result.best_stage, stopped=stopped))
         return result
 
-    async def _try(self, machine: Machine, label: str) -> Evaluation:
-        self.record.save_machine(machine.digest, machine.to_text())
+    async def _evaluate(self, machine: Machine, label: str) -> Evaluation:
+        self._record.save_machine(machine.digest, machine.to_text())
         return await self._laboratory.evaluate(machine, label)
 
-    def _note(
+    def _count(
         self, attempt: RoleAttempt[Any], count: _Count, then: Callable[[RoleAttempt[object]], None]
     ) -> None:
+        parsed, tokens = attempt.parsed, attempt.reply.usage.total
         count.calls += 1
-        count.tokens += attempt.reply.usage.total
-        parsed = attempt.parsed
-        data: dict[str, Any] = {
-            "role": attempt.role,
-            "valid": parsed.output is not None,
-            "parsed": parsed.parsed,
-            "spatial": parsed.spatial,
-            "repaired": parsed.repaired,
-            "code": parsed.code,
-            "problem": parsed.problem,
-            "tokens": attempt.reply.usage.total,
-        }
+        count.tokens += tokens
         machine = getattr(parsed.output, "machine", None)
         if isinstance(machine, Machine):
-            self.record.save_machine(machine.digest, machine.to_text())
-            data["machine"] = machine.digest
-        if isinstance(parsed.output, Refinement):
-            data["script"] = parsed.output.script
-        self.record.event("attempt", attempt.label, **data)
+            self._record.save_machine(machine.digest, machine.to_text())
+        self.note(
+            AttemptEvent(
+                Place.parse(attempt.label),
+                role=attempt.role,
+                valid=parsed.output is not None,
+                parsed=parsed.parsed,
+                spatial=parsed.spatial,
+                repaired=parsed.repaired,
+                code=parsed.code,
+                problem=parsed.problem,
+                tokens=tokens,
+                machine=machine.digest if isinstance(machine, Machine) else None,
+                script=parsed.output.script if isinstance(parsed.output, Refinement) else None,
+            )
+        )
         then(attempt)
 
 
-def outline(candidate: Candidate) -> dict[str, Any]:
-    """A candidate as the record and the result hold it."""
+def _fields(candidate: Candidate) -> dict[str, Any]:
+    """The fields of a candidate in its event and in the result's."""
     return {
         "trajectory": candidate.trajectory,
         "machine": candidate.machine.digest if candidate.machine else None,
         "valid": candidate.valid,
         "score": candidate.score,
-        "first": {
-            "parsed": candidate.first.parsed,
-            "spatial": candidate.first.spatial,
-            "valid": candidate.first.valid,
-        },
+        "first": candidate.first,
         "reason": candidate.reason,
     }
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from agentflow.agents.meta_designer import Blueprint, MetaDesigner, MetaDesignerInput
+from agentflow.runs.events import BlueprintEvent
+from agentflow.runs.places import INITIAL, Place
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
@@ -21,7 +23,7 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
     With the meta-designer off, designers build whole machines.
     """
     settings = run.settings
-    run.begin_stage("initial")
+    run.begin_stage(INITIAL)
     blueprint: Blueprint | None = None
     if settings.meta_designer == "off":
         candidates = await design_machines(run)
@@ -38,10 +40,11 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
 async def _plan(run: WorkflowContext) -> tuple[Blueprint | None, str]:
     """The blueprint, or why there is none."""
     given = MetaDesignerInput(run.brief, detailed=run.settings.meta_designer == "detailed")
-    outcome = await run.ask(MetaDesigner(), given, "meta_designer", stage="initial")
+    place = Place(MetaDesigner.name)
+    outcome = await run.ask(MetaDesigner(), given, place, stage=INITIAL)
     if outcome is None or outcome.output is None:
         return None, f"no valid blueprint: {failure_reason(outcome)}"
-    run.record.event("blueprint", "meta_designer", **outcome.output.to_json())
+    run.note(BlueprintEvent(place, **outcome.output.to_json()))
     return outcome.output, ""
 
 

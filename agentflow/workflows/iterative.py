@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from agentflow.runs.places import INITIAL
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.refinement import count_calls, count_rollouts, refine
@@ -11,7 +12,7 @@ from agentflow.workflows.workflow import Workflow
 
 async def iterative(run: WorkflowContext) -> WorkflowResult:
     """Designer, inspector, blind refinement, feedback loop."""
-    run.begin_stage("initial")
+    run.begin_stage(INITIAL)
     return await refine(run, await design_machines(run), None)
 
 

@@ -10,38 +10,36 @@ from dataclasses import replace
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.errors import UsageError
 from agentflow.machine.edits.random import random_machine
+from agentflow.runs.events import FirstAttempt
+from agentflow.runs.places import INITIAL, Place
 from agentflow.search.concurrency import run_concurrently
-from agentflow.workflows.base import Candidate, FirstAttempt, StageName, WorkflowResult
+from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import failure_reason, first_attempt_of, simulate
+from agentflow.workflows.stages.shared import candidate_of, simulate
 from agentflow.workflows.workflow import Workflow, completes_machines
 
-STAGE: StageName = "initial"
 MOST_PLACED = 10
 """Most blocks that a random placement adds: 1.5 times as many as the longest solution needs."""
 
 
 async def placement(run: WorkflowContext) -> WorkflowResult:
     """Ask `settings.placements` placers, one call each, and simulate the valid machines."""
-    run.begin_stage(STAGE)
+    run.begin_stage(INITIAL)
 
     async def place(attempt: int) -> Candidate:
-        label = f"placer/traj-{attempt}"
-        outcome = await run.ask(Placer(), PlacerInput(run.brief), label, stage=STAGE, once=True)
-        first = first_attempt_of(outcome)
-        if outcome is None or outcome.output is None:
-            return Candidate(attempt, first=first, reason=failure_reason(outcome))
-        return Candidate(attempt, outcome.output.machine, first=first)
+        asked, given = Place(Placer.name, trajectory=attempt), PlacerInput(run.brief)
+        outcome = await run.ask(Placer(), given, asked, stage=INITIAL, once=True)
+        return candidate_of(attempt, outcome)
 
     placed = await run_concurrently(place(attempt) for attempt in _attempts(run))
-    run.end_stage(STAGE, await simulate(run, STAGE, placed))
+    run.end_stage(INITIAL, await simulate(run, INITIAL, placed))
     return run.result()
 
 
 async def random_placement(run: WorkflowContext) -> WorkflowResult:
     """Baseline without a model: 1 to 10 blocks of allowed types on random free faces."""
-    run.begin_stage(STAGE)
+    run.begin_stage(INITIAL)
     brief = run.brief
     size = len(brief.given) + 1, len(brief.given) + MOST_PLACED
     placed = []
@@ -52,7 +50,7 @@ async def random_placement(run: WorkflowContext) -> WorkflowResult:
             placed.append(Candidate(attempt, reason=str(error)))
         else:
             placed.append(Candidate(attempt, machine, first=FirstAttempt(True, True, True)))
-    run.end_stage(STAGE, await simulate(run, STAGE, placed))
+    run.end_stage(INITIAL, await simulate(run, INITIAL, placed))
     return run.result()
 
 

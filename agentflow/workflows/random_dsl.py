@@ -11,14 +11,15 @@ from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.random import random_edit, random_machine
 from agentflow.machine.tree import Machine
+from agentflow.runs.events import EditEvent, FirstAttempt
+from agentflow.runs.places import BLIND, FEEDBACK, INITIAL, Place
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import SearchCost
 from agentflow.search.tree import is_better
-from agentflow.workflows.base import Candidate, FirstAttempt, Stage, WorkflowResult
+from agentflow.workflows.base import Candidate, Stage, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.feedback import STAGE
-from agentflow.workflows.stages.shared import BLIND, simulate
+from agentflow.workflows.stages.shared import simulate
 from agentflow.workflows.workflow import Workflow
 
 VALID = FirstAttempt(parsed=True, spatial=True, valid=True)
@@ -35,9 +36,9 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     settings = run.settings
     chances = {t: run.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
     total = _rollouts(settings)
-    run.begin_stage("initial")
+    run.begin_stage(INITIAL)
     drawn = [_draw(run.brief, t, chances[t]) for t in list(chances)[:total]]
-    initial = run.end_stage("initial", await simulate(run, "initial", drawn))
+    initial = run.end_stage(INITIAL, await simulate(run, INITIAL, drawn))
     left = total - initial.rollouts
     if run.is_over(initial) or left <= 0:
         return run.result()
@@ -46,8 +47,8 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     left -= blind.rollouts
     if run.is_over(blind) or left <= 0:
         return run.result()
-    run.begin_stage(STAGE)
-    run.end_stage(STAGE, await _climb(run, _better_of(initial, blind), chances, left))
+    run.begin_stage(FEEDBACK)
+    run.end_stage(FEEDBACK, await _climb(run, _better_of(initial, blind), chances, left))
     return run.result()
 
 
@@ -145,17 +146,12 @@ async def _step(run: WorkflowContext, climber: _Climber, round_: int) -> bool:
     if machine is None:
         return False
     climber.search_cost.attempts += 1
-    place = f"traj-{old.trajectory}/round-{round_}"
-    evaluation = await run.evaluate(machine, STAGE, place)
+    place = Place(FEEDBACK, trajectory=old.trajectory, round=round_)
+    evaluation = await run.evaluate(machine, place)
     assert old.evaluation is not None
     kept = is_better(evaluation, old.evaluation)
-    run.record.event(
-        "edit",
-        f"{STAGE}/{place}",
-        parent=old.machine.digest if old.machine else None,
-        machine=machine.digest,
-        kept=kept,
-    )
+    parent = old.machine.digest if old.machine else None
+    run.note(EditEvent(place, parent, machine.digest, kept))
     climber.search_cost.expansions += 1
     climber.search_cost.valid += 1
     if kept:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from agentflow.runs.places import FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.feedback import STAGE, feedback_loop
-from agentflow.workflows.stages.shared import INITIAL, design_machines, simulate
+from agentflow.workflows.stages.feedback import feedback_loop
+from agentflow.workflows.stages.shared import design_machines, simulate
 from agentflow.workflows.workflow import Workflow
 
 
@@ -20,12 +21,12 @@ async def single(run: WorkflowContext) -> WorkflowResult:
     run.begin_stage(INITIAL)
     initial = run.end_stage(INITIAL, await simulate(run, INITIAL, await design_machines(run)))
     if not run.is_over(initial) and run.settings.search.rounds:
-        run.begin_stage(STAGE)
+        run.begin_stage(FEEDBACK)
         revised = (
             feedback_loop(run, candidate, None, model_role="designer")
             for candidate in initial.survivors
         )
-        run.end_stage(STAGE, await run_concurrently(revised))
+        run.end_stage(FEEDBACK, await run_concurrently(revised))
     return run.result()
 
 

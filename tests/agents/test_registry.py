@@ -9,7 +9,7 @@ import pytest
 from agentflow.agents.registry import ROLES, model_roles, stage_of
 from agentflow.errors import UnknownNameError
 from agentflow.prompts.render import PromptSet
-from agentflow.workflows.base import StageName
+from agentflow.runs.places import StageName
 from tests.agents.fakes import THROWER, THROWING
 
 

@@ -16,7 +16,6 @@ from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
-from agentflow.workflows.context import outline
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import row
@@ -72,7 +71,11 @@ def _carry_out(run: RunDirectory, log: Path, seed: int) -> Path:
 
 def _told(result: WorkflowResult) -> dict[str, object]:
     assert result.best is not None
-    return {**outline(result.best), "stages": [row(stage) for stage in result.stages]}
+    assert result.best.machine is not None
+    return {
+        "machine": result.best.machine.digest,
+        "stages": [row(stage) for stage in result.stages],
+    }
 
 
 def contents(path: Path) -> dict[str, list[str]]:

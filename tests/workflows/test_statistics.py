@@ -1,7 +1,8 @@
 import statistics
 
+from agentflow.runs.events import FirstAttempt
 from agentflow.search.node import Evaluation, SearchCost
-from agentflow.workflows.base import Candidate, FirstAttempt, Stage
+from agentflow.workflows.base import Candidate, Stage
 from agentflow.workflows.statistics import best_of, passes, row
 
 

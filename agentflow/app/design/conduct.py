@@ -19,6 +19,8 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
 from agentflow.metrics.intervals import wilson
 from agentflow.prompts.render import PromptSet
+from agentflow.runs.events import RunStartEvent
+from agentflow.runs.places import Place
 from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
@@ -73,13 +75,9 @@ async def conduct(
         pool: Where machines are simulated; its own by default, of `config.workers` processes.
     """
     config = plan.config
-    record.event(
-        "run",
-        "start",
-        task=plan.task.name,
-        workflow=config.workflow,
-        model=asked(config, models),
-    )
+    model = asked(config, models)
+    start = RunStartEvent(Place("start"), plan.task.name, config.workflow, model)
+    record.event(start.kind, start.label, **start.data)
 
     def context(role: str) -> AskContext:
         return AskContext(

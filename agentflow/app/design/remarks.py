@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from agentflow.runs import Event, RunDirectory, read_events
+from agentflow.runs.events import RemarkEvent
 from agentflow.runs.reading import EVENTS
 
 Say = Callable[[str], None]
 """Takes one line of text for the user: waits, refused parameters, dropped half lines."""
-REMARK = "remark"
+REMARK = RemarkEvent.kind
 """Kind of the events that `Remarks` keeps; replays pass over them."""
 WHY = "a rollout had been cut off, a file edited, or agentflow has changed"
 

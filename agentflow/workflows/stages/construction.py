@@ -1,4 +1,4 @@
-"""Owns building by blueprint: structure by structure, a beam of trajectories side by side."""
+"""Building to a blueprint, structure by structure, with a beam of one machine per trajectory."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from dataclasses import dataclass, field, replace
 from agentflow.agents.designer import Designer, DesignerInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.machine.tree import Machine
+from agentflow.runs.events import BeamEvent, ConstructionEndEvent, FirstAttempt, RefillEvent
+from agentflow.runs.places import INITIAL, Place
 from agentflow.search.concurrency import run_concurrently
-from agentflow.workflows.base import Candidate, FirstAttempt
+from agentflow.workflows.base import Candidate
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.shared import failure_reason, first_attempt_of
 
@@ -19,7 +21,7 @@ FLAWLESS = FirstAttempt(parsed=True, spatial=True, valid=True)
 
 @dataclass(frozen=True)
 class Slot:
-    """One place in the beam: a machine under construction, or why there is none."""
+    """A place in the beam: a machine under construction, or why there is none."""
 
     machine: Machine | None = None
     first: FirstAttempt = FLAWLESS
@@ -28,54 +30,52 @@ class Slot:
     groups: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """Structure -> ids of its blocks."""
     spare: tuple[Slot, ...] = ()
-    """Further valid designs of the same place, for places that have none."""
+    """Further valid designs of the same place, for places without one."""
 
 
 async def build(run: WorkflowContext, blueprint: Blueprint) -> list[Candidate]:
-    """Build all structures in order (spec 5.2, hierarchical); nothing is simulated yet.
+    """Build all structures in order; nothing is simulated yet.
 
-    A structure for which no trajectory obtains a valid design, or a spent budget, ends the
-    construction with the machines built so far; those that lack what the task requires are invalid
-    candidates.
+    Construction ends with the machines built so far if no trajectory gets a valid design for a
+    structure, or if the budget is spent; machines that lack required blocks are invalid candidates.
     """
     chance = run.stream("beam")
     beam = [Slot() for _ in range(run.settings.trajectories)]
     for number, structure in enumerate(blueprint.structures, start=1):
-        label = f"structure-{number}"
-        places = beam if number == 1 else _refill(run, beam, label, chance)
+        here = Place(structure=number)
+        places = beam if number == 1 else _refill(run, beam, here, chance)
         built = await run_concurrently(
             _build_structure(run, blueprint, number, slot, place)
             for place, slot in enumerate(places, start=1)
         )
         if not any(slot.machine for slot in built):
             reason = f"structure {structure.name!r} obtained no valid design: {built[0].reason}"
-            run.record.event("construction_end", label, reason=reason)
+            run.note(ConstructionEndEvent(here, reason))
             beam = [
                 replace(slot, first=new.first, reason=slot.reason or reason)
                 for slot, new in zip(beam, built, strict=True)
             ]
             break
         beam = _share_spares(built)
-        run.record.event(
-            "beam", label, machines=[slot.machine and slot.machine.digest for slot in beam]
-        )
+        machines = tuple(slot.machine.digest if slot.machine else None for slot in beam)
+        run.note(BeamEvent(here, machines))
         if run.spent:
             break
     return [_candidate(i, s) for i, s in enumerate(beam, start=1)]
 
 
 def _refill(
-    run: WorkflowContext, beam: Sequence[Slot], label: str, chance: random.Random
+    run: WorkflowContext, beam: Sequence[Slot], here: Place, chance: random.Random
 ) -> list[Slot]:
-    """The beam with copies of valid machines, drawn by chance, where there is none."""
+    """Fill empty places of the beam with copies of randomly drawn valid machines."""
     valid = [place for place, slot in enumerate(beam) if slot.machine]
     sources = [place if slot.machine else chance.choice(valid) for place, slot in enumerate(beam)]
-    run.record.event("refill", label, sources=[place + 1 for place in sources])
+    run.note(RefillEvent(here, tuple(place + 1 for place in sources)))
     return [beam[place] for place in sources]
 
 
 def _share_spares(built: Sequence[Slot]) -> list[Slot]:
-    """Spare valid designs take the places that have none, in order."""
+    """Fill empty places with spare valid designs, in order."""
     spare = [design for slot in built for design in slot.spare]
     return [
         slot if slot.machine or not spare else replace(spare.pop(0), first=slot.first)
@@ -86,7 +86,7 @@ def _share_spares(built: Sequence[Slot]) -> list[Slot]:
 async def _build_structure(
     run: WorkflowContext, blueprint: Blueprint, number: int, slot: Slot, place: int
 ) -> Slot:
-    """Ask `candidates` designers for one structure on one machine; the first valid one holds."""
+    """Ask `candidates` designers for a structure on a machine; take the first valid design."""
     structure = blueprint.structures[number - 1]
     given = DesignerInput(
         brief=run.brief,
@@ -100,8 +100,8 @@ async def _build_structure(
     )
 
     async def design(index: int) -> Slot:
-        label = f"designer/structure-{number}/traj-{place}/candidate-{index}"
-        outcome = await run.ask(Designer(), given, label, stage="initial")
+        asked = Place(Designer.name, structure=number, trajectory=place, candidate=index)
+        outcome = await run.ask(Designer(), given, asked, stage=INITIAL)
         first = slot.first & first_attempt_of(outcome)
         if outcome is None or outcome.output is None:
             return Slot(first=first, reason=failure_reason(outcome))

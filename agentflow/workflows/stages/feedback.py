@@ -1,7 +1,6 @@
-"""Owns the feedback loop: each trajectory's own search, its nodes fed by simulation and querier.
+"""The feedback loop: a search per trajectory, whose nodes are machines with feedback.
 
-How the tree grows is agentflow.search's; a node is a machine with the feedback that one
-querier-refiner interaction gave it.
+Feedback comes from the simulation and from one querier-refiner interaction per node.
 """
 
 from __future__ import annotations
@@ -15,95 +14,90 @@ from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.errors import BudgetSpentError
 from agentflow.machine.tree import Machine
+from agentflow.runs.events import FirstAttempt
+from agentflow.runs.places import FEEDBACK, Place
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Attempt, Evaluation, Node, SearchResult
 from agentflow.search.registry import STRATEGIES
-from agentflow.workflows.base import Candidate, FirstAttempt, SimulationSummary, StageName
+from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.search_record import SearchRecorder
 from agentflow.workflows.stages.shared import edit_record, failure_reason, first_attempt_of
 
-STAGE: StageName = "env_feedback"
-
 
 @dataclass(frozen=True)
 class Version:
-    """A machine in a search, and how it came about; equal to any version of the same machine."""
+    """A machine in a search and how it came about; versions of the same machine are equal."""
 
     machine: Machine
     edit: EditRecord | None = field(default=None, compare=False)
-    """The refinement that made it, its score after still open."""
+    """The refinement that made it; its score is not known yet."""
     history: History = field(default=History(), compare=False)
-    """What led to the machine that was refined."""
+    """Edits that led to the machine that was refined."""
     label: str = field(default="", compare=False)
-    """Of the attempt that made it; tells versions of the same machine apart."""
+    """Label of the attempt that made it; tells versions of the same machine apart."""
 
 
 async def feedback_loop(
     run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None, *, model_role: str = ""
 ) -> Candidate:
-    """Let a trajectory search from its machine; yields its tree's best machine.
+    """Search from a trajectory's machine; returns the best machine of the tree.
 
     Args:
         run: The run.
         candidate: A valid, simulated machine.
-        blueprint: The plan it was built to.
+        blueprint: The blueprint that it was built to.
         model_role: Role whose model and sampling refine, if not the refiner's own.
     """
     numbers = run.settings.search
     assert candidate.machine is not None
     assert candidate.evaluation is not None
-    name = f"traj-{candidate.trajectory}"
-    trajectory = Trajectory(run, name, blueprint, model_role)
-    notes = SearchRecorder(run.record, f"{STAGE}/{name}")
+    trajectory = Trajectory(run, candidate.trajectory, blueprint, model_role)
+    recorder = SearchRecorder(run, Place(FEEDBACK, trajectory=candidate.trajectory))
     found = await STRATEGIES[numbers.strategy](
         Version(candidate.machine, candidate.edit),
         candidate.evaluation,
         trajectory.expand,
         trajectory.evaluate,
         numbers,
-        notes,
+        recorder,
     )
-    notes.found(found)
-    return _harvest(candidate, found, trajectory.first)
+    recorder.finish(found)
+    return _candidate(candidate, found, trajectory.first)
 
 
 class Trajectory:
-    """What the search of one trajectory needs: how to expand a node and how to try a version."""
+    """How the search of one trajectory expands a node and evaluates a version."""
 
     def __init__(
-        self, run: WorkflowContext, name: str, blueprint: Blueprint | None, model_role: str
+        self, run: WorkflowContext, number: int, blueprint: Blueprint | None, model_role: str
     ) -> None:
-        """For the trajectory of that name ("traj-3"), refined by that role's model."""
+        """For the trajectory with this number, refined by that role's model."""
         self.first = FirstAttempt()
-        """What the first attempt of the search came to."""
-        self._run, self._name, self._blueprint, self._model_role = (
-            run,
-            name,
-            blueprint,
-            model_role,
-        )
+        """How far the first attempt of the search got."""
+        self._run, self._blueprint, self._model_role = run, blueprint, model_role
+        self._number = number
         self._queried: dict[int, str] = {}
-        """Node id -> answers to its querier: one interaction per node."""
+        """Node id -> answers to its querier's queries."""
         self._tried: dict[str, list[Attempt[Version]]] = {}
-        """Label of a version -> refinements of it, of all its expansions."""
+        """Label of a version -> attempts to refine it, over all its expansions."""
         self._scores: dict[Machine, float | None] = {}
-        """Of every machine that was simulated."""
+        """Machine -> its score."""
         self._history = History()
-        """Of the node under expansion."""
+        """Edit history of the node under expansion."""
         self._views: tuple[str, ...] = ()
-        """Pictures of its machine."""
+        """Pictures of the machine of that node."""
 
     async def evaluate(self, version: Version, label: str) -> Evaluation:
         """Simulate a version."""
-        found = await self._run.evaluate(version.machine, STAGE, f"{self._name}/{label}")
+        found = await self._run.evaluate(version.machine, self._place(FEEDBACK, label))
         self._scores[version.machine] = found.score
         return found
 
     async def expand(
         self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
     ) -> list[Attempt[Version]]:
-        """One wave of refiners on a node, told what became of the earlier waves.
+        """Run one wave of refiners on a node; they are told the results of earlier waves.
 
         Raises:
             BudgetSpentError: The budget ran out before any of them answered.
@@ -125,19 +119,23 @@ class Trajectory:
     async def _refine(
         self, node: Node[Version], given: RefinerInput, label: str
     ) -> Attempt[Version] | None:
-        full = f"refiner/feedback/{self._name}/{label}"
+        place = self._place("refiner/feedback", label)
         outcome = await self._run.ask(
-            Refiner(), given, full, stage=STAGE, model_role=self._model_role, once=True
+            Refiner(), given, place, stage=FEEDBACK, model_role=self._model_role, once=True
         )
         if outcome is None:
             return None
-        if label == "round-1/node-0/try-1":
+        if (place.round, place.try_) == (1, 1):
             self.first = first_attempt_of(outcome)
         if outcome.output is None:
             return Attempt(label, None, failure_reason(outcome))
         edit = edit_record(outcome.output, node.evaluation.score)
         version = Version(outcome.output.machine, edit, self._history, label)
         return Attempt(label, version, edit.script)
+
+    def _place(self, name: str, label: str) -> Place:
+        """A place of this trajectory, from the search's own label."""
+        return replace(Place.parse(label), name=name, trajectory=self._number)
 
     def _given(self, node: Node[Version], earlier: Sequence[Attempt[Version]]) -> RefinerInput:
         settings = self._run.settings
@@ -157,7 +155,7 @@ class Trajectory:
         )
 
     def _history_of(self, node: Node[Version]) -> History:
-        """What was tried on the way to the node, and what was tried at it before."""
+        """The edits that led to the node, and those already tried on it."""
         version, score = node.candidate, node.evaluation.score
         history = version.history
         if version.edit is not None:
@@ -172,7 +170,7 @@ class Trajectory:
         return history
 
     async def _inquire(self, node: Node[Version]) -> str:
-        """Ask the querier about a node; "" when it gives or asks nothing."""
+        """Ask the querier about a node; "" if there is no valid reply or no query in it."""
         run, machine = self._run, node.candidate.machine
         given = QuerierInput(
             brief=run.brief,
@@ -182,15 +180,15 @@ class Trajectory:
             spatial=run.settings.spatial,
             representation=run.settings.representation,
         )
-        label = f"querier/{self._name}/node-{node.id}"
-        outcome = await run.ask(Querier(), given, label, stage=STAGE)
+        place = Place(Querier.name, trajectory=self._number, node=node.id)
+        outcome = await run.ask(Querier(), given, place, stage=FEEDBACK)
         if outcome is None or outcome.output is None or not outcome.output.queries:
             return ""
-        return await run.query(machine, outcome.output.queries, label)
+        return await run.query(machine, outcome.output.queries, place)
 
 
 def _verdict(attempt: Attempt[Version]) -> str:
-    """What later attempts of the same expansion are told of this one."""
+    """What later attempts of the same expansion are told about this one."""
     if attempt.candidate is None:
         return attempt.note
     return f"{attempt.note}\n(accepted: make another change than this one)"
@@ -201,7 +199,7 @@ def _feedback(node: Node[Version]) -> str:
     return summary.feedback
 
 
-def _harvest(start: Candidate, found: SearchResult[Version], first: FirstAttempt) -> Candidate:
+def _candidate(start: Candidate, found: SearchResult[Version], first: FirstAttempt) -> Candidate:
     best = found.nodes[found.best]
     return Candidate(
         start.trajectory,

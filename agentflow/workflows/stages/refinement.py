@@ -1,37 +1,38 @@
-"""Owns what follows the first machines in the iterative and the hierarchical workflow."""
+"""What follows the first machines in the iterative and hierarchical workflows."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from agentflow.agents.meta_designer import Blueprint
+from agentflow.runs.places import BLIND, FEEDBACK, INITIAL
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.feedback import STAGE, feedback_loop
-from agentflow.workflows.stages.shared import BLIND, INITIAL, refine_blindly, simulate
+from agentflow.workflows.stages.feedback import feedback_loop
+from agentflow.workflows.stages.shared import refine_blindly, simulate
 
 
 async def refine(
     run: WorkflowContext, designed: Sequence[Candidate], blueprint: Blueprint | None
 ) -> WorkflowResult:
-    """Inspector and blind refinement, then the feedback loop; ends early with what there is.
+    """Inspector and blind refinement, then the feedback loop.
 
-    No trajectory waits for another: one may search while the first machine of another is still
-    simulated. What a trajectory does depends on its own answers alone, also on a spent budget.
+    Trajectories do not wait for each other: one may search while the first machine of another is
+    being simulated. What a trajectory does depends only on its own answers and on the budget.
 
     Args:
         run: The run, in its first stage.
         designed: The machines of that stage, not simulated yet.
-        blueprint: The plan that the machines were built to.
+        blueprint: The blueprint that the machines were built to.
     """
     over = run.spent is not None
     initial: list[Candidate] = []
     blind: list[Candidate] = []
 
     def close() -> None:
-        """Close the stages to which nothing more can come."""
+        """Close the stages that are complete."""
         if len(initial) < len(designed):
             return
         if not run.has_ended(INITIAL):
@@ -52,13 +53,13 @@ async def refine(
         close()
         if not better.valid or not run.settings.search.rounds:
             return None
-        run.begin_stage(STAGE)
+        run.begin_stage(FEEDBACK)
         return await feedback_loop(run, better, blueprint)
 
     searched = await run_concurrently(follow(design) for design in designed)
     found = [candidate for candidate in searched if candidate is not None]
     if found:
-        run.end_stage(STAGE, found)
+        run.end_stage(FEEDBACK, found)
     return run.result()
 
 

@@ -1,69 +1,56 @@
-"""Owns how a search is written down: one event per search event, labelled by what it is about."""
+"""Records a search: one event of the run per event of the search."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+from agentflow.runs.events import (
+    BackUpEvent,
+    ExpandAttempt,
+    ExpandEvent,
+    NodeEvent,
+    SearchEndEvent,
+    SelectEvent,
+)
+from agentflow.runs.places import Place
 from agentflow.search.events import BackedUp, Expanded, SearchEvent, Selected, Simulated
 from agentflow.search.node import SearchResult
-from agentflow.workflows.base import Record
+from agentflow.workflows.context import WorkflowContext
 
 
 class SearchRecorder:
-    """An observer that notes a search of machine versions under a label of its own."""
+    """An observer that records the search of one trajectory."""
 
-    def __init__(self, record: Record, label: str) -> None:
-        """Note to `record` under "{label}/round-2", "{label}/node-7"."""
-        self._record, self._label = record, label
+    def __init__(self, run: WorkflowContext, place: Place) -> None:
+        """Record to a run; `place` is the search's stage and trajectory."""
+        self._run, self._place = run, place
 
     def __call__(self, event: SearchEvent) -> None:
-        """Note one event."""
-        round_ = f"{self._label}/round-{event.round}"
+        """Record one event."""
+        round_ = replace(self._place, round=event.round)
         if isinstance(event, Selected):
-            self._record.event("select", round_, path=list(event.path))
+            self._run.note(SelectEvent(round_, event.path))
         elif isinstance(event, Expanded):
-            self._record.event("expand", round_, **_expansion(event))
+            attempts = tuple(
+                ExpandAttempt(item.label, item.candidate is not None, item.note)
+                for item in event.attempts
+            )
+            found = ExpandEvent(round_, event.node, attempts, event.children, event.fallback)
+            self._run.note(found)
         elif isinstance(event, Simulated):
-            self._record.event("node", f"{self._label}/node-{event.node.id}", **_node(event))
+            node, evaluation = event.node, event.node.evaluation
+            made = (event.round, node.parent or 0, node.label, node.candidate.machine.digest)
+            place = replace(self._place, node=node.id)
+            self._run.note(NodeEvent(place, *made, evaluation.valid, evaluation.score))
         elif isinstance(event, BackedUp):
-            node = f"{self._label}/node-{event.path[-1]}"
-            self._record.event("back_up", node, path=list(event.path), reward=event.reward)
+            place = replace(self._place, node=event.path[-1])
+            self._run.note(BackUpEvent(place, event.path, event.reward))
 
-    def found(self, found: SearchResult[Any]) -> None:
-        """Note the outcome."""
+    def finish(self, found: SearchResult[Any]) -> None:
+        """Record the result."""
         cost = found.cost
-        self._record.event(
-            "search",
-            self._label,
-            result=found.result,
-            best=found.best,
-            stopped=found.stopped,
-            expansions=cost.expansions,
-            attempts=cost.attempts,
-            valid=cost.valid,
-            rollouts=cost.rollouts,
+        counts = (cost.expansions, cost.attempts, cost.valid, cost.rollouts)
+        self._run.note(
+            SearchEndEvent(self._place, found.result, found.best, found.stopped, *counts)
         )
-
-
-def _expansion(event: Expanded) -> dict[str, Any]:
-    return {
-        "node": event.node,
-        "attempts": [
-            {"label": item.label, "valid": item.candidate is not None, "note": item.note}
-            for item in event.attempts
-        ],
-        "children": list(event.children),
-        "fallback": event.fallback,
-    }
-
-
-def _node(event: Simulated) -> dict[str, Any]:
-    node = event.node
-    return {
-        "round": event.round,
-        "parent": node.parent,
-        "made_by": node.label,
-        "machine": node.candidate.machine.digest,
-        "valid": node.evaluation.valid,
-        "score": node.evaluation.score,
-    }

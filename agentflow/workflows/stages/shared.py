@@ -1,7 +1,4 @@
-"""Owns the stages that workflows share: whole-machine designs, criticism, blind refinement.
-
-Building by structure is hierarchical.py's; the feedback loop is feedback.py's.
-"""
+"""Stages that workflows share: whole-machine designs, criticism, blind refinement."""
 
 from __future__ import annotations
 
@@ -16,17 +13,17 @@ from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
 from agentflow.machine.validity import check
+from agentflow.runs.events import FirstAttempt, InspectionEvent
+from agentflow.runs.places import BLIND, INITIAL, Place, StageName
 from agentflow.search.concurrency import run_concurrently
-from agentflow.workflows.base import Candidate, FirstAttempt, StageName
+from agentflow.workflows.base import Candidate
 from agentflow.workflows.context import WorkflowContext
 
-INITIAL: StageName = "initial"
-BLIND: StageName = "blind_refinement"
 UNANSWERED = "the budget ran out before an answer"
 
 
 def first_attempt_of(outcome: RoleOutcome[Any] | None) -> FirstAttempt:
-    """What the first attempt of a question came to."""
+    """How far the first attempt of a question got."""
     if outcome is None or not outcome.attempts:
         return FirstAttempt()
     parsed = outcome.attempts[0].parsed
@@ -40,8 +37,16 @@ def failure_reason(outcome: RoleOutcome[Any] | None) -> str:
     return outcome.attempts[-1].parsed.problem if outcome.attempts else "no attempt was allowed"
 
 
+def candidate_of(trajectory: int, outcome: RoleOutcome[Any] | None) -> Candidate:
+    """The machine that a question gave, not simulated yet, or why there is none."""
+    first = first_attempt_of(outcome)
+    if outcome is None or outcome.output is None:
+        return Candidate(trajectory, first=first, reason=failure_reason(outcome))
+    return Candidate(trajectory, outcome.output.machine, first=first)
+
+
 async def design_machines(run: WorkflowContext) -> list[Candidate]:
-    """One designer per trajectory, each for a whole machine; not simulated yet."""
+    """Ask one designer per trajectory for a whole machine; nothing is simulated yet."""
 
     async def design(trajectory: int) -> Candidate:
         given = DesignerInput(
@@ -50,12 +55,8 @@ async def design_machines(run: WorkflowContext) -> list[Candidate]:
             representation=run.settings.representation,
             rationale=run.settings.rationale(trajectory),
         )
-        label = f"designer/traj-{trajectory}"
-        outcome = await run.ask(Designer(), given, label, stage="initial")
-        first = first_attempt_of(outcome)
-        if outcome is None or outcome.output is None:
-            return Candidate(trajectory, first=first, reason=failure_reason(outcome))
-        return Candidate(trajectory, outcome.output.machine, first=first)
+        place = Place(Designer.name, trajectory=trajectory)
+        return candidate_of(trajectory, await run.ask(Designer(), given, place, stage=INITIAL))
 
     every = range(1, run.settings.trajectories + 1)
     return await run_concurrently(design(number) for number in every)
@@ -64,7 +65,7 @@ async def design_machines(run: WorkflowContext) -> list[Candidate]:
 async def simulate(
     run: WorkflowContext, stage: StageName, candidates: Sequence[Candidate]
 ) -> list[Candidate]:
-    """Simulate the candidates that have a valid machine; say of the others why not."""
+    """Simulate the candidates with a valid machine; give the others a reason."""
 
     async def judge(candidate: Candidate) -> Candidate:
         machine = candidate.machine
@@ -73,7 +74,7 @@ async def simulate(
         report = check(machine, run.brief)
         if not report.task_valid:
             return replace(candidate, reason=candidate.reason or report.problems[0].message)
-        evaluation = await run.evaluate(machine, stage, f"traj-{candidate.trajectory}")
+        evaluation = await run.evaluate(machine, Place(stage, trajectory=candidate.trajectory))
         reason = "" if evaluation.valid else "the simulation refused the machine"
         return replace(candidate, evaluation=evaluation, reason=reason)
 
@@ -83,9 +84,9 @@ async def simulate(
 async def refine_blindly(
     run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None
 ) -> Candidate:
-    """Criticise a machine, refine it once without having seen a simulation, simulate it.
+    """Criticise a machine, refine it once without feedback from a simulation, simulate it.
 
-    A trajectory whose refiner gives nothing valid within its retries ends here (spec 5.2).
+    A trajectory whose refiner gives nothing valid within its retries ends here.
     """
     critique = await _critique(run, candidate, blueprint)
     assert candidate.machine is not None
@@ -99,23 +100,22 @@ async def refine_blindly(
         representation=run.settings.representation,
         images=await run.views(candidate.machine),
     )
-    label = f"refiner/blind/traj-{candidate.trajectory}"
-    outcome = await run.ask(Refiner(), given, label, stage=BLIND)
-    first = first_attempt_of(outcome)
+    place = Place("refiner/blind", trajectory=candidate.trajectory)
+    outcome = await run.ask(Refiner(), given, place, stage=BLIND)
+    made = candidate_of(candidate.trajectory, outcome)
     if outcome is None or outcome.output is None:
-        return Candidate(candidate.trajectory, first=first, reason=failure_reason(outcome))
-    edit = edit_record(outcome.output, candidate.score)
-    made = Candidate(candidate.trajectory, outcome.output.machine, first=first, edit=edit)
+        return made
+    made = replace(made, edit=edit_record(outcome.output, candidate.score))
     return (await simulate(run, BLIND, [made]))[0]
 
 
 def edit_record(refinement: Refinement, before: float | None) -> EditRecord:
-    """A refinement as an entry of the edit history, its own score still unknown."""
+    """A refinement as an entry of the edit history; its own score is not known yet."""
     return EditRecord(refinement.script or refinement.description, "Success", before=before)
 
 
 async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None) -> str:
-    """The inspector's report; "" when it is switched off or gives none."""
+    """The inspector's report; "" if it is switched off or gives none."""
     if not run.settings.inspector or candidate.machine is None:
         return ""
     given = InspectorInput(
@@ -126,20 +126,14 @@ async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Bluep
         spatial=run.settings.spatial,
         representation=run.settings.representation,
     )
-    label = f"inspector/traj-{candidate.trajectory}"
-    outcome = await run.ask(Inspector(), given, label, stage=BLIND)
+    place = Place(Inspector.name, trajectory=candidate.trajectory)
+    outcome = await run.ask(Inspector(), given, place, stage=BLIND)
     if outcome is None or outcome.output is None:
         return ""
     found = outcome.output
-    run.record.event(
-        "inspection",
-        label,
-        machine=candidate.machine.digest,
-        world_score=found.orientation_score,
-        world=found.orientation,
-        defects=[
-            {"blocks": list(d.blocks), "structure": d.structure, "text": d.text}
-            for d in found.defects
-        ],
-    )
+    defects = [
+        {"blocks": list(d.blocks), "structure": d.structure, "text": d.text} for d in found.defects
+    ]
+    world = (found.orientation_score, found.orientation)
+    run.note(InspectionEvent(place, candidate.machine.digest, *world, defects))
     return found.text
