@@ -1,7 +1,7 @@
 """Language models design machines; physics decides whether they work.
 
-The four things that the command line does, with the same defaults: `design`, `simulate`, `check`
-and `reward`, and what goes with them. Each is imported when it is first used.
+The Python interface: the functions `design`, `simulate`, `check` and `reward` do what the commands
+do, with the same defaults. Every name is imported on first use.
 """
 
 from __future__ import annotations
@@ -10,31 +10,41 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from agentflow.app.python.functions import ModelFunction
-    from agentflow.app.python.machines import check, simulate, simulate_async
-    from agentflow.app.python.runs import Design, design, design_async, resume, resume_async
+    from agentflow.api import (
+        Design,
+        check,
+        design,
+        design_async,
+        resume,
+        resume_async,
+        simulate,
+        simulate_async,
+    )
     from agentflow.env.pool.pool import RolloutPool
     from agentflow.env.rollout import Rollout
     from agentflow.errors import AgentflowError
+    from agentflow.llm.function import ModelFunction
     from agentflow.llm.messages import Message, Reply, Request, Usage
     from agentflow.machine import Machine, Problem, Report
     from agentflow.rewards import Reward, reward, reward_async
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "agentflow.app.python.functions": ("ModelFunction",),
-    "agentflow.app.python.runs": ("Design", "design", "design_async", "resume", "resume_async"),
-    "agentflow.app.python.machines": ("check", "simulate", "simulate_async"),
+_MODULES = {
+    "agentflow.api": (
+        *("Design", "check", "design", "design_async", "resume", "resume_async"),
+        *("simulate", "simulate_async"),
+    ),
     "agentflow.env.pool.pool": ("RolloutPool",),
     "agentflow.env.rollout": ("Rollout",),
     "agentflow.errors": ("AgentflowError",),
+    "agentflow.llm.function": ("ModelFunction",),
     "agentflow.llm.messages": ("Message", "Reply", "Request", "Usage"),
     "agentflow.machine": ("Machine", "Problem", "Report"),
     "agentflow.rewards": ("Reward", "reward", "reward_async"),
 }
-"""Module -> names of it that can be had from here."""
-_HOME = {name: module for module, names in _HOMES.items() for name in names}
+"""Module -> the names that this package offers from it."""
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "AgentflowError",
@@ -64,9 +74,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'agentflow' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+    return getattr(import_module(_MODULE_OF[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.design import design
+from agentflow.app.design.run import design
 from agentflow.config.run import build, override
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.brief import LONE_ROOT
@@ -22,7 +22,7 @@ from agentflow.machine.brief import LONE_ROOT
 
 def score_of(document: dict[str, Any], out: Path) -> tuple[float, int]:
     """Score (0 without a valid machine) and rollouts of a run."""
-    result = design(build(document), out, lambda _line: None)
+    result = design(build(document), out)
     return result["score"] or 0.0, result["rollouts"]
 
 

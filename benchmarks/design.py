@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from agentflow.app.design.design import design
+from agentflow.app.design.run import RunOptions, design
 from agentflow.config.run import build
 
 
@@ -41,7 +41,7 @@ def main() -> None:
     )
     with tempfile.TemporaryDirectory() as folder:
         profile.enable()
-        result = design(config, Path(folder), print)
+        result = design(config, Path(folder), RunOptions(print))
         profile.disable()
     wall = time.perf_counter() - began
     own = processor_seconds(resource.RUSAGE_SELF) - own

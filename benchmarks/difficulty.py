@@ -23,7 +23,7 @@ from typing import Any
 
 from shelf import families, load, read
 
-from agentflow.app.design.design import design
+from agentflow.app.design.run import design
 from agentflow.config.run import build
 from agentflow.env.constants import constants
 from agentflow.env.simulation.simulate import simulate
@@ -71,7 +71,7 @@ def designed(level: str, workflow: str, seed: int) -> dict[str, Any]:
     }.get(workflow, {"placements": ROLLOUTS})
     document = {"task": level, "workflow": workflow, "seed": seed, "settings": count}
     with tempfile.TemporaryDirectory() as folder:
-        result = design(build(document), Path(folder), lambda _line: None)
+        result = design(build(document), Path(folder))
     passes = result.get("attempts", {}).get("passes")
     return {"best": result["score"], "passes": passes}
 

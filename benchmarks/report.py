@@ -21,7 +21,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from agentflow.app.design.design import design
+from agentflow.app.design.run import design
 from agentflow.app.pages.films import Shapes
 from agentflow.app.pages.runs import FINE, Shown, asked, exhibits, report, write
 from agentflow.config.run import build
@@ -91,7 +91,7 @@ def candidates(folder: Path) -> Path:
     """A run of the embedded model with some 200 candidates."""
     settings = {"trajectories": 8, "search": {"rounds": 6}}
     config = build({"task": "throwing", "seed": 0, "settings": settings})
-    return Path(design(config, folder, lambda _line: None)["run"])
+    return Path(design(config, folder)["run"])
 
 
 def large_machine(folder: Path) -> Path:

@@ -17,9 +17,10 @@ from typing import Any
 
 import yaml
 
-from agentflow.app.design.conduct import Plan, conduct
+from agentflow.app.design.execution import execute
 from agentflow.app.design.models import open_models
-from agentflow.app.design.replay import Memory
+from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.replay import MemoryRecord
 from agentflow.app.sweeps.plan import folder_of, plan_sweep
 from agentflow.app.sweeps.run import run_sweep
 from agentflow.app.sweeps.views import view
@@ -77,12 +78,12 @@ class Silent:
         raise RuntimeError(f"{run}: {reason}")
 
 
-async def in_memory(plans: list[Plan], pool: StandIn, tape: Tape) -> float:
+async def in_memory(plans: list[RunPlan], pool: StandIn, tape: Tape) -> float:
     """Seconds of processor time for the same runs without any record on disk."""
     began = time.process_time()
     for plan in plans:
         models = open_models(plan.config, tape, Budget(), print, {})
-        await conduct(plan, models, Memory(), pool)
+        await execute(plan, models, MemoryRecord(), pool)
     return time.process_time() - began
 
 

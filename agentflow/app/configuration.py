@@ -10,8 +10,8 @@ from typing import Any
 
 import yaml
 
-from agentflow.app.design.conduct import Plan
-from agentflow.app.design.models import configured, shown, with_environment
+from agentflow.app.design.config import config_json, fill_from_environment, load_config
+from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import load, override
 
 DEFAULT, SETTING, ENVIRONMENT = "default", "--set", "environment"
@@ -30,8 +30,8 @@ def resolved(path: Path | None, settings: Iterable[str]) -> dict[str, Any]:
         UsageError: A key, a name or a value is wrong, as it would be for a run.
     """
     given = list(settings)
-    plan = Plan.of(configured(path, given, {}))
-    config = shown(plan.config)
+    plan = RunPlan.of(load_config(path, given, {}))
+    config = config_json(plan.config)
     whole, layers = _layers(path, given)
     origins = {
         ".".join(keys): _origin(keys, layers) if _holds(whole, keys) else DEFAULT
@@ -51,7 +51,7 @@ def _layers(
     """What was given in all, and name and document of each source; what counts most, first."""
     file = load(path) if path is not None else {}
     laid = override(file, settings)
-    filled = with_environment(laid, os.environ)
+    filled = fill_from_environment(laid, os.environ)
     before = {keys for keys, _ in _leaves(laid)}
     added = [keys for keys, _ in _leaves(filled) if keys not in before]
     environment = {"model": {keys[-1]: True for keys in added}} if added else {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from agentflow.app.design.models import answerers
+from agentflow.app.design.models import choose_models
 from agentflow.config.run import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.doctor import Diagnosis, diagnose
@@ -20,7 +20,7 @@ def examine(config: DesignConfig, role: str) -> Diagnosis:
         UnknownNameError: There is no such role.
         ConfigError: No endpoint is configured for it, or base URL or key cannot be used.
     """
-    found = answerers(config.model)
+    found = choose_models(config.model)
     if role not in found:
         raise UnknownNameError("role", role, found)
     if found[role].procedural:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from agentflow.config.run import parted
+from agentflow.config.run import split_setting
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
 from agentflow.machine.blocks.library import library
@@ -19,7 +19,7 @@ def find_task(name: str, settings: Iterable[str] = ()) -> Task:
         UnknownNameError: No such task.
         ConfigError: No such knob, or out of range.
     """
-    return get_task(name, dict(map(parted, settings)))
+    return get_task(name, dict(map(split_setting, settings)))
 
 
 def task_list() -> list[dict[str, Any]]:

@@ -120,11 +120,11 @@ def override(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, 
     """
     result = dict(document)
     for setting in settings:
-        result = put(result, *parted(setting))
+        result = put(result, *split_setting(setting))
     return result
 
 
-def parted(setting: str) -> tuple[str, Any]:
+def split_setting(setting: str) -> tuple[str, Any]:
     """Name and value of an `a.b=value` setting; the value is read as YAML.
 
     Raises:
@@ -147,7 +147,7 @@ def put(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
     return result
 
 
-def hint(knobs: Iterable[str]) -> str:
+def suggest_key(knobs: Iterable[str]) -> str:
     """What to add to an error about knobs, when one of them looks like a configuration key.
 
     Keys are known by their last parts, too: `rounds` is `search.rounds`.

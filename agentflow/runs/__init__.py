@@ -10,12 +10,13 @@ from agentflow.runs.reading import (
     read_result,
     state_of,
 )
-from agentflow.runs.writing import Listener, RunDirectory
+from agentflow.runs.writing import Listener, Notify, RunDirectory
 
 __all__ = [
     "SCHEMA",
     "Event",
     "Listener",
+    "Notify",
     "RunDirectory",
     "State",
     "find_runs",

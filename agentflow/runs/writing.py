@@ -21,6 +21,9 @@ MACHINES, ROLLOUTS = "machines", "rollouts"
 ATTEMPTS, PAUSE = 50, 0.01
 """Lock attempts, and seconds between them: `state_of` locks a run for a moment."""
 Listener = Callable[[Event], None]
+"""Receives every event of a run."""
+Notify = Callable[[str], None]
+"""Receives one line of text for the user: waits, refused parameters, dropped half lines."""
 
 
 class RunDirectory:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.config.run import DesignConfig, build, hint, load, override
+from agentflow.config.run import DesignConfig, build, load, override, suggest_key
 from agentflow.errors import ConfigError
 
 CONFIGS = [
@@ -45,7 +45,9 @@ def test_settings_reach_keys_switches_and_knobs() -> None:
     ],
 )
 def test_a_key_is_known_by_its_last_parts(knob: str, key: str) -> None:
-    assert hint(["wall.height", knob]) == f"; or is {key!r} meant, a key of the configuration?"
+    assert (
+        suggest_key(["wall.height", knob]) == f"; or is {key!r} meant, a key of the configuration?"
+    )
 
 
 def test_override_leaves_the_document_alone() -> None:

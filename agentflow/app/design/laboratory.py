@@ -1,7 +1,4 @@
-"""Owns how machines of a run are tried: one task, a pool of workers, each machine simulated once.
-
-Implements the workflows' `Laboratory`; what a rollout is belongs to env, what it means to search.
-"""
+"""The laboratory of a run: simulates machines at one task on a pool of workers."""
 
 from __future__ import annotations
 
@@ -21,30 +18,30 @@ from agentflow.search.node import Evaluation
 from agentflow.workflows.base import SimulationSummary
 
 PICTURE = (960, 720)
-"""Width and height of the pictures that models are shown, in pixels."""
+"""Width and height of pictures for models, in pixels."""
 
 
 class PhysicsLaboratory:
-    """Tries machines at one task."""
+    """Simulates machines at one task. Implements the workflows' `Laboratory`."""
 
     def __init__(self, task: Task, pool: Simulator, seed: int) -> None:
-        """`seed` is of the rollouts' own chance (perturbed trials, gusts)."""
+        """`seed` decides what is random in rollouts: perturbed trials, gusts."""
         self._task = task
         self._pool = pool
         self._seed = seed
         self.rollouts = Rollouts()
         """Every finished rollout by machine digest."""
         self.simulated_seconds = 0.0
-        """Of the machines' own time, all rollouts together."""
+        """Simulated time of all rollouts."""
         self.worker_seconds = 0.0
-        """Of the time that workers took for them."""
+        """Time that workers took for them."""
         self._pictures: dict[str, asyncio.Task[str]] = {}
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:  # noqa: ARG002
         """Simulate a machine.
 
         Raises:
-            RunError: There is no room for the states that it went through.
+            RunError: The disk has no room for its states.
         """
         rollout = await self._pool.run(machine, self._task, seed=self._seed)
         self.rollouts.put(machine.digest, rollout)
@@ -56,7 +53,7 @@ class PhysicsLaboratory:
             feedback=rollout.feedback.text,
             broken=tuple((item.block, item.partner, item.time) for item in rollout.broken),
             digest=rollout.digest,
-            moved=None if rollout.trace is None else farthest(rollout.trace),
+            moved=None if rollout.trace is None else farthest_move(rollout.trace),
         )
         return Evaluation(rollout.status != "invalid", rollout.score, summary)
 
@@ -65,14 +62,14 @@ class PhysicsLaboratory:
         return answer_queries(machine, self.rollouts[machine.digest], queries).text
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
-        """Draw a machine as built, once; beside the event loop, which goes on meanwhile."""
+        """Draw a machine as built, once, in a thread."""
         if machine.digest not in self._pictures:
             drawing = asyncio.to_thread(png_url, machine, view="sheet", size=PICTURE)
             self._pictures[machine.digest] = asyncio.ensure_future(drawing)
         return (await asyncio.shield(self._pictures[machine.digest]),)
 
 
-def farthest(trace: Trace) -> float:
-    """How far the centre of any block got from where it was at t = 0, m, to the millimetre."""
+def farthest_move(trace: Trace) -> float:
+    """Longest distance of any block's centre from its place at t = 0, m, to the millimetre."""
     away = np.linalg.norm(trace.centre - trace.centre[0], axis=-1)
     return round(float(away.max()), 3)

@@ -1,4 +1,4 @@
-"""Owns the repetition of a finished run from its record, and the comparison of the two."""
+"""Replaying a finished run from its record, and comparing the two."""
 
 from __future__ import annotations
 
@@ -9,43 +9,45 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.conduct import Plan, answer, changed, conduct
-from agentflow.app.design.models import replaying
-from agentflow.app.design.remarks import REMARK, Say
-from agentflow.app.design.results import finished
+from agentflow.app.design.execution import execute
+from agentflow.app.design.models import replay_models
+from agentflow.app.design.notices import REMARK
+from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.results import read_finished, result_json
 from agentflow.config.run import build
 from agentflow.llm.wrappers.tape import Tape
-from agentflow.runs import Event, read_document, read_events
+from agentflow.runs import Event, Notify, read_document, read_events
 
 
-def replay(path: Path, say: Say) -> str | None:
+def replay(path: Path, notify: Notify) -> str | None:
     """Run a finished run again from its record and compare every event and the result.
 
     Returns:
-        None when identical, else the first difference.
+        None if identical, else the first difference.
 
     Raises:
         RunError: The run is unfinished or damaged.
         ReplayMissError: A request was not recorded.
     """
     document = read_document(path)
-    recorded = finished(path)
-    plan = Plan.of(build(document.get("config")))
-    other = changed(plan, document)
-    if other:
-        say(f"{path} was made with other {other}, so differences are to be expected")
-    memory = Memory()
-    with Tape(path / "calls.jsonl", say, writable=False) as tape:
-        models = replaying(plan.config, tape, budget_spent=recorded["stopped"] == "budget")
-        outcome = asyncio.run(conduct(plan, models, memory))
-    return first_difference(read_events(path), memory.events) or _result_differs(
-        recorded, answer(plan, outcome)
+    recorded = read_finished(path)
+    plan = RunPlan.of(build(document.get("config")))
+    if changes := plan.changes_since(document):
+        notify(f"{path} was made with different {changes}; expect differences")
+    if note := plan.engine_note(document):
+        notify(f"{path}: {note}")
+    memory = MemoryRecord()
+    with Tape(path / "calls.jsonl", notify, writable=False) as tape:
+        models = replay_models(plan.config, tape, budget_spent=recorded["stopped"] == "budget")
+        execution = asyncio.run(execute(plan, models, memory))
+    return first_difference(read_events(path), memory.events) or _result_difference(
+        recorded, result_json(plan, execution)
     )
 
 
 @dataclass
-class Memory:
-    """A record in memory."""
+class MemoryRecord:
+    """A run's record in memory."""
 
     events: dict[tuple[str, str], Mapping[str, Any]] = field(default_factory=dict)
 
@@ -54,20 +56,20 @@ class Memory:
         self.events[kind, label] = json.loads(json.dumps(data))
 
     def save_machine(self, digest: str, text: str) -> None:
-        """Machines are in the events by digest; that is enough to compare."""
+        """Events name machines by digest, which is enough for a comparison."""
 
 
 def first_difference(
-    recorded: Iterable[Event], repeated: Mapping[tuple[str, str], Mapping[str, Any]]
+    recorded: Iterable[Event], replayed: Mapping[tuple[str, str], Mapping[str, Any]]
 ) -> str | None:
-    """The first recorded event that the repetition lacks or has otherwise; then what is new."""
-    rest = dict(repeated)
+    """The first recorded event that is missing from the replay or differs; then new events."""
+    rest = dict(replayed)
     for event in recorded:
         if event.kind == REMARK:
             continue
         again = rest.pop((event.kind, event.label), None)
         if again is None:
-            return f"{event.kind} {event.label}: recorded, but not in the repetition"
+            return f"{event.kind} {event.label}: recorded, but missing from the replay"
         if again != event.data:
             key = next(k for k in {**event.data, **again} if event.data.get(k) != again.get(k))
             return (
@@ -76,12 +78,12 @@ def first_difference(
             )
     if rest:
         kind, label = next(iter(rest))
-        return f"{kind} {label}: in the repetition, but not recorded"
+        return f"{kind} {label}: in the replay, but not recorded"
     return None
 
 
-def _result_differs(recorded: Mapping[str, Any], again: Mapping[str, Any]) -> str | None:
-    for key, value in json.loads(json.dumps(again)).items():
+def _result_difference(recorded: Mapping[str, Any], replayed: Mapping[str, Any]) -> str | None:
+    for key, value in json.loads(json.dumps(replayed)).items():
         if recorded.get(key) != value:
             return f"result: {key} was {recorded.get(key)!r}, is now {value!r}"
     return None

@@ -1,4 +1,4 @@
-"""Owns reading back the result of a finished run: every key that is looked at, and of its kind."""
+"""Results of runs: composed, saved, and read back."""
 
 from __future__ import annotations
 
@@ -7,8 +7,17 @@ from pathlib import Path
 from types import MappingProxyType, NoneType
 from typing import Any
 
+from agentflow.app.design.execution import Execution
+from agentflow.app.design.plan import RunPlan
+from agentflow.config.run import DesignConfig
+from agentflow.env.archive import save_npz
 from agentflow.errors import RunError
+from agentflow.files import write_atomically
+from agentflow.metrics.intervals import wilson
 from agentflow.runs import read_result
+from agentflow.workflows.base import WorkflowResult
+from agentflow.workflows.registry import WORKFLOWS
+from agentflow.workflows.statistics import passes, row
 
 NUMBER = (int, float)
 KEYS: Mapping[str, tuple[type, ...]] = MappingProxyType(
@@ -30,10 +39,40 @@ KEYS: Mapping[str, tuple[type, ...]] = MappingProxyType(
         "run": (str,),
     }
 )
-"""Keys without which a result is none, and what they may hold."""
+"""Required key of a result -> the types of its value."""
 
 
-def finished(path: Path) -> dict[str, Any]:
+def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:
+    """The part of a result that depends on the record alone, not on time or place."""
+    result = execution.result
+    best = result.best
+    machine = best.machine if best else None
+    counts_passes = WORKFLOWS[result.workflow].counts_passes
+    attempts = {"attempts": _pass_rate(result)} if counts_passes else {}
+    return {
+        "task": plan.task.name,
+        "workflow": result.workflow,
+        "seed": plan.config.seed,
+        "score": best.score if best else None,
+        "valid": best is not None,
+        "machine": machine.to_json() if machine else None,
+        "best_stage": result.best_stage,
+        "stages": [row(stage) for stage in result.stages],
+        "rollouts": len(execution.laboratory.rollouts),
+        "stopped": result.stopped,
+        "reason": result.reason,
+        **attempts,
+    }
+
+
+def _pass_rate(result: WorkflowResult) -> dict[str, Any]:
+    """Number of attempts, number of passes, and Wilson's 95 % interval of the pass rate."""
+    found = passes(result.stages[0])
+    interval = wilson(found["passes"], found["attempts"])
+    return {**found, "interval": None if interval is None else list(interval)}
+
+
+def read_finished(path: Path) -> dict[str, Any]:
     """The result of a finished run.
 
     Raises:
@@ -51,3 +90,34 @@ def finished(path: Path) -> dict[str, Any]:
 
 def _damaged(path: Path, why: str) -> RunError:
     return RunError(f"{path / 'result.json'} is damaged: {why}")
+
+
+def save_rollouts(path: Path, config: DesignConfig, execution: Execution) -> None:
+    """Save the state trajectories of all machines, or of each stage's best machine.
+
+    Raises:
+        RunError: A file cannot be written.
+    """
+    rollouts = execution.laboratory.rollouts
+    chosen = set(rollouts) if config.keep_rollouts == "all" else _stage_winners(execution.result)
+    for digest in sorted(chosen):
+        file = path / "rollouts" / f"{digest}.npz"
+        try:
+            with write_atomically(file) as part:
+                save_npz(rollouts[digest], part)
+        except OSError as error:
+            raise RunError(f"cannot write {file}: {error.strerror}") from None
+
+
+def _stage_winners(result: WorkflowResult) -> set[str]:
+    """Digest of each stage's best machine; among equals, that of the lowest trajectory."""
+    winners = set()
+    for stage in result.stages:
+        ranked = [
+            (candidate.score, -candidate.trajectory, candidate.machine)
+            for candidate in stage.survivors
+            if candidate.score is not None and candidate.machine
+        ]
+        if ranked:
+            winners.add(max(ranked, key=lambda item: item[:2])[2].digest)
+    return winners

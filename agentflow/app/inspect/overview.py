@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.prices import cost_by
-from agentflow.app.design.results import finished
+from agentflow.app.design.models import cost_function
+from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
 from agentflow.config.run import DesignConfig, build
 from agentflow.errors import RunError, UsageError
@@ -52,7 +52,7 @@ _NOTHING: dict[str, Any] = {
 
 def _summary(path: Path) -> dict[str, Any]:
     state, document = state_of(path), read_document(path)
-    known = finished(path) if state == "done" else _so_far(path, build(document.get("config")))
+    known = read_finished(path) if state == "done" else _so_far(path, build(document.get("config")))
     found = {key: known.get(key) for key in _NOTHING}
     return {**found, "run": str(path), "state": state, "problem": ""}
 
@@ -82,9 +82,9 @@ def run_details(path: Path) -> dict[str, Any]:
     """
     document = read_document(path)
     summary = _summary(path)
-    result = finished(path) if summary["state"] == "done" else {}
+    result = read_finished(path) if summary["state"] == "done" else {}
     record = RunRecord.of(read_typed_events(path))
-    spent = bill(read_calls(path), cost_by(build(document.get("config")).model))
+    spent = bill(read_calls(path), cost_function(build(document.get("config")).model))
     machine = result.get("machine")
     return {
         **summary,

@@ -6,7 +6,7 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.conduct import Plan
+from agentflow.app.design.plan import RunPlan
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.config.run import build
 from agentflow.env.constants import constants
@@ -24,17 +24,17 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
         workers: Number of processes; None takes the run's configuration.
 
     Returns:
-        `run`, `task`, `constants` (`recorded` and `now`), `identical` (number of machines with a
-        bit-for-bit identical rollout), and `machines`: each with `machine`, `place` (where it was
-        first simulated), `recorded` and `now` (status and score), `difference` of the scores (None
-        if one is missing) and `identical`.
+        `run`, `task`, `constants` and `engine` (`recorded` and `now`), `identical` (number of
+        machines with a bit-for-bit identical rollout), and `machines`: each with `machine`, `place`
+        (where it was first simulated), `recorded` and `now` (status and score), `difference` of
+        the scores (None if one is missing) and `identical`.
 
     Raises:
         RunError: It is not a run directory, or is damaged.
         UsageError: Its task no longer exists.
     """
     document = read_document(path)
-    plan = Plan.of(build(document.get("config")))
+    plan = RunPlan.of(build(document.get("config")))
     evaluations: dict[str, EvaluationEvent] = {}
     for event in read_typed_events(path):
         if isinstance(event, EvaluationEvent):
@@ -54,6 +54,7 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
         "run": str(path),
         "task": plan.task.name,
         "constants": {"recorded": document.get("constants"), "now": constants().digest},
+        "engine": {"recorded": document.get("engine"), "now": plan.engine},
         "identical": sum(item["identical"] for item in machines),
         "machines": machines,
     }

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.results import finished
+from agentflow.app.design.results import read_finished
 from agentflow.app.pages.films import Shapes
 from agentflow.app.pages.runs import (
     FINE,
@@ -95,7 +95,7 @@ def _ordered(runs: Sequence[Hung]) -> list[Hung]:
 
 
 def _hung(path: Path) -> Hung:
-    document, result = read_document(path), finished(path)
+    document, result = read_document(path), read_finished(path)
     config = build(document.get("config"))
     digest = best_of(result)
     about = f"{config.workflow}, {result['model']}, seed {config.seed}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agentflow.app.design.results import finished
+from agentflow.app.design.results import read_finished
 from agentflow.app.machines.files import machine_text
 from agentflow.config.run import build
 from agentflow.env.drawing.film import save_film
@@ -33,7 +33,7 @@ def render_run(path: Path, out: Path | None = None, view: str = "three-quarter")
     Raises:
         RunError: The run is unfinished, or found no valid machine.
     """
-    result = finished(path)
+    result = read_finished(path)
     config = build(read_document(path).get("config"))
     machine = read_machine(result["machine"], range(1000)).machine
     if machine is None:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.prices import cost_by
-from agentflow.app.design.results import finished
+from agentflow.app.design.models import cost_function
+from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.pages.films import Shapes, exhibit
@@ -68,10 +68,10 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path
     document = read_document(path)
     ready(out)
     config = build(document.get("config"))
-    result = finished(path) if (path / "result.json").exists() else None
+    result = read_finished(path) if (path / "result.json").exists() else None
     story = RunStory.read(path, result, best_of(result))
     priced = bool(config.model.prices) or config.model.name == PROCEDURAL
-    data = story.to_json(cost_by(config.model), priced)
+    data = story.to_json(cost_function(config.model), priced)
     data["failures"] = count_failures(path)["kinds"]  # now: a run under way goes on meanwhile
     shapes = Shapes()
     machines = asyncio.run(exhibits(_chosen(path, story, config, films), shapes, workers, say))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from agentflow.agents.registry import ROLES
-from agentflow.app.design.conduct import Plan
+from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import PROCEDURAL, DesignConfig
 from agentflow.env.tasks.base import Task
 from agentflow.llm.messages import Usage
@@ -55,7 +55,7 @@ class Estimate:
 NOTHING = Estimate(0, 0, 0, 0.0, 0, 0.0)
 
 
-def estimate(plan: Plan) -> Estimate:
+def estimate(plan: RunPlan) -> Estimate:
     """What a run will probably cost."""
     config = plan.config
     workflow = WORKFLOWS[config.workflow]

@@ -21,11 +21,13 @@ from typing import Any
 import yaml
 
 from agentflow import __version__
-from agentflow.app.design.models import shown
+from agentflow.app.design.config import config_json
+from agentflow.app.design.plan import engine_change
 from agentflow.config.run import PROCEDURAL, build
 from agentflow.config.sweep import SweepConfig, read_sweep
 from agentflow.config.yaml import NOT_YAML
 from agentflow.env.constants import constants
+from agentflow.env.physics.engines import default_engine
 from agentflow.errors import RunError
 from agentflow.files import write_atomically
 
@@ -36,7 +38,7 @@ NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"
 def document_of(name: str, sweep: SweepConfig) -> dict[str, Any]:
     """What is written of a sweep: everything that decides its runs, without credentials."""
     plain = sweep.model_dump(mode="json")
-    return {"name": name, "sweep": {**plain, "base": shown(build(sweep.base))}}
+    return {"name": name, "sweep": {**plain, "base": config_json(build(sweep.base))}}
 
 
 def is_sweep(path: Path) -> bool:
@@ -113,10 +115,14 @@ def _same(path: Path, document: Mapping[str, Any], resume: bool) -> None:
             "folder with --out"
         )
     begun, _ = read_folder(path)
-    if begun.get("constants") != constants().digest:
+    engine = str(default_engine().identity)
+    changed = "" if begun.get("constants") == constants().digest else "physical constants"
+    if begun.get("engine", engine) != engine:
+        changed = f"engine ({engine_change(begun['engine'], engine)})"
+    if changed:
         raise RunError(
-            f"{path} was begun with other constants of physics: its runs and further ones would "
-            "not belong together; choose another folder with --out"
+            f"{path} was started with different {changed}: further runs would not be comparable; "
+            "choose another folder with --out"
         )
     different = _difference(begun["sweep"], document["sweep"], "")
     if different:
@@ -141,6 +147,7 @@ def _write_new(file: Path, document: Mapping[str, Any]) -> None:
         "schema": SCHEMA,
         "agentflow": __version__,
         "constants": constants().digest,
+        "engine": str(default_engine().identity),
         "begun": datetime.now(timezone.utc).isoformat(timespec="seconds"),
     }
     text = yaml.safe_dump({**head, **document}, sort_keys=False)

@@ -12,8 +12,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.conduct import Plan
-from agentflow.app.design.models import demand_name, with_credentials, with_environment
+from agentflow.app.design.config import (
+    fill_from_environment,
+    require_model_name,
+    urls_with_credentials,
+)
+from agentflow.app.design.plan import RunPlan
 from agentflow.app.sweeps.folder import folder_name, is_sweep, read_folder
 from agentflow.config.run import build, load, override, put
 from agentflow.config.sweep import Member, SweepConfig, members, read_sweep, varied
@@ -30,7 +34,7 @@ class SweepPlan:
     sweep: SweepConfig
     firsts: tuple[Member, ...]
     """Of the runs that differ in nothing but the seed, the first."""
-    plans: tuple[Plan, ...]
+    plans: tuple[RunPlan, ...]
     """Of each of them; what is looked up, seeds do not change."""
 
     @cached_property
@@ -38,12 +42,12 @@ class SweepPlan:
         """All runs."""
         return members(self.sweep)
 
-    def plan_of(self, member: Member) -> Plan:
+    def plan_of(self, member: Member) -> RunPlan:
         """The plan of a run, but for its seed."""
         return self._by_labels[tuple(member.labels.values())]
 
     @cached_property
-    def _by_labels(self) -> dict[tuple[str, ...], Plan]:
+    def _by_labels(self) -> dict[tuple[str, ...], RunPlan]:
         found = zip(self.firsts, self.plans, strict=True)
         return {tuple(first.labels.values()): plan for first, plan in found}
 
@@ -62,7 +66,7 @@ class SweepPlan:
             check_source(source.table)
         firsts = members(sweep.model_copy(update={"seeds": sweep.seeds[:1]}))
         _demand_no_credentials(sweep, firsts)
-        return cls(name, sweep, firsts, tuple(Plan.of(first.config) for first in firsts))
+        return cls(name, sweep, firsts, tuple(RunPlan.of(first.config) for first in firsts))
 
 
 def plan_sweep(
@@ -104,12 +108,12 @@ def plan_sweep(
     base = override(sweep.base, settings)
     for key, value in given.items():
         base = put(base, key, value)
-    changed: dict[str, Any] = {"base": with_environment(base, os.environ)}
+    changed: dict[str, Any] = {"base": fill_from_environment(base, os.environ)}
     if seeds is not None:
         changed["seeds"] = tuple(range(seeds))
     plan = SweepPlan.of(path.stem, sweep.model_copy(update=changed))
     for member in plan.firsts:
-        demand_name(member.config.model)
+        require_model_name(member.config.model)
     return plan
 
 
@@ -120,9 +124,9 @@ def folder_of(plan: SweepPlan, path: Path, out: Path) -> Path:
 
 def _demand_no_credentials(sweep: SweepConfig, found: Iterable[Member]) -> None:
     """What axes hold is written down, and names runs; what the base holds is not."""
-    known = with_credentials(build(sweep.base))
+    known = urls_with_credentials(build(sweep.base))
     for member in found:
-        if with_credentials(member.config) - known:
+        if urls_with_credentials(member.config) - known:
             raise ConfigError(
                 "an axis has a base URL with a user or a query, which would be written down; "
                 "name the environment variable of the key in model.key_variable instead"

@@ -12,8 +12,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Any, Protocol
 
-from agentflow.app.design.conduct import changed
-from agentflow.app.design.design import design_async, resume_async
+from agentflow.app.design.run import RunOptions, design_async, resume_async
 from agentflow.app.sweeps.folder import LOG, RUNS, STORE, document_of, held
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config.run import build
@@ -141,10 +140,10 @@ class _Work:
         for member in self.plan.members:
             if member.name in self.done:
                 document = read_document(self.folder / RUNS / member.name)
-                if other := changed(self.plan.plan_of(member), document):
+                if changes := self.plan.plan_of(member).changes_since(document):
                     raise RunError(
-                        f"{self.folder}: {member.name} was made with other {other}: the runs that "
-                        "are left would not belong to it; choose another folder with --out"
+                        f"{self.folder}: {member.name} was made with different {changes}: the "
+                        "remaining runs would not be comparable; choose another folder with --out"
                     )
 
     async def _some(self, queue: Iterator[Member], store: Store, log: LineFile) -> None:
@@ -171,13 +170,15 @@ class _Work:
     async def _run(self, member: Member, store: Store) -> dict[str, Any]:
         runs, name = self.folder / RUNS, member.name
         path = runs / name
-        listener = lambda event: self.watcher.event(name, event)  # noqa: E731
-        say = lambda line: self.watcher.remark(name, line)  # noqa: E731
-        if _begun(path):
-            return await resume_async(path, say, listener, None, store, self.limiters)
-        return await design_async(
-            member.config, runs, say, listener, None, store, self.limiters, name
+        options = RunOptions(
+            notify=lambda line: self.watcher.remark(name, line),
+            listener=lambda event: self.watcher.event(name, event),
+            pool=store,
+            limiters=self.limiters,
         )
+        if _begun(path):
+            return await resume_async(path, options)
+        return await design_async(member.config, runs, options, name)
 
     def _fail(self, name: str, reason: str, trace: str | None, log: LineFile) -> None:
         line = reason.strip().partition("\n")[0]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 
-from agentflow.app.design.results import finished
+from agentflow.app.design.results import read_finished
 from agentflow.app.sweeps.folder import RUNS, failures, read_folder
 from agentflow.config.run import DesignConfig
 from agentflow.config.sweep import Member, SweepConfig, members
@@ -92,7 +92,7 @@ def read_swept(path: Path) -> Swept:
         if (run / "result.json").exists():
             record = RunRecord.of(read_typed_events(run))
             numbers = RunNumbers(record, _width(member.config))
-            done.append(Finished(member, run, finished(run)["model"], numbers))
+            done.append(Finished(member, run, read_finished(run)["model"], numbers))
     if not done:
         raise RunError(
             f"no run of {path} is done; carry it out with agentflow sweep {quote(str(path))} "

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from agentflow.agents.registry import stage_of
-from agentflow.app.design.prices import cost_by
+from agentflow.app.design.models import cost_function
 from agentflow.app.sweeps.tables import Finished, Swept, layout, listed, read_swept, task_of
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.metrics import published as literature
@@ -229,7 +229,7 @@ def _between(interval: tuple[float, float] | None) -> str | None:
 def _bill(runs: Iterable[Finished]) -> Bill:
     total = Bill(Spent(), {}, {})
     for run in runs:
-        total += bill(read_calls(run.path), cost_by(run.member.config.model), stage_of)
+        total += bill(read_calls(run.path), cost_function(run.member.config.model), stage_of)
     return total
 
 

@@ -57,9 +57,8 @@ def design(
 
     Resuming a finished run prints its result and changes no file.
     """
-    from agentflow.app.design.design import design as start
-    from agentflow.app.design.design import resume as go_on
-    from agentflow.app.design.models import configured
+    from agentflow.app.design import run
+    from agentflow.app.design.config import load_config
     from agentflow.app.pages.pictures import render_run
     from agentflow.cli.display.live import watch
     from agentflow.cli.display.show import show_result
@@ -81,17 +80,18 @@ def design(
     if resume is not None and (given or config or settings):
         raise UsageError("--resume uses the settings of the run; remove the other options")
     finished = resume is not None and state_of(resume) == "done"
-    with watch(quiet) as (listener, say):
+    with watch(quiet) as (listener, notify):
+        run_options = run.RunOptions(notify, listener)
         if resume is not None:
-            result = go_on(resume, say, listener)
+            result = run.resume(resume, run_options)
         else:
-            built = configured(config, settings or (), options)
+            built = load_config(config, settings or (), options)
             if rollouts is not None and built.workflow != "random-dsl":
                 raise UsageError(
                     "--rollouts works only with --workflow random-dsl; for other workflows use "
                     "--set search.rounds=N and --set trajectories=N"
                 )
-            result = start(built, out, say, listener)
+            result = run.design(built, out, run_options)
         drawn = result["valid"] and not finished
         if drawn and listener is not None:
             listener(DrawingEvent().to_event())
@@ -126,12 +126,12 @@ def doctor(
     as_json: Json = False,
 ) -> None:
     """Send one small request to a model endpoint and report what works."""
-    from agentflow.app.design.models import configured
+    from agentflow.app.design.config import load_config
     from agentflow.app.doctor import examine
     from agentflow.cli.display.show import show_diagnosis
 
     options = {"model.name": model, "model.base_url": base_url}
-    found = examine(configured(config, settings or (), options), role).model_dump()
+    found = examine(load_config(config, settings or (), options), role).model_dump()
     print_json(found) if as_json else show_diagnosis(found)
     if found["problem"]:
         raise EndpointError(found["problem"])

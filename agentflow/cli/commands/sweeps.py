@@ -96,7 +96,7 @@ def table(
 
 
 def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
-    from agentflow.app.design.models import answerers
+    from agentflow.app.design.models import choose_models
     from agentflow.app.sweeps.estimates import NOTHING, estimate
     from agentflow.app.sweeps.folder import RUNS
     from agentflow.config.run import build
@@ -126,7 +126,7 @@ def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
     for run in runs:
         state = "done" if run["done"] else f"{run['calls']} calls, {run['rollouts']} rollouts"
         print(f"{run['run']}: {state}")
-    who = [one for first in plan.firsts for one in answerers(first.config.model).values()]
+    who = [one for first in plan.firsts for one in choose_models(first.config.model).values()]
     print(_remaining_text(whole, undone, all(one.procedural for one in who), base.workers))
 
 

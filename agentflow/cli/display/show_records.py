@@ -68,9 +68,11 @@ def show_rescored(found: Data) -> None:
             shown = "-" if change is None else f"{change:+.3f}"
             table.add_row(item["machine"], item["place"], then, now, shown)
         console.print(table)
-    constants = found["constants"]
-    if constants["recorded"] != constants["now"]:
-        console.print(f"constants: recorded {constants['recorded']}, now {constants['now']}")
+    for name in ("constants", "engine"):
+        condition = found[name]
+        if condition["recorded"] != condition["now"]:
+            recorded = condition["recorded"] or "unknown"
+            console.print(f"{name}: recorded {recorded}, now {condition['now']}")
     total = len(found["machines"])
     console.print(f"{found['identical']} of {total} machines have the same rollout as recorded")
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agentflow.app.design.design import design, resume
-from agentflow.app.design.models import configured
+from agentflow.app.design.config import load_config
 from agentflow.app.design.replay import replay
+from agentflow.app.design.run import RunOptions, design, resume
 from agentflow.cli import main
 from agentflow.config.run import build, load
 from agentflow.errors import RunError
@@ -34,7 +34,7 @@ def ignore(_line: str) -> None:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small run with the procedural model."""
     out = tmp_path_factory.mktemp("runs")
-    return Path(design(build(load(SMALL)), out, ignore)["run"])
+    return Path(design(build(load(SMALL)), out)["run"])
 
 
 @pytest.mark.slow
@@ -100,7 +100,7 @@ def test_a_replay_finds_the_first_difference(run: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_finished_run_resumes_to_its_result(run: Path) -> None:
-    assert resume(run, ignore) == read_result(run)
+    assert resume(run) == read_result(run)
 
 
 @pytest.mark.slow
@@ -108,13 +108,13 @@ def test_the_same_seed_gives_the_same_result_and_another_does_not(
     run: Path, tmp_path: Path
 ) -> None:
     config = build(load(SMALL))
-    again = design(config, tmp_path, ignore)
+    again = design(config, tmp_path)
     first = read_result(run)
     volatile = {"seconds", "worker_seconds", "run"}
     assert {k: again[k] for k in set(again) - volatile} == {
         k: first[k] for k in set(first) - volatile
     }
-    other = design(config.model_copy(update={"seed": 1}), tmp_path, ignore)
+    other = design(config.model_copy(update={"seed": 1}), tmp_path)
     assert other["machine"] != first["machine"]
 
 
@@ -129,8 +129,8 @@ def test_a_run_is_not_continued_under_other_conditions(
     document = yaml.safe_load((other / "run.yaml").read_text())
     assert len(document[what]) == 16
     (other / "run.yaml").write_text(document_text({**document, what: "0" * 16}))
-    with pytest.raises(RunError, match=f"was begun with other {what}: its record and"):
-        resume(other, ignore)
+    with pytest.raises(RunError, match=f"was started with different {what}: its record does"):
+        resume(other)
 
 
 def test_a_finished_run_that_is_not_ours_to_read_is_refused(run: Path, tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_a_finished_run_that_is_not_ours_to_read_is_refused(run: Path, tmp_path:
     document = yaml.safe_load((other / "run.yaml").read_text())
     (other / "run.yaml").write_text(document_text({**document, "schema": 2}))
     with pytest.raises(RunError, match="has schema 2, this version reads 1"):
-        resume(other, ignore)
+        resume(other)
 
 
 @pytest.mark.slow
@@ -159,7 +159,7 @@ def test_a_killed_run_resumes_to_the_same_result(run: Path, tmp_path: Path, afte
     with pytest.raises(RunError, match="the run is unfinished"):
         read_result(killed)
     recorded = _calls_in(tmp_path)
-    result = resume(killed, ignore)
+    result = resume(killed)
     first = read_result(run)
     for key in ("score", "machine", "stages", "calls", "rollouts"):
         assert result[key] == first[key], key
@@ -183,11 +183,11 @@ def test_an_edited_record_is_told_of_and_set_right(run: Path, tmp_path: Path) ->
     (other / "events.jsonl").write_text(text.replace(f'"score": {score}', '"score": 1234.5', 1))
     edited = (other / "events.jsonl").read_bytes()
     said: list[str] = []
-    assert resume(other, said.append)["score"] == read_result(run)["score"]
+    assert resume(other, RunOptions(said.append))["score"] == read_result(run)["score"]
     assert said == [
-        f"1 of the recorded events came out otherwise this time, first evaluation {event.label}: a "
-        "rollout had been cut off, a file edited, or agentflow has changed; both are kept, the "
-        "later one holds"
+        f"recorded events that differ now: 1, first evaluation {event.label}: a rollout had been "
+        "cut off, a file was edited, or agentflow has changed; both versions are kept, the later "
+        "one counts"
     ]
     assert (other / "events.jsonl").read_bytes().startswith(edited)
     assert replay(other, ignore) is None
@@ -212,13 +212,13 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
     assert err.splitlines()[-1] == (
         f"agentflow: interrupted; continue with: agentflow design --resume {run}"
     )
-    assert resume(run, ignore)["valid"] is True
+    assert resume(run)["valid"] is True
 
 
 @pytest.mark.slow
 def test_a_spent_budget_ends_a_run_cleanly_and_replays(tmp_path: Path) -> None:
-    config = configured(SMALL, ["model.budget.calls=9"], {})
-    result = design(config, tmp_path, ignore)
+    config = load_config(SMALL, ["model.budget.calls=9"], {})
+    result = design(config, tmp_path)
     assert (result["stopped"], result["calls"]) == ("budget", 9)
     assert replay(Path(result["run"]), ignore) is None
 

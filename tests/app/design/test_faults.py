@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.remarks import REMARK, Remarks
+from agentflow.app.design.notices import REMARK, Remarks
 from agentflow.errors import EndpointError, RefusedError, UnreachableError
 from agentflow.llm.build import open_client
 from agentflow.llm.endpoint.address import Endpoint

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.design import design
-from agentflow.app.design.models import answerers, demand_name, open_models
+from agentflow.app.design.config import require_model_name
+from agentflow.app.design.models import choose_models, open_models
 from agentflow.app.design.replay import replay
+from agentflow.app.design.run import RunOptions, design
 from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build
 from agentflow.errors import ConfigError
@@ -52,8 +53,8 @@ def test_a_base_url_without_a_model_is_refused(
 
 def test_a_base_url_is_of_use_to_a_role_or_to_whoever_chose_the_embedded_model() -> None:
     url = {"base_url": "http://127.0.0.1:9/v1"}
-    demand_name(build({"model": {**url, "roles": {"designer": {"name": "m"}}}}).model)
-    demand_name(build({"model": {**url, "name": "procedural"}}).model)
+    require_model_name(build({"model": {**url, "roles": {"designer": {"name": "m"}}}}).model)
+    require_model_name(build({"model": {**url, "name": "procedural"}}).model)
 
 
 @pytest.mark.parametrize(
@@ -104,8 +105,8 @@ def test_a_money_budget_asks_for_the_price_of_every_models_role_but_the_procedur
     model = {"name": "m", "budget": {"money": 1}, "roles": roles}
     price = {"input": 1, "output": 1}
     with pytest.raises(ConfigError, match="a price for 'big'"):
-        answerers(small({**model, "prices": {"m": price}}).model)
-    found = answerers(small({**model, "prices": {"m": price, "big": price}}).model)
+        choose_models(small({**model, "prices": {"m": price}}).model)
+    found = choose_models(small({**model, "prices": {"m": price, "big": price}}).model)
     assert {role: item.shown for role, item in found.items()} == {
         "meta_designer": "m",
         "designer": "m",
@@ -141,7 +142,7 @@ def test_a_run_keeps_what_the_endpoint_did_and_what_it_cost_but_no_key(
         own = {"name": "m", "base_url": server.base_url, "key_variable": "HOUSE_KEY"}
         prices = {"m": {"input": 100, "output": 1000, "cached": 10}}
         result = design(
-            small({"roles": {"designer": own}, "prices": prices}), tmp_path, said.append
+            small({"roles": {"designer": own}, "prices": prices}), tmp_path, RunOptions(said.append)
         )
     # 11 prompt tokens, 5 of them cached, and 7 completion tokens.
     assert result["cost"] == pytest.approx((6 * 100 + 5 * 10 + 7 * 1000) / 1e6)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.design import design
 from agentflow.app.design.rationales import rationales_of
 from agentflow.app.design.replay import replay
+from agentflow.app.design.run import design
 from agentflow.config.run import build
 from agentflow.errors import RunError
 from agentflow.runs import read_document
@@ -24,11 +24,11 @@ def ignore(_line: str) -> None:
 
 @pytest.mark.slow
 def test_plans_are_followed_and_kept(tmp_path: Path) -> None:
-    first = Path(design(build(TINY), tmp_path, ignore)["run"])
+    first = Path(design(build(TINY), tmp_path)["run"])
     plans = rationales_of(first)
     assert len(plans) == 2
     config = build({**TINY, "seed": 1, "rationale_from": str(first)})
-    second = Path(design(config, tmp_path, ignore)["run"])
+    second = Path(design(config, tmp_path)["run"])
     assert read_document(second)["config"]["settings"]["rationales"] == list(plans)
     for line in (second / "calls.jsonl").read_text().splitlines():
         request = json.loads(line)["request"]
@@ -42,7 +42,7 @@ def test_plans_are_followed_and_kept(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_plans_of_structures_follow_each_other(tmp_path: Path) -> None:
     settings = {**TINY["settings"], "inspector": False}  # type: ignore[dict-item]
-    run = design(build({"workflow": "hierarchical", "settings": settings}), tmp_path, ignore)
+    run = design(build({"workflow": "hierarchical", "settings": settings}), tmp_path)
     plans = rationales_of(Path(run["run"]))
     assert plans
     assert all(len(plan.splitlines()) > 1 for plan in plans)
@@ -50,11 +50,10 @@ def test_the_plans_of_structures_follow_each_other(tmp_path: Path) -> None:
 
 def test_no_run_no_plans(tmp_path: Path) -> None:
     with pytest.raises(RunError):
-        design(build({**TINY, "rationale_from": str(tmp_path / "gone")}), tmp_path, ignore)
+        design(build({**TINY, "rationale_from": str(tmp_path / "gone")}), tmp_path)
     nobody = design(
         build({"workflow": "random-dsl", "workers": 1, "settings": {"rollouts": 1}}),
         tmp_path,
-        ignore,
     )
     assert nobody["model"] == "none (random edits)"
     with pytest.raises(RunError, match=r" holds no rationale: no design of it was accepted$"):

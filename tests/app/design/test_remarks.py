@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.conduct import Plan
-from agentflow.app.design.design import design, resume
-from agentflow.app.design.keeping import run_document
-from agentflow.app.design.remarks import REMARK, Remarks
+from agentflow.app.design.notices import REMARK, Remarks
+from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.run import RunOptions, design, resume
 from agentflow.config.run import build
 from agentflow.errors import UnreachableError
 from agentflow.llm.messages import Request
@@ -39,13 +38,12 @@ def test_every_difference_is_told_and_both_sides_are_kept(tmp_path: Path) -> Non
     said: list[str] = []
     Remarks(again, said.append).tell_differences()
     again.close()
-    why = "a rollout had been cut off, a file edited, or agentflow has changed"
+    why = "a rollout had been cut off, a file was edited, or agentflow has changed"
     assert said == [
         f"{run.path / 'events.jsonl'}: dropped a half-written last line (6 bytes)",
-        f"1 of the recorded events came out otherwise this time, first stage edited: {why}; "
-        "both are kept, the later one holds",
-        f"1 of the recorded events did not happen this time, first stage added: {why}; "
-        "they are kept",
+        f"recorded events that differ now: 1, first stage edited: {why}; "
+        "both versions are kept, the later one counts",
+        f"recorded events that were not reproduced: 1, first stage added: {why}; they are kept",
     ]
     assert (run.path / "events.jsonl").read_bytes().startswith(recorded)
     told = [event.data["text"] for event in read_events(run.path) if event.kind == REMARK]
@@ -68,14 +66,14 @@ def test_a_run_that_repeats_its_record_says_nothing(tmp_path: Path) -> None:
 def test_without_an_answer_a_fresh_run_goes_and_a_resumed_one_stays(tmp_path: Path) -> None:
     client = ScriptedClient(unreachable)
     with pytest.raises(UnreachableError, match=r"^nobody answers$"):
-        design(CONFIG, tmp_path / "runs", lambda _line: None, client=client)
+        design(CONFIG, tmp_path / "runs", RunOptions(client=client))
     assert list(tmp_path.iterdir()) == []
 
-    run = RunDirectory.create(tmp_path, "run", run_document(Plan.of(CONFIG)))
+    run = RunDirectory.create(tmp_path, "run", RunPlan.of(CONFIG).run_document)
     run.save_machine("ab", "[]")
     run.close()
     with pytest.raises(UnreachableError) as caught:
-        resume(run.path, lambda _line: None, client=client)
+        resume(run.path, RunOptions(client=client))
     assert str(caught.value) == (
         f"nobody answers; continue with: agentflow design --resume {run.path}"
     )

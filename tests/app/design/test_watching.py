@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from agentflow.app.design.models import Models
-from agentflow.app.design.watching import watched
+from agentflow.app.design.notices import watch_calls
 from agentflow.errors import UnreachableError
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.scripted import ScriptedClient
@@ -31,7 +31,9 @@ class Closing(ScriptedClient):
 
 async def test_every_call_is_heard_of_twice() -> None:
     client, heard = Closing(lambda request: request.label), []
-    models = watched(Models({"designer": client, "refiner": client}, {}), Budget(), heard.append)
+    models = watch_calls(
+        Models({"designer": client, "refiner": client}, {}), Budget(), heard.append
+    )
     assert models.name == "scripted"
     designer, refiner = models.clients["designer"], models.clients["refiner"]
     await asyncio.gather(designer.complete(ask(label="a")), refiner.complete(ask(label="b")))
@@ -47,7 +49,7 @@ async def test_a_call_that_fails_is_under_way_no_more() -> None:
         raise UnreachableError("nothing answers")
 
     heard: list[Event] = []
-    models = watched(Models({"designer": ScriptedClient(fail)}, {}), Budget(), heard.append)
+    models = watch_calls(Models({"designer": ScriptedClient(fail)}, {}), Budget(), heard.append)
     with pytest.raises(UnreachableError):
         await models.clients["designer"].complete(ask(label="a"))
     assert [event.data["under_way"] for event in heard] == [1, 0]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from agentflow.agents.registry import ROLES
-from agentflow.app.design.conduct import Plan
+from agentflow.app.design.plan import RunPlan
 from agentflow.app.sweeps.estimates import Estimate, estimate, total
 from agentflow.config.run import build, load
 from agentflow.metrics.usage import bill
@@ -19,12 +19,12 @@ RECORDED = ROOT / "runs/recorded-throwing"
 
 
 def of(**document: Any) -> Estimate:
-    return estimate(Plan.of(build(document)))
+    return estimate(RunPlan.of(build(document)))
 
 
 def test_the_recorded_run_takes_what_is_estimated() -> None:
     """Its first attempts were all valid and its machines all different."""
-    found = estimate(Plan.of(build(load(ROOT / "configs/small.yaml"))))
+    found = estimate(RunPlan.of(build(load(ROOT / "configs/small.yaml"))))
     result = read_result(RECORDED)
     assert (found.calls, found.rollouts) == (result["calls"], result["rollouts"])
 

@@ -1,0 +1,378 @@
+"""What Python programs call: design and resume runs, check and simulate machines.
+
+Functions import what they need when called, so that checking a machine loads no physics.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from agentflow.errors import UsageError
+from agentflow.machine import Machine, Report, library, read_machine
+from agentflow.machine import check as check_machine
+from agentflow.machine.brief import Brief
+from agentflow.machine.formats.detect import read_for
+
+if TYPE_CHECKING:
+    from agentflow.app.design.run import RunOptions
+    from agentflow.config.run import DesignConfig
+    from agentflow.env.pool.pool import RolloutPool
+    from agentflow.env.rollout import Rollout
+    from agentflow.env.tasks.base import Task
+    from agentflow.llm.function import FunctionClient, ModelFunction
+    from agentflow.runs import Listener, Notify
+
+MachineLike = Machine | str | list[dict[str, Any]] | Path
+"""A machine: an object, any text that holds one (also .bsg), JSON data, or the path of a file."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """The outcome of a design run."""
+
+    run: Path
+    """The run directory."""
+    valid: bool
+    """Whether any valid machine was found."""
+    score: float | None
+    """Score of the best machine, in the task's unit; None without one."""
+    machine: Machine | None
+    """The best machine."""
+    model: str
+    """Name of the model."""
+    stages: tuple[Mapping[str, Any], ...]
+    """Rows of the stage table."""
+    stopped: str | None
+    """`budget` if the budget ended the run early."""
+    data: Mapping[str, Any] = field(repr=False)
+    """Everything in result.json: calls, tokens, cost, seconds, reason, ..."""
+
+
+def design(
+    task: str | None = None,
+    *,
+    workflow: str | None = None,
+    model: str | None = None,
+    base_url: str | None = None,
+    answer: ModelFunction | None = None,
+    config: Path | Mapping[str, Any] | None = None,
+    settings: Mapping[str, object] | None = None,
+    seed: int | None = None,
+    out: Path | str = "runs",
+    workers: int | None = None,
+    say: Notify | None = None,
+    listener: Listener | None = None,
+) -> Design:
+    """Design a machine for a task, in a new run directory.
+
+    Values that are not given are taken, as on the command line, from `config`, from the
+    environment (AGENTFLOW_MODEL, OPENAI_BASE_URL), or from the defaults.
+
+    Args:
+        task: Level, for instance "throwing".
+        workflow: hierarchical, iterative, single, random-dsl ...
+        model: Name of the model at the endpoint, or the name to show for `answer`.
+        base_url: OpenAI-compatible endpoint; the key is in OPENAI_API_KEY.
+        answer: Your own function that answers every request, instead of an endpoint.
+        config: YAML file, or its content as a mapping.
+        settings: Dotted configuration keys or knobs of the task, as `--set` takes them.
+        seed: Random seed.
+        out: Folder for run directories.
+        workers: Processes that simulate machines.
+        say: Receives remarks, one line each; by default they are printed to stderr.
+        listener: Receives every event.
+
+    Raises:
+        UsageError: A name or value is wrong, or the folder cannot be written.
+        EndpointError: The model cannot be used.
+        InterruptedRunError: Ctrl-C; the run can be resumed.
+    """
+    from agentflow.app.design import run
+
+    _require_no_event_loop("design")
+    options = _config_keys(task, workflow, model, base_url, seed, workers)
+    built, client = _configure(config, settings, options, answer)
+    return _to_design(run.design(built, Path(out), _run_options(say, listener, client)))
+
+
+async def design_async(
+    task: str | None = None,
+    *,
+    workflow: str | None = None,
+    model: str | None = None,
+    base_url: str | None = None,
+    answer: ModelFunction | None = None,
+    config: Path | Mapping[str, Any] | None = None,
+    settings: Mapping[str, object] | None = None,
+    seed: int | None = None,
+    out: Path | str = "runs",
+    workers: int | None = None,
+    say: Notify | None = None,
+    listener: Listener | None = None,
+    pool: RolloutPool | None = None,
+) -> Design:
+    """`design` on a running event loop, where several runs can share a `pool`.
+
+    Raises:
+        UsageError: As `design`.
+        EndpointError: The model cannot be used.
+    """
+    from agentflow.app.design import run
+
+    options = _config_keys(task, workflow, model, base_url, seed, workers)
+    built, client = _configure(config, settings, options, answer)
+    run_options = _run_options(say, listener, client, pool)
+    return _to_design(await run.design_async(built, Path(out), run_options))
+
+
+def resume(
+    run: Path | str,
+    *,
+    answer: ModelFunction | None = None,
+    say: Notify | None = None,
+    listener: Listener | None = None,
+) -> Design:
+    """Continue a run; never repeats a recorded call. A finished run returns its result.
+
+    Args:
+        run: The run directory.
+        answer: The function that answers, if the run was started with one.
+        say: Receives remarks; by default they are printed to stderr.
+        listener: Receives every event.
+
+    Raises:
+        RunError: It is not a run directory, is damaged, is in use, or was started with different
+            prompts, task, constants or physics engine.
+        EndpointError: The model cannot be used.
+        InterruptedRunError: Ctrl-C; the run can be resumed again.
+    """
+    from agentflow.app.design.run import resume as resume_run
+
+    _require_no_event_loop("resume")
+    client = _client_of_run(Path(run), answer)
+    return _to_design(resume_run(Path(run), _run_options(say, listener, client)))
+
+
+async def resume_async(
+    run: Path | str,
+    *,
+    answer: ModelFunction | None = None,
+    say: Notify | None = None,
+    listener: Listener | None = None,
+    pool: RolloutPool | None = None,
+) -> Design:
+    """`resume` on a running event loop.
+
+    Raises:
+        RunError: As `resume`.
+        EndpointError: The model cannot be used.
+    """
+    from agentflow.app.design.run import resume_async as resume_run
+
+    client = _client_of_run(Path(run), answer)
+    return _to_design(await resume_run(Path(run), _run_options(say, listener, client, pool)))
+
+
+def check(
+    machine: MachineLike, task: str | None = None, *, knobs: Mapping[str, object] | None = None
+) -> Report:
+    """Check a machine: its file, its geometry, and what a task demands. Needs no physics.
+
+    Args:
+        machine: The machine.
+        task: Level whose demands to check; none by default.
+        knobs: Knobs of the level to change, for instance `{"wall.height": 0}`.
+
+    Raises:
+        UsageError: There is no such task, knob or file.
+    """
+    if knobs and task is None:
+        raise UsageError("knobs change a task; name it with task=")
+    if task is None:
+        return _check(machine, None)
+    from agentflow.env.tasks.registry import get_task
+
+    return _check(machine, get_task(task, knobs).brief)
+
+
+def simulate(
+    machine: MachineLike,
+    task: str,
+    *,
+    knobs: Mapping[str, object] | None = None,
+    seed: int = 0,
+    rate: float | None = None,
+    power: bool = True,
+) -> Rollout:
+    """Build a machine, simulate it, and score it.
+
+    Args:
+        machine: The machine; an invalid one gives a rollout with status `invalid` and score 0.
+        task: Level, for instance "throwing" or "movement/3".
+        knobs: Knobs of the level to change.
+        seed: Random seed.
+        rate: Steps per second; by default as in the constants.
+        power: False is the control experiment, in which nothing is ever switched on.
+
+    Raises:
+        UsageError: There is no such task, knob or file, or the rate is out of range.
+    """
+    from agentflow.env.simulation.simulate import simulate as simulate_machine
+
+    level, built = _prepare(machine, task, knobs)
+    if isinstance(built, Machine):
+        return simulate_machine(built, level, seed=seed, rate=rate, power=power)
+    return built
+
+
+async def simulate_async(
+    machine: MachineLike,
+    task: str,
+    pool: RolloutPool,
+    *,
+    knobs: Mapping[str, object] | None = None,
+    seed: int = 0,
+    rate: float | None = None,
+    power: bool = True,
+) -> Rollout:
+    """`simulate` in a worker process of a pool, several at a time.
+
+    Raises:
+        UsageError: As `simulate`.
+    """
+    level, built = _prepare(machine, task, knobs)
+    if isinstance(built, Machine):
+        return await pool.run(built, level, seed=seed, rate=rate, power=power)
+    return built
+
+
+def _config_keys(
+    task: str | None,
+    workflow: str | None,
+    model: str | None,
+    base_url: str | None,
+    seed: int | None,
+    workers: int | None,
+) -> dict[str, object]:
+    given: dict[str, object] = {
+        "task": task,
+        "workflow": workflow,
+        "model.name": model,
+        "model.base_url": base_url,
+        "seed": seed,
+        "workers": workers,
+    }
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def _configure(
+    config: Path | Mapping[str, Any] | None,
+    settings: Mapping[str, object] | None,
+    options: Mapping[str, object],
+    answer: ModelFunction | None,
+) -> tuple[DesignConfig, FunctionClient | None]:
+    """The configuration, and the client of `answer`."""
+    from agentflow.app.design.config import complete_config
+    from agentflow.config.run import PROCEDURAL, build, load, put
+    from agentflow.llm.function import FunctionClient
+
+    document = load(config) if isinstance(config, Path) else dict(config or {})
+    name = {} if answer is None else {"model.name": _function_name(answer)}
+    for key, value in {**(settings or {}), **name, **options}.items():
+        document = put(document, key, value)
+    if answer is None:
+        return complete_config(document), None
+    built = build(document)
+    if built.model.name == PROCEDURAL or built.model.roles:
+        raise UsageError(
+            f"answer= replaces the model: give it a name other than {PROCEDURAL!r}, and no roles"
+        )
+    return built, FunctionClient(answer, built.model.name)
+
+
+def _function_name(answer: ModelFunction) -> str:
+    return getattr(answer, "__name__", type(answer).__name__)
+
+
+def _client_of_run(path: Path, answer: ModelFunction | None) -> FunctionClient | None:
+    from agentflow.config.run import build, load
+    from agentflow.llm.function import FunctionClient
+
+    if answer is None:
+        return None
+    return FunctionClient(answer, build(load(path / "run.yaml")).model.name)
+
+
+def _run_options(
+    say: Notify | None,
+    listener: Listener | None,
+    client: FunctionClient | None,
+    pool: RolloutPool | None = None,
+) -> RunOptions:
+    from agentflow.app.design.run import RunOptions
+
+    return RunOptions(say or _print_remark, listener, client, pool)
+
+
+def _to_design(result: Mapping[str, Any]) -> Design:
+    machine = result["machine"]
+    return Design(
+        run=Path(result["run"]),
+        valid=result["valid"],
+        score=result["score"],
+        machine=None if machine is None else read_machine(machine, tuple(library())).machine,
+        model=result["model"],
+        stages=tuple(result["stages"]),
+        stopped=result["stopped"],
+        data=result,
+    )
+
+
+def _require_no_event_loop(name: str) -> None:
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return
+    raise UsageError(f"{name} blocks until its run ends; on an event loop, await {name}_async")
+
+
+def _print_remark(line: str) -> None:
+    print(f"agentflow: {line}", file=sys.stderr)
+
+
+def _prepare(
+    machine: MachineLike, task: str, knobs: Mapping[str, object] | None
+) -> tuple[Task, Machine | Rollout]:
+    """The task, and the machine, or the rollout of an invalid one."""
+    from agentflow.env.simulation.refusals import invalid
+    from agentflow.env.tasks.registry import get_task
+
+    level = get_task(task, knobs)
+    report = _check(machine, level.brief)
+    return level, invalid(report.problems) if report.machine is None else report.machine
+
+
+def _check(machine: MachineLike, brief: Brief | None) -> Report:
+    from agentflow.app.machines.files import machine_text
+
+    if isinstance(machine, Machine):
+        return check_machine(machine, brief)
+    source = machine_text(str(machine)) if isinstance(machine, Path) else machine
+    report = check_machine(read_for(brief, source), brief)
+    if report.machine is None and isinstance(source, str) and _is_file_name(source):
+        first, *others = report.problems
+        message = f"{first.message}; this is the name of a file: pass Path({source!r})"
+        report = replace(report, problems=(replace(first, message=message), *others))
+    return report
+
+
+def _is_file_name(text: str) -> bool:
+    try:
+        return Path(text).is_file()
+    except (OSError, ValueError):  # too long for a name, or with a null character
+        return False

@@ -1,0 +1,103 @@
+"""The configuration of a run, from options, settings, YAML file and environment."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from agentflow.config.run import (
+    PROCEDURAL,
+    DesignConfig,
+    ModelConfig,
+    build,
+    load,
+    override,
+    put,
+)
+from agentflow.errors import ConfigError
+from agentflow.llm.endpoint.address import Endpoint
+
+
+def load_config(
+    path: Path | None, settings: Iterable[str], options: Mapping[str, Any]
+) -> DesignConfig:
+    """Read a configuration. Options override `--set`, then the file, then the environment.
+
+    Args:
+        path: The YAML file, if any.
+        settings: Strings `a.b=value`.
+        options: Dotted configuration keys; None means not given.
+
+    Raises:
+        ConfigError: A key is unknown or a value out of range.
+    """
+    document = override(load(path) if path is not None else {}, settings)
+    for key, value in options.items():
+        if value is not None:
+            document = put(document, key, value)
+    return complete_config(document)
+
+
+def complete_config(document: Mapping[str, Any]) -> DesignConfig:
+    """Validate a document, with missing model settings taken from the environment.
+
+    Raises:
+        ConfigError: A key is unknown, a value out of range, or a base URL is given without a model.
+    """
+    config = build(fill_from_environment(document, os.environ))
+    require_model_name(config.model)
+    return config
+
+
+def fill_from_environment(
+    document: Mapping[str, Any], environ: Mapping[str, str]
+) -> dict[str, Any]:
+    """Add the model's name and base URL from the environment if the document lacks them.
+
+    A key alone never spends money: only a model's name replaces the procedural model.
+    """
+    result = dict(document)
+    given = result.get("model", {})
+    if not isinstance(given, Mapping):
+        return result
+    model = dict(given)
+    name = environ.get("AGENTFLOW_MODEL", "").strip()
+    url = environ.get("OPENAI_BASE_URL", "").strip()
+    if name:
+        model.setdefault("name", name)
+    if url and model.get("name", PROCEDURAL) != PROCEDURAL:
+        model.setdefault("base_url", url)
+    return {**result, "model": model} if model else result
+
+
+def require_model_name(model: ModelConfig) -> None:
+    """Refuse a base URL that no model uses.
+
+    Raises:
+        ConfigError: There is one. The model `procedural` is accepted if named explicitly.
+    """
+    if model.base_url is None or "name" in model.model_fields_set:
+        return
+    if not any(role.name != PROCEDURAL and role.base_url is None for role in model.roles.values()):
+        raise ConfigError(
+            "a base URL is given without a model: name the model with --model (model.name, "
+            "AGENTFLOW_MODEL)"
+        )
+
+
+def config_json(config: DesignConfig) -> dict[str, Any]:
+    """The configuration as it may be written to files: base URLs without credentials."""
+    document = config.model_dump(mode="json")
+    model = document["model"]
+    for part in (model, *model["roles"].values()):
+        if part["base_url"] is not None:
+            part["base_url"] = Endpoint(part["name"], part["base_url"]).base_url
+    return document
+
+
+def urls_with_credentials(config: DesignConfig) -> set[str]:
+    """The base URLs with a user or a query, which `config_json` leaves out."""
+    urls = [config.model.base_url, *(role.base_url for role in config.model.roles.values())]
+    return {url for url in urls if url and ("@" in url or "?" in url)}

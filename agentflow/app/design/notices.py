@@ -1,0 +1,103 @@
+"""What users are told during a run: remarks, which are recorded, and calls in progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+from agentflow.app.design.models import Models
+from agentflow.llm.client import Client
+from agentflow.llm.messages import Reply, Request
+from agentflow.llm.wrappers.budget import Budget
+from agentflow.runs import Event, Notify, RunDirectory, read_events
+from agentflow.runs.events import CallsEvent, RemarkEvent
+from agentflow.runs.places import Place
+from agentflow.runs.reading import EVENTS
+
+REMARK = RemarkEvent.kind
+"""Kind of the events that `Remarks` records; replays ignore them."""
+WHY = "a rollout had been cut off, a file was edited, or agentflow has changed"
+
+
+class Remarks:
+    """Lines for the user that are also recorded among the run's events.
+
+    Their numbering continues when the run is resumed.
+    """
+
+    def __init__(self, run: RunDirectory, notify: Notify) -> None:
+        self._run, self._notify = run, notify
+        self._count = sum(event.kind == REMARK for event in read_events(run.path))
+
+    def tell(self, line: str) -> None:
+        """Show a line to the user and record it."""
+        self._notify(line)
+        self.record(line)
+
+    def record(self, line: str) -> None:
+        """Record a line that the user sees in another way."""
+        self._count += 1
+        self._run.event(REMARK, str(self._count), text=line)
+
+    def tell_differences(self) -> None:
+        """Tell how this process deviates from what an earlier one recorded, if it does."""
+        for line in _differences(self._run):
+            self.tell(line)
+
+
+def _differences(run: RunDirectory) -> Iterator[str]:
+    if run.dropped:
+        yield f"{run.path / EVENTS}: dropped a half-written last line ({run.dropped} bytes)"
+    if run.replaced:
+        first = run.replaced[0]
+        yield (
+            f"recorded events that differ now: {len(run.replaced)}, first {first.kind} "
+            f"{first.label}: {WHY}; both versions are kept, the later one counts"
+        )
+    missing = [event for event in run.unreproduced() if event.kind != REMARK]
+    if missing:
+        first = missing[0]
+        yield (
+            f"recorded events that were not reproduced: {len(missing)}, first {first.kind} "
+            f"{first.label}: {WHY}; they are kept"
+        )
+
+
+def watch_calls(models: Models, budget: Budget, listener: Callable[[Event], None]) -> Models:
+    """The same models; `listener` receives an event whenever a call begins or ends."""
+    counter = _CallCounter(budget, listener)
+    watched = {id(client): _WatchedClient(client, counter) for client in models.clients.values()}
+    return replace(models, clients={role: watched[id(c)] for role, c in models.clients.items()})
+
+
+@dataclass
+class _CallCounter:
+    budget: Budget
+    listener: Callable[[Event], None]
+    in_progress: int = 0
+
+    def change(self, label: str, by: int) -> None:
+        self.in_progress += by
+        event = CallsEvent(Place.parse(label), self.in_progress, self.budget.cost)
+        self.listener(event.to_event())
+
+
+class _WatchedClient:
+    """A client whose calls in progress are counted."""
+
+    def __init__(self, inner: Client, counter: _CallCounter) -> None:
+        self._inner, self._counter = inner, counter
+
+    @property
+    def name(self) -> str:
+        return self._inner.name
+
+    async def complete(self, request: Request) -> Reply:
+        self._counter.change(request.label, 1)
+        try:
+            return await self._inner.complete(request)
+        finally:
+            self._counter.change(request.label, -1)
+
+    async def aclose(self) -> None:
+        await self._inner.aclose()

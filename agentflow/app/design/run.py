@@ -1,0 +1,216 @@
+"""Design runs from configuration to result, new or resumed."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from pathlib import Path
+from shlex import quote
+from typing import Any
+
+from agentflow.app.design.execution import execute, model_name
+from agentflow.app.design.models import Models, known_prices, open_models, use_client
+from agentflow.app.design.notices import REMARK, Remarks, watch_calls
+from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.rationales import with_rationales
+from agentflow.app.design.results import read_finished, result_json, save_rollouts
+from agentflow.config.run import DesignConfig, build
+from agentflow.env.pool.pool import Simulator
+from agentflow.errors import ConfigError, EndpointError, InterruptedRunError, RunError
+from agentflow.llm.client import Client
+from agentflow.llm.wrappers.budget import Budget
+from agentflow.llm.wrappers.limits import Limiter
+from agentflow.llm.wrappers.tape import Tape
+from agentflow.runs import Event, Listener, Notify, RunDirectory, read_document, state_of
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a run is carried out. Only `client` can change its result."""
+
+    notify: Notify = lambda _line: None
+    """Receives remarks for the user, one line each."""
+    listener: Listener | None = None
+    """Receives every event."""
+    client: Client | None = None
+    """Answers for all roles instead of the configured models."""
+    pool: Simulator | None = None
+    """Simulates machines; by default a new pool of `config.workers` processes."""
+    limiters: dict[str, Limiter] = field(default_factory=dict)
+    """Rate limiters by base URL, to share with other runs."""
+
+
+def design(
+    config: DesignConfig, out: Path, options: RunOptions | None = None, name: str = ""
+) -> dict[str, Any]:
+    """`design_async` for programs without an event loop.
+
+    Raises:
+        InterruptedRunError: Ctrl-C; the run can be resumed.
+    """
+    return DesignRun.create(config, out, options or RunOptions(), name).carry_out_blocking()
+
+
+async def design_async(
+    config: DesignConfig, out: Path, options: RunOptions | None = None, name: str = ""
+) -> dict[str, Any]:
+    """Run a workflow in a new run directory.
+
+    Args:
+        config: What to do.
+        out: Folder for run directories; created if missing.
+        options: How to do it.
+        name: Name of the run directory; by default date, task, workflow and seed.
+
+    Returns:
+        The content of result.json.
+
+    Raises:
+        UsageError: A name or value is wrong, or the folder cannot be written.
+        EndpointError: The model cannot be used; a run without any reply leaves nothing behind.
+    """
+    return await DesignRun.create(config, out, options or RunOptions(), name).carry_out()
+
+
+def resume(path: Path, options: RunOptions | None = None) -> dict[str, Any]:
+    """`resume_async` for programs without an event loop.
+
+    Raises:
+        InterruptedRunError: Ctrl-C; the run can be resumed again.
+    """
+    if state_of(path) == "done":
+        return _finished_result(path)
+    return DesignRun.reopen(path, options or RunOptions()).carry_out_blocking()
+
+
+async def resume_async(path: Path, options: RunOptions | None = None) -> dict[str, Any]:
+    """Continue a run without repeating recorded calls. A finished run returns its result.
+
+    Raises:
+        RunError: The run is damaged or in use, or prompts, task, constants or engine have changed.
+        EndpointError: The model cannot be used.
+    """
+    if state_of(path) == "done":
+        return _finished_result(path)
+    return await DesignRun.reopen(path, options or RunOptions()).carry_out()
+
+
+def _finished_result(path: Path) -> dict[str, Any]:
+    read_document(path)  # refuses edited runs and other schemas
+    return {**read_finished(path), "run": str(path)}
+
+
+@dataclass(frozen=True)
+class DesignRun:
+    """An open run directory, and everything needed to carry the run out."""
+
+    plan: RunPlan
+    directory: RunDirectory
+    options: RunOptions
+
+    @classmethod
+    def create(cls, config: DesignConfig, out: Path, options: RunOptions, name: str) -> DesignRun:
+        """Start a new run; see `design_async`."""
+        plan = RunPlan.of(with_rationales(config))
+        directory = RunDirectory.create(out, name or plan.run_name, plan.run_document)
+        return cls(plan, directory, options)
+
+    @classmethod
+    def reopen(cls, path: Path, options: RunOptions) -> DesignRun:
+        """Open an unfinished run; see `resume_async`."""
+        document = read_document(path)
+        plan = RunPlan.of(build(document.get("config")))
+        if changes := plan.changes_since(document):
+            raise RunError(
+                f"{path} was started with different {changes}: its record does not fit the rest "
+                "of the run; resume it with the version that started it"
+            )
+        if note := plan.engine_note(document):
+            options.notify(f"{path}: {note}")
+        return cls(plan, RunDirectory.resume(path), options)
+
+    def __post_init__(self) -> None:
+        listener = self.options.listener
+        if listener is not None:
+            self.directory.listeners.append(
+                lambda event: None if event.kind == REMARK else listener(event)
+            )
+
+    def carry_out_blocking(self) -> dict[str, Any]:
+        """Finish the run on a new event loop.
+
+        Raises:
+            InterruptedRunError: Ctrl-C.
+        """
+        try:
+            return asyncio.run(self.carry_out())
+        except KeyboardInterrupt:
+            self.directory.close()
+            raise InterruptedRunError(f"interrupted; {self._resume_hint}") from None
+
+    async def carry_out(self) -> dict[str, Any]:
+        """Do what is left to do, and close the run."""
+        remarks = Remarks(self.directory, self.options.notify)
+        try:
+            with Tape(self.directory.tape, remarks.tell) as tape:
+                try:
+                    return await self._finish(tape, self._budget_after(tape), remarks)
+                except EndpointError as error:
+                    if not self._worth_keeping(tape):
+                        self.directory.discard()
+                        raise
+                    remarks.record(str(error))
+                    raise type(error)(f"{error}; {self._resume_hint}") from error
+                except ConfigError:  # a missing key, for example
+                    if not self._worth_keeping(tape):
+                        self.directory.discard()
+                    raise
+                except RunError as error:
+                    raise RunError(f"{error}; {self._resume_hint}") from error
+        finally:
+            self.directory.close()
+
+    async def _finish(self, tape: Tape, budget: Budget, remarks: Remarks) -> dict[str, Any]:
+        plan, directory = self.plan, self.directory
+        models = watch_calls(self._models(tape, budget, remarks), budget, self._notify_listeners)
+        execution = await execute(plan, models, directory, self.options.pool)
+        remarks.tell_differences()
+        save_rollouts(directory.path, plan.config, execution)
+        result = {
+            **result_json(plan, execution),
+            "model": model_name(plan.config, models),
+            "calls": budget.calls,
+            "tokens": budget.usage.total,
+            "cost": None if budget.cost is None else round(budget.cost, 6),
+            "seconds": round(directory.seconds, 2),
+            "simulated_seconds": round(execution.laboratory.simulated_seconds, 3),
+            "worker_seconds": round(execution.laboratory.worker_seconds, 3),
+            "run": str(directory.path),
+        }
+        directory.finish(result)
+        return result
+
+    def _models(self, tape: Tape, budget: Budget, remarks: Remarks) -> Models:
+        if self.options.client is not None:
+            return use_client(self.options.client, self.plan.config, tape, budget)
+        return open_models(self.plan.config, tape, budget, remarks.tell, self.options.limiters)
+
+    def _budget_after(self, tape: Tape) -> Budget:
+        """The budget, charged with the calls of earlier processes."""
+        budget = Budget(self.plan.config.model.budget)
+        prices = known_prices(self.plan.config.model)
+        for call in tape.calls():
+            budget.count(call.request, call.reply, prices.get(call.model))
+        return budget
+
+    def _worth_keeping(self, tape: Tape) -> bool:
+        """Whether there is anything to resume: a reply, or the work of an earlier process."""
+        return self.directory.resumed or bool(len(tape))
+
+    def _notify_listeners(self, event: Event) -> None:
+        for listener in self.directory.listeners:
+            listener(event)
+
+    @property
+    def _resume_hint(self) -> str:
+        return f"continue with: agentflow design --resume {quote(str(self.directory.path))}"

@@ -1,1 +1,0 @@
-"""What Python programs call: `agentflow.design`, `check`, `simulate`."""

@@ -1,0 +1,42 @@
+"""A Python function as a model."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from inspect import isawaitable
+
+from agentflow.llm.messages import Reply, Request
+
+ModelFunction = Callable[[Request], "str | Reply | Awaitable[str | Reply]"]
+"""Answers a request with a text, or with a `Reply` that has usage. A plain function is called in
+threads, several at a time; a coroutine function runs on the event loop."""
+
+
+class FunctionClient:
+    """A client that calls a model function."""
+
+    def __init__(self, answer: ModelFunction, name: str) -> None:
+        """`name` is the model's name in results and in the record."""
+        self._answer, self._name = answer, name
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self._name
+
+    async def complete(self, request: Request) -> Reply:
+        """Answer one request; exceptions of the function propagate."""
+        given = await asyncio.to_thread(self._answer, request)
+        answer = await given if isawaitable(given) else given
+        if isinstance(answer, Reply):
+            return answer
+        if not isinstance(answer, str):
+            raise TypeError(
+                f"the model function must return a string or a Reply, not {answer!r:.80}"
+            )
+        finish = "stop" if answer.strip() else "empty"
+        return Reply(text=answer, finish=finish, model=self._name)
+
+    async def aclose(self) -> None:
+        """Nothing to release."""

@@ -1,0 +1,82 @@
+"""What decides a run is recorded with it, and a later difference is named."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.replay import replay
+from agentflow.app.design.run import RunOptions, resume
+from agentflow.app.inspect.rescore import rescore
+from agentflow.config.run import build
+from agentflow.errors import RunError
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.runs import RunDirectory, read_document
+from agentflow.runs.document import document_text
+
+PLAN = RunPlan.of(build({"task": "movement", "workflow": "random-dsl", "workers": 1}))
+RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({}, ""),
+        ({"engine": "pybullet 3.2.7"}, "engine (pybullet 3.2.7, now 3.2.8)"),
+        ({"engine": "other 3.2.8"}, "engine (other 3.2.8, now pybullet 3.2.8)"),
+        (
+            {"prompts": "0", "engine": "pybullet 3.2.7"},
+            "prompts and engine (pybullet 3.2.7, now 3.2.8)",
+        ),
+        ({"seed": 7}, ""),
+    ],
+)
+def test_every_difference_is_named_and_versions_too(changed: dict[str, object], words: str) -> None:
+    plan = replace(PLAN, engine="pybullet 3.2.8")
+    assert plan.changes_since({**plan.run_document, **changed}) == words
+
+
+def test_a_run_is_not_resumed_with_another_engine(tmp_path: Path) -> None:
+    plan = replace(PLAN, engine="pybullet 0.0.1")
+    run = RunDirectory.create(tmp_path, "run", plan.run_document)
+    run.close()
+    now = PLAN.engine.removeprefix("pybullet ")
+    with pytest.raises(RunError) as caught:
+        resume(run.path)
+    assert str(caught.value) == (
+        f"{run.path} was started with different engine (pybullet 0.0.1, now {now}): its record "
+        "does not fit the rest of the run; resume it with the version that started it"
+    )
+
+
+def test_a_run_that_records_no_engine_is_resumed_with_a_note(tmp_path: Path) -> None:
+    document = PLAN.run_document
+    del document["engine"]
+    plan = {**document, "config": {**document["config"], "settings": {"rollouts": 1}}}
+    run = RunDirectory.create(tmp_path, "run", plan)
+    run.close()
+    notes: list[str] = []
+    result = resume(run.path, RunOptions(notes.append, client=ScriptedClient(str)))
+    assert result["rollouts"] == 1
+    assert notes == [
+        f"{run.path}: the run does not record its physics engine; now it is {PLAN.engine}"
+    ]
+
+
+@pytest.mark.slow
+def test_replay_and_rescoring_tell_of_another_engine(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(RECORDED, run)
+    document = {**read_document(run), "engine": "pybullet 0.0.1"}
+    (run / "run.yaml").write_text(document_text(document))
+    now = PLAN.engine.removeprefix("pybullet ")
+    notes: list[str] = []
+    replay(run, notes.append)
+    assert notes == [
+        f"{run} was made with different engine (pybullet 0.0.1, now {now}); expect differences"
+    ]
+    assert rescore(run)["engine"] == {"recorded": "pybullet 0.0.1", "now": PLAN.engine}
