@@ -53,7 +53,7 @@ def test_checking_a_machine_loads_no_physics() -> None:
 
 
 def test_the_name_of_a_file_is_no_machine_and_says_how_to_give_one() -> None:
-    wanted = f"; it names a file, which is given as Path({str(CAR)!r})"
+    wanted = f"; this is the name of a file: pass Path({str(CAR)!r})"
     assert agentflow.check(str(CAR)).problems[0].message.endswith(wanted)
     assert agentflow.simulate(str(CAR), "movement").problems[0]["message"].endswith(wanted)
     assert "Path" not in agentflow.check("x" * 5000 + "\0").problems[0].message
@@ -180,7 +180,7 @@ async def test_the_plain_functions_say_what_to_do_on_a_loop(tmp_path: Path) -> N
     with pytest.raises(UsageError) as caught:
         agentflow.design("movement", out=tmp_path)
     assert str(caught.value) == (
-        "design waits for its run; on a running event loop, await design_async"
+        "design blocks until its run ends; on an event loop, await design_async"
     )
     assert list(tmp_path.iterdir()) == []
 
@@ -192,7 +192,10 @@ async def test_the_plain_functions_say_what_to_do_on_a_loop(tmp_path: Path) -> N
         ({"workflow": "singel"}, "unknown workflow 'singel'; known: single"),
         ({"settings": {"search.wdth": 1}}, "unknown configuration key 'settings.search.wdth'"),
         ({"settings": {"wall.hight": 1}}, "unknown knob 'wall.hight' of throwing"),
-        ({"answer": car, "model": "procedural"}, "answer= stands for one model: give it another"),
+        (
+            {"answer": car, "model": "procedural"},
+            "answer= replaces the model: give it a name other",
+        ),
         ({"config": Path("none.yaml")}, "cannot read none.yaml"),
     ],
 )
@@ -206,7 +209,9 @@ def test_wrong_arguments_leave_nothing(
 
 
 def test_a_function_that_gives_no_text_is_a_bug_that_is_told(tmp_path: Path) -> None:
-    with pytest.raises(TypeError, match="the model function must give a text or a Reply, not 7"):
+    with pytest.raises(
+        TypeError, match="must return a string or a Reply, not 7"
+    ):
         agentflow.design("movement", workflow="single", answer=lambda _: 7, workers=1, out=tmp_path)  # type: ignore[arg-type, return-value]
 
 

@@ -46,7 +46,7 @@ def test_a_base_url_without_a_model_is_refused(
     monkeypatch.chdir(Path(__file__).parents[3])
     assert main([*words, "--base-url", "http://127.0.0.1:9/v1"]) == 2
     assert capsys.readouterr().err == (
-        "agentflow: a base URL is given, and no model: name the model with --model (model.name, "
+        "agentflow: a base URL is given without a model: name the model with --model (model.name, "
         "AGENTFLOW_MODEL)\n"
     )
 
@@ -107,7 +107,7 @@ def test_a_money_budget_asks_for_the_price_of_every_models_role_but_the_procedur
     with pytest.raises(ConfigError, match="a price for 'big'"):
         choose_models(small({**model, "prices": {"m": price}}).model)
     found = choose_models(small({**model, "prices": {"m": price, "big": price}}).model)
-    assert {role: item.shown for role, item in found.items()} == {
+    assert {role: item.display_name for role, item in found.items()} == {
         "meta_designer": "m",
         "designer": "m",
         "inspector": "m",

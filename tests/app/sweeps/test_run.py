@@ -19,10 +19,12 @@ import yaml
 from agentflow.app.design.replay import replay
 from agentflow.app.sweeps.plan import folder_of, plan_sweep
 from agentflow.app.sweeps.run import Outcome, run_sweep
+from agentflow.env.physics.engines import default_engine
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.runs import Event
 from agentflow.runs.document import document_text
 
+VERSION = default_engine().identity.version
 TINY: dict[str, Any] = {
     "title": "Tiny",
     "base": {
@@ -184,22 +186,49 @@ def test_unfinished_and_half_begun_runs_are_taken_up(
     assert [line["state"] for line in lines] == ["done"] * 7
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("prompts", "0" * 16, "prompts"),
+        ("engine", "pybullet 0.0.1", f"engine (pybullet 0.0.1, now {VERSION})"),
+    ],
+)
 def test_a_sweep_is_not_continued_beside_runs_of_other_conditions(
-    swept: tuple[Outcome, Notes, Path], tmp_path: Path
+    swept: tuple[Outcome, Notes, Path], tmp_path: Path, name: str, value: str, words: str
 ) -> None:
     outcome, _, path = swept
     copy = tmp_path / "tiny"
     shutil.copytree(outcome.path, copy)
     shutil.rmtree(copy / "runs" / RUNS[3])
     file = copy / "runs" / RUNS[1] / "run.yaml"
-    file.write_text(document_text({**yaml.safe_load(file.read_text()), "prompts": "0" * 16}))
+    file.write_text(document_text({**yaml.safe_load(file.read_text()), name: value}))
     with pytest.raises(RunError) as caught:
         carry_out(path, tmp_path, resume=True)
     assert str(caught.value) == (
-        f"{copy}: {RUNS[1]} was made with other prompts: the runs that are left would not belong "
-        "to it; choose another folder with --out"
+        f"{copy}: {RUNS[1]} was made with different {words}: the remaining runs would not be "
+        "comparable; choose another folder with --out"
     )
     assert not (copy / "runs" / RUNS[3]).exists()
+
+
+def test_a_sweep_is_not_continued_with_another_engine(
+    swept: tuple[Outcome, Notes, Path], tmp_path: Path
+) -> None:
+    outcome, _, path = swept
+    copy = tmp_path / "tiny"
+    shutil.copytree(outcome.path, copy)
+    document = yaml.safe_load((copy / "sweep.yaml").read_text())
+    assert document["engine"] == f"pybullet {VERSION}"
+    (copy / "sweep.yaml").write_text(yaml.safe_dump({**document, "engine": "other 1"}))
+    with pytest.raises(RunError) as caught:
+        carry_out(path, tmp_path, resume=True)
+    assert str(caught.value) == (
+        f"{copy} was started with different engine (other 1, now pybullet {VERSION}): further "
+        "runs would not be comparable; choose another folder with --out"
+    )
+    del document["engine"]
+    (copy / "sweep.yaml").write_text(yaml.safe_dump(document))
+    assert carry_out(path, tmp_path, resume=True).failed == {}
 
 
 @pytest.mark.slow
