@@ -209,9 +209,7 @@ def test_wrong_arguments_leave_nothing(
 
 
 def test_a_function_that_gives_no_text_is_a_bug_that_is_told(tmp_path: Path) -> None:
-    with pytest.raises(
-        TypeError, match="must return a string or a Reply, not 7"
-    ):
+    with pytest.raises(TypeError, match="must return a string or a Reply, not 7"):
         agentflow.design("movement", workflow="single", answer=lambda _: 7, workers=1, out=tmp_path)  # type: ignore[arg-type, return-value]
 
 
