@@ -131,7 +131,7 @@ def _rectangle(corners: Array, camera: Camera) -> tuple[slice, slice]:
 
 
 def _above_ground(camera: Camera, rows: slice, depth: Grid) -> NDArray[np.bool_]:
-    """What is below the ground is hidden by it."""
+    """Mask of the hits above the ground, which hides what is below it."""
     _, up, towards = camera.axes
     rise = (up[1] * _rows(camera, rows) - towards[1]).astype(np.float32)
     above: NDArray[np.bool_] = depth * rise > -camera.eye[1]

@@ -196,7 +196,7 @@ class JumpReferee:
                 return
 
     def _missed_by(self, world: World, block: int) -> float:
-        """How much higher (walls) or farther (trench) the block should have been, m."""
+        """Missing height (walls) or distance (trench) of the block, m."""
         if self._knobs.trench.length:
             return max(0.0, self._far - world.centre(block)[2])
         return max(0.0, self._knobs.walls.height - lowest_point(world, self._machine, block))

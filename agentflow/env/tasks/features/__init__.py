@@ -1,1 +1,1 @@
-"""What levels are made of: roads, rings, barriers and how they are judged."""
+"""Parts of levels: roads, rings, barriers, and the scoring that belongs to them."""
