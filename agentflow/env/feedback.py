@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.rotations import rotate
 from agentflow.env.rollout import Array, Broken, Event, Feedback, Trace, Verdict
+from agentflow.env.rotations import rotate
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agentflow.env.physics.vectors import turned
 from agentflow.env.scene import Gust, Scene, Start
+from agentflow.machine.geometry.vectors import rotate_vector
 
 
 def test_a_level_start_turns_nothing() -> None:
@@ -14,14 +14,14 @@ def test_a_level_start_turns_nothing() -> None:
 
 
 def test_a_pitch_raises_the_front() -> None:
-    x, y, z = turned(Start(pitch=30).rotation, (0.0, 0.0, 1.0))
+    x, y, z = rotate_vector(Start(pitch=30).rotation, (0.0, 0.0, 1.0))
     assert (x, y, z) == pytest.approx((0.0, 0.5, 3**0.5 / 2))
 
 
 def test_a_yaw_turns_the_front_to_the_right_on_the_plane() -> None:
-    assert turned(Start(yaw=90).rotation, (0.0, 0.0, 1.0)) == pytest.approx((1.0, 0.0, 0.0))
-    front = turned(Start(pitch=30, yaw=90).rotation, (0.0, 0.0, 1.0))
-    side = turned(Start(pitch=30, yaw=90).rotation, (1.0, 0.0, 0.0))
+    assert rotate_vector(Start(yaw=90).rotation, (0.0, 0.0, 1.0)) == pytest.approx((1.0, 0.0, 0.0))
+    front = rotate_vector(Start(pitch=30, yaw=90).rotation, (0.0, 0.0, 1.0))
+    side = rotate_vector(Start(pitch=30, yaw=90).rotation, (1.0, 0.0, 0.0))
     assert front == pytest.approx((1.0, 0.0, 0.0))
     assert side == pytest.approx((0.0, -0.5, -(3**0.5) / 2))
 

@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from agentflow.env.drawing.cameras import Camera, axes_of, project
 from agentflow.env.drawing.raster import SUN, corners_of
-from agentflow.env.physics.rotations import frame_of
 from agentflow.env.rollout import Array
+from agentflow.env.rotations import rotated_axes
 from agentflow.env.scene import Thing
 
 LAND = (214, 219, 208)
@@ -108,7 +108,7 @@ def silhouette(thing: Thing) -> Array:
         return corners_of(thing)
     rim = np.insert(CIRCLE, 1, -0.5, axis=1)
     rims = np.concatenate([rim, rim * ((1, -1, 1) if thing.shape == "cylinder" else (0, -1, 0))])
-    return rims * thing.size @ frame_of(thing.rotation) + thing.position
+    return rims * thing.size @ rotated_axes(thing.rotation) + thing.position
 
 
 def convex_hull(places: Array) -> list[tuple[float, float]]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from agentflow.env.drawing.backdrop import CIRCLE, convex_hull, silhouette
 from agentflow.env.drawing.solids import MachineSolids
-from agentflow.env.physics.rotations import frame_of
 from agentflow.env.rollout import Array
+from agentflow.env.rotations import rotated_axes
 from agentflow.env.scene import Start, Thing
 from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
@@ -102,7 +102,7 @@ def _given(machine: Machine) -> list[Thing]:
 def _volume(start: Start, size: tuple[float, float, float]) -> Array:
     """(8, 3) corners of the building volume at the machine's start."""
     corners = silhouette(Thing("", "box", size, (0.0, size[1] / 2, 0.0)))
-    turned: Array = corners @ frame_of(start.rotation) + (0.0, start.height, 0.0)
+    turned: Array = corners @ rotated_axes(start.rotation) + (0.0, start.height, 0.0)
     return turned
 
 

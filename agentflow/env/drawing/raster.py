@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from agentflow.env.drawing.cameras import Camera, project
-from agentflow.env.physics.rotations import frame_of
 from agentflow.env.rollout import Array
+from agentflow.env.rotations import rotated_axes
 from agentflow.env.scene import Thing
 
 Grid = NDArray[np.float32]
@@ -75,7 +75,7 @@ def draw(camera: Camera, things: Sequence[Thing], ground: Image.Image) -> Image.
 def corners_of(thing: Thing) -> Array:
     """(8, 3) corners of the box around a solid, in the world."""
     size = np.repeat(thing.size[0], 3) if thing.shape == "sphere" else np.asarray(thing.size)
-    corners: Array = CORNERS * size @ frame_of(thing.rotation) + thing.position
+    corners: Array = CORNERS * size @ rotated_axes(thing.rotation) + thing.position
     return corners
 
 
@@ -145,7 +145,7 @@ def _rows(camera: Camera, rows: slice) -> Array:
 
 
 def _ray(camera: Camera, thing: Thing, place: tuple[slice, slice]) -> _Ray:
-    frame = frame_of(thing.rotation)
+    frame = rotated_axes(thing.rotation)
     half = np.asarray(thing.size) / 2
     half = np.repeat(half[0], 3) if thing.shape == "sphere" else half
     right, up, towards = camera.axes

@@ -10,11 +10,11 @@ import numpy as np
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.model import Assembly, Color, Shape
-from agentflow.env.physics.rotations import chain, inverse, rotate
-from agentflow.env.physics.vectors import add, product, turned, upright_to
 from agentflow.env.rollout import Array
+from agentflow.env.rotations import compose, conjugate, rotate
 from agentflow.env.scene import Quat, Thing, Vec3
 from agentflow.machine.geometry.placement import Geometry, place
+from agentflow.machine.geometry.vectors import add, product, rotate_vector, rotation_from_up
 from agentflow.machine.tree import Machine
 
 BROKEN: Color = (0.85, 0.1, 0.1, 1.0)
@@ -58,7 +58,7 @@ class MachineSolids:
         self._colors = [assembly.parts[parts[0]].color for parts in assembly.blocks]
         self.ends = {
             block: tuple(
-                rotate(inverse(rotations[parent]), end - centres[parent])
+                rotate(conjugate(rotations[parent]), end - centres[parent])
                 for parent, end in zip(machine[block].parents, ends, strict=True)
             )
             for block, ends in _rod_ends(geometry, centres[0]).items()
@@ -84,17 +84,17 @@ class MachineSolids:
             for parent, end in zip(self._machine[block].parents, self.ends[block], strict=True)
         )
         length = max(float(np.linalg.norm(b - a)), 1e-3)
-        along = upright_to(_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)
+        along = rotation_from_up(_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)
         size = (ROD_DIAMETER, length, ROD_DIAMETER)
         color = self._colors[block]
         return Thing(f"block {block}", "cylinder", size, _vec3((a + b) / 2), along, color=color)
 
     def _solids(self, block: int, assembly: Assembly) -> Iterator[Thing]:
-        back = inverse(self.rest.rotation[block])
+        back = conjugate(self.rest.rotation[block])
         for part in (assembly.parts[index] for index in assembly.blocks[block]):
             for shape in part.shapes:
                 offset = np.add(part.centre, shape.offset) - self.rest.centre[block]
-                rotation = _quat(chain(back, np.asarray(shape.rotation)))
+                rotation = _quat(compose(back, np.asarray(shape.rotation)))
                 position = _vec3(rotate(back, offset))
                 name, color = f"block {block}", part.color
                 yield Thing(name, shape.kind, shape.size, position, rotation, color=color)
@@ -104,7 +104,7 @@ class MachineSolids:
 
 def _to_world(thing: Thing, centre: Vec3, rotation: Quat) -> Thing:
     """Transform an object from a block's frame to the world."""
-    position = add(centre, turned(rotation, thing.position))
+    position = add(centre, rotate_vector(rotation, thing.position))
     return replace(thing, position=position, rotation=product(rotation, thing.rotation))
 
 

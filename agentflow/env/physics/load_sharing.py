@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS, swap
 from agentflow.env.physics.model import Joint, Strength
 from agentflow.env.physics.spanning_tree import Link, Skeleton
-from agentflow.env.physics.vectors import subtract
 from agentflow.env.rollout import Array
+from agentflow.machine.geometry.vectors import subtract
 
 Indices = NDArray[np.intp]
 RIGID = Strength(1e8, 1e8)

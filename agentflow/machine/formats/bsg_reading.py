@@ -18,7 +18,7 @@ from agentflow.machine.formats.connect import (
 )
 from agentflow.machine.formats.parse import MAX_BLOCKS, MAX_COORDINATE
 from agentflow.machine.formats.xml_text import UnsafeXmlError, parse_xml
-from agentflow.machine.geometry.pose import Quat
+from agentflow.machine.geometry.vectors import Quat, rotate_vector
 from agentflow.machine.problems import Problem, short_repr, type_problem
 
 START, END, END_TURN = "start-position", "end-position", "end-rotation"
@@ -182,10 +182,4 @@ def _rotate(rotation: Quat, vector: Vec3) -> Vec3:
     """Rotate a vector by a quaternion of any length but 0."""
     length = math.sqrt(sum(part * part for part in rotation)) or 1.0
     x, y, z, w = (part / length for part in rotation)
-    a, b, c = vector
-    u, v, t = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    return (
-        a + w * u + y * t - z * v,
-        b + w * v + z * u - x * t,
-        c + w * t + x * v - y * u,
-    )
+    return rotate_vector((x, y, z, w), vector)

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.geometry.placement import place_step
-from agentflow.machine.geometry.pose import FACINGS, UNITS, Placed, Quat, Units3, add, to_metres
+from agentflow.machine.geometry.pose import FACINGS, UNITS, Placed, Units3, add, to_metres
+from agentflow.machine.geometry.vectors import Quat
 from agentflow.machine.problems import Problem, block_label
 from agentflow.machine.tree import ROOT, Machine, Step, renumber
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import DIRECTIONS, Vec3
+from agentflow.machine.geometry.vectors import Quat
 from agentflow.machine.problems import block_label
 from agentflow.machine.tree import Step
 
@@ -17,7 +18,6 @@ UNITS = 20
 """Units per metre; every legal coordinate is a multiple of 0.05 m."""
 
 Units3 = tuple[int, int, int]
-Quat = tuple[float, float, float, float]
 
 _S = 0.5**0.5
 

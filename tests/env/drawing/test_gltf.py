@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from agentflow.env.drawing.gltf import machine_glb, rollout_glb
 from agentflow.env.drawing.solids import MachineSolids
-from agentflow.env.physics.rotations import rotate
 from agentflow.env.rollout import Broken, Rollout
+from agentflow.env.rotations import rotate
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task

@@ -12,12 +12,12 @@ from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.rotations import chain, inverse, rotate
-from agentflow.env.physics.vectors import add
 from agentflow.env.rollout import Array
+from agentflow.env.rotations import compose, conjugate, rotate
 from agentflow.env.scene import Scene, Vec3
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.pose import Placed
+from agentflow.machine.geometry.vectors import add
 from agentflow.machine.tree import Machine
 
 RATE = 120.0
@@ -78,16 +78,16 @@ class Rig:
     def turned(self, block: int, vector: Vec3, base: int = 0) -> Array:
         """Where a direction of a block at rest points now, as its base block sees it."""
         state = self.world.state()
-        now = chain(state.rotation[block], inverse(self.rest.rotation[block]))
-        carrier = chain(state.rotation[base], inverse(self.rest.rotation[base]))
-        return rotate(inverse(carrier), rotate(now, np.array(vector)))
+        now = compose(state.rotation[block], conjugate(self.rest.rotation[block]))
+        carrier = compose(state.rotation[base], conjugate(self.rest.rotation[base]))
+        return rotate(conjugate(carrier), rotate(now, np.array(vector)))
 
     def angle(self, block: int, axis: Vec3, base: int = 0) -> float:
         """How far a block has turned about an axis, rad; asserts that it did about no other."""
         state = self.world.state()
-        now = chain(state.rotation[block], inverse(self.rest.rotation[block]))
-        carrier = chain(state.rotation[base], inverse(self.rest.rotation[base]))
-        x, y, z, w = chain(inverse(carrier), now)
+        now = compose(state.rotation[block], conjugate(self.rest.rotation[block]))
+        carrier = compose(state.rotation[base], conjugate(self.rest.rotation[base]))
+        x, y, z, w = compose(conjugate(carrier), now)
         along = float(np.dot((x, y, z), axis))
         assert np.linalg.norm(np.array((x, y, z)) - along * np.array(axis)) < 5e-3
         return float(2 * atan2(along, w) if w >= 0 else 2 * atan2(-along, -w))

@@ -9,9 +9,9 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
-from agentflow.env.physics.vectors import turned
 from agentflow.env.scene import Quat, Scene, Thing, Vec3
 from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import rotate_vector
 from tests.env.conftest import MakeEngine
 from tests.env.machines import machine
 from tests.env.physics.rig import RATE, weightless
@@ -35,7 +35,7 @@ def run(thing: Thing, seconds: float, engine: Engine, wind: Vec3 = (0, 0, 0)) ->
 
 def side(world: World, local: Vec3) -> Vec3:
     """Where a direction of the box points."""
-    return turned(world.rotation("box"), local)
+    return rotate_vector(world.rotation("box"), local)
 
 
 LEDGE = (Thing("ledge", "box", (4, 4, 4), (10.0, 2.0, 0.0)),)

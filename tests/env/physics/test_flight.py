@@ -13,7 +13,7 @@ from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.laws.flight import BladeForce
 from agentflow.env.physics.laws.forces import PartLocations
-from agentflow.env.physics.rotations import rotate
+from agentflow.env.rotations import rotate
 from agentflow.env.scene import Scene
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place

@@ -7,13 +7,13 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.kinematics import matrices
 from agentflow.env.physics.laws.air import DragForce, WindForce
 from agentflow.env.physics.laws.forces import PartLocations, Wrench
+from agentflow.env.physics.layout import hubs
 from agentflow.env.physics.model import Part
-from agentflow.env.physics.pybullet.layout import hubs
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Array
+from agentflow.env.rotations import matrices
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from tests.env.conftest import MakeEngine

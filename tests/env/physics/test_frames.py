@@ -15,8 +15,8 @@ from agentflow.env.physics.frames import (
     swap_turn,
     swap_turns,
 )
-from agentflow.env.physics.kinematics import compose, conjugate, cross, matrices, turn, turn_back
-from agentflow.env.physics.vectors import product, turned, upright_to
+from agentflow.env.rotations import compose, conjugate, cross, matrices, turn, turn_back
+from agentflow.machine.geometry.vectors import product, rotate_vector, rotation_from_up
 
 numbers = st.floats(-10, 10)
 vectors = st.tuples(numbers, numbers, numbers)
@@ -29,8 +29,8 @@ quaternions = (
 
 @given(quaternions, vectors)
 def test_turning_and_swapping_commute(q: tuple[float, ...], v: tuple[float, ...]) -> None:
-    there = turned(swap_quaternion(q), swap(v))  # type: ignore[arg-type]
-    assert swap(turned(q, v)) == pytest.approx(there, abs=1e-9)  # type: ignore[arg-type]
+    there = rotate_vector(swap_quaternion(q), swap(v))  # type: ignore[arg-type]
+    assert swap(rotate_vector(q, v)) == pytest.approx(there, abs=1e-9)  # type: ignore[arg-type]
 
 
 @given(vectors, vectors)
@@ -51,7 +51,7 @@ def test_arrays_agree_with_tuples(
     p: tuple[float, ...], q: tuple[float, ...], v: tuple[float, ...], w: tuple[float, ...]
 ) -> None:
     a, b, x = np.array([p]), np.array([q]), np.array([v])
-    assert turn(matrices(a), x)[0] == pytest.approx(turned(p, v), abs=1e-9)  # type: ignore[arg-type]
+    assert turn(matrices(a), x)[0] == pytest.approx(rotate_vector(p, v), abs=1e-9)  # type: ignore[arg-type]
     assert turn_back(matrices(a), turn(matrices(a), x))[0] == pytest.approx(v, abs=1e-9)
     assert compose(a, b)[0] == pytest.approx(product(p, q), abs=1e-12)  # type: ignore[arg-type]
     assert compose(a, conjugate(a))[0] == pytest.approx([0, 0, 0, 1], abs=1e-9)
@@ -62,5 +62,5 @@ def test_arrays_agree_with_tuples(
 @example((6e-5, -1.0, 0.0))
 @example((0.0, -1.0, 1e-12))
 def test_upright_to_points_there(v: tuple[float, float, float]) -> None:
-    tip = turned(upright_to(v), (0.0, 1.0, 0.0))
+    tip = rotate_vector(rotation_from_up(v), (0.0, 1.0, 0.0))
     assert tip == pytest.approx(np.array(v) / np.linalg.norm(v), abs=1e-9)

@@ -10,7 +10,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
-from agentflow.env.physics.rotations import rotate
+from agentflow.env.rotations import rotate
 from agentflow.env.scene import Scene, Vec3
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from agentflow.env.physics.rotations import rotate
+from agentflow.env.rotations import rotate
 from agentflow.env.scene import Thing
 from agentflow.env.tasks.features.obstacles import PLATE, bump, quarter_pipe
 from agentflow.env.tasks.registry import get_task

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agentflow.env.drawing.raster import corners_of
-from agentflow.env.physics.rotations import rotate
+from agentflow.env.rotations import rotate
 from agentflow.env.scene import Start
 from agentflow.env.tasks.features.platforms import Platform
 

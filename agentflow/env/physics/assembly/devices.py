@@ -10,11 +10,11 @@ from agentflow.env.physics.assembly.shapes import direction_of
 from agentflow.env.physics.laws.flight import PropellerBlade, Thruster
 from agentflow.env.physics.laws.tension import Spring, Winch
 from agentflow.env.physics.model import CogMesh, Devices, Gripper, Joint
-from agentflow.env.physics.vectors import add, length, scale, subtract
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Blade
 from agentflow.machine.geometry.gears import meshing_pairs
 from agentflow.machine.geometry.pose import Placed
+from agentflow.machine.geometry.vectors import add, length, scale, subtract
 
 
 def devices_of(

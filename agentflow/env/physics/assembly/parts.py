@@ -7,10 +7,10 @@ from math import radians
 from agentflow.env.constants import Constants
 from agentflow.env.physics.assembly.shapes import block_shapes, extents_of
 from agentflow.env.physics.model import Drive, Part, Shape
-from agentflow.env.physics.vectors import add, length, scale, subtract, upright_to
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.types import BlockType
 from agentflow.machine.geometry.pose import Placed
+from agentflow.machine.geometry.vectors import add, length, rotation_from_up, scale, subtract
 
 END_RADIUS = 0.1
 """Radius of the ball at each end of a two-ended block, m."""
@@ -80,9 +80,10 @@ def _caster_parts(placed: Placed, kind: BlockType, constants: Constants, shift: 
         centre=add(origin, stem),
         mass=0.3 * kind.mass,
         inertia=_ball(0.3 * kind.mass, radius),
-        shapes=(Shape("box", bar, rotation=upright_to(stem), solid=False),),
+        shapes=(Shape("box", bar, rotation=rotation_from_up(stem), solid=False),),
     )
-    rim = Shape("cylinder", (2 * radius, width, 2 * radius), rotation=upright_to(placed.right))
+    axle = rotation_from_up(placed.right)
+    rim = Shape("cylinder", (2 * radius, width, 2 * radius), rotation=axle)
     wheel = _part(
         placed,
         kind,
@@ -106,7 +107,7 @@ def end_parts(placed: Placed, kind: BlockType, constants: Constants, shift: Vec3
     rods: tuple[Shape, ...] = ()
     if kind.connector == "rod" and length(line) > END_RADIUS:
         size = (ROD_DIAMETER, length(line), ROD_DIAMETER)
-        rods = (Shape("cylinder", size, scale(line, 0.5), upright_to(line), solid=False),)
+        rods = (Shape("cylinder", size, scale(line, 0.5), rotation_from_up(line), solid=False),)
     return [
         _part(
             placed,

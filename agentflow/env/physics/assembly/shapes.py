@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from agentflow.env.physics.model import Shape
-from agentflow.env.physics.vectors import add, cross, scale, upright_to
 from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.plates import HOLE, plate_of
 from agentflow.machine.blocks.types import DIRECTIONS, BlockType
 from agentflow.machine.geometry.pose import Placed
+from agentflow.machine.geometry.vectors import add, cross, rotation_from_up, scale
 
 WALL = 0.2
 """Thickness of a container's floor and walls, m."""
@@ -72,7 +72,7 @@ def _cylinder(placed: Placed, kind: BlockType, shrink: float) -> Shape:
     assert kind.size is not None
     width = kind.size[0] - 2 * shrink
     size = (width, kind.size[2] - 2 * shrink, width)
-    return Shape("cylinder", size, rotation=upright_to(placed.front))
+    return Shape("cylinder", size, rotation=rotation_from_up(placed.front))
 
 
 def _hinge(placed: Placed, kind: BlockType, small: Vec3) -> Shape:

@@ -10,20 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agentflow.env.physics.kinematics import (
-    POSITION,
-    ROTATION,
-    SPIN,
-    VELOCITY,
-    Row,
-    cross,
-    matrices,
-    turn,
-    turn_back,
-)
 from agentflow.env.physics.laws.forces import PartForce, PartLocations, Wrench
 from agentflow.env.physics.model import Part
+from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, Row
 from agentflow.env.rollout import Array
+from agentflow.env.rotations import cross, matrices, turn, turn_back
 from agentflow.env.scene import Vec3
 
 

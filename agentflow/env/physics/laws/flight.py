@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from agentflow.env.physics.frames import swap
-from agentflow.env.physics.kinematics import Row
 from agentflow.env.physics.laws.forces import PartForce, PartLocations
-from agentflow.env.physics.vectors import add, cross, dot, scale, turned
+from agentflow.env.physics.rows import Row
 from agentflow.env.scene import Vec3
+from agentflow.machine.geometry.vectors import add, cross, dot, rotate_vector, scale
 
 
 @dataclass(frozen=True)
@@ -98,8 +98,8 @@ class BladeForce:
         for part, row, offset, push, normal, drag, most in self._blades:
             _, _, _, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row]
             back = (-x, -y, -z, w)
-            spin = turned(back, (wx, wy, wz))
-            velocity = add(turned(back, (vx, vy, vz)), cross(spin, offset))
+            spin = rotate_vector(back, (wx, wy, wz))
+            velocity = add(rotate_vector(back, (vx, vy, vz)), cross(spin, offset))
             size = -drag * dot(velocity, normal) * min(dot(velocity, velocity), most)
             pushes.append(PartForce(part, scale(push, size), None))
         return pushes

@@ -1,6 +1,6 @@
 """Input and output of force laws: where parts are in their clusters, forces on both.
 
-A law is called in every step with the rows of all clusters (see kinematics.py) and returns forces.
+A law is called in every step with the rows of all clusters (see `physics.rows`) and returns forces.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.physics.kinematics import Row
-from agentflow.env.physics.vectors import add, cross, turned
+from agentflow.env.physics.rows import Row
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Vec3
+from agentflow.machine.geometry.vectors import add, cross, rotate_vector
 
 Indices = NDArray[np.intp]
 
@@ -65,5 +65,5 @@ def part_motion(row: Row, offset: Vec3) -> tuple[Vec3, Vec3]:
         offset: From the centre of the cluster's leading part to this part's, at rest.
     """
     px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = row
-    arm = turned((x, y, z, w), offset)
+    arm = rotate_vector((x, y, z, w), offset)
     return add((px, py, pz), arm), add((vx, vy, vz), cross((wx, wy, wz), arm))

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from agentflow.env.physics.kinematics import Row
 from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_motion
-from agentflow.env.physics.vectors import dot, length, scale, subtract
+from agentflow.env.physics.rows import Row
+from agentflow.machine.geometry.vectors import dot, length, scale, subtract
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ from math import cos, pi, sin, sqrt
 from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import TooLargeError
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
+from agentflow.env.physics.layout import Built
 from agentflow.env.physics.model import Joint, Part, Shape
-from agentflow.env.physics.pybullet.layout import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Link, Piece
-from agentflow.env.physics.vectors import add, scale, subtract, turned
 from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
+from agentflow.machine.geometry.vectors import add, rotate_vector, scale, subtract
 
 MOST_LINKS = 127
 """PyBullet truncates longer bodies without a word."""
@@ -58,7 +58,7 @@ class BodyBuilder:
             solid = self._cone(thing)
         else:
             solid = self._shapes((Shape(thing.shape, thing.size),), subtract(MIDDLE, thing.balance))
-        place = add(thing.position, turned(thing.rotation, thing.balance))
+        place = add(thing.position, rotate_vector(thing.rotation, thing.balance))
         uid = self._single(thing.mass, solid, swap(place), swap_quaternion(thing.rotation))
         friction, restitution = self._usual
         if thing.friction is not None:

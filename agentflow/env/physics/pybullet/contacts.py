@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from agentflow.env.physics.layout import Built, Handle
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.layout import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Skeleton
 from agentflow.env.tasks.base import Body

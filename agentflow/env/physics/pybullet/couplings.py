@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from agentflow.env.physics.frames import swap, swap_turn
+from agentflow.env.physics.layout import Built, Handle
 from agentflow.env.physics.model import Assembly, Joint
-from agentflow.env.physics.pybullet.layout import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Skeleton
-from agentflow.env.physics.vectors import add, cross, length, scale, subtract, turned
 from agentflow.env.scene import Quat, Vec3
+from agentflow.machine.geometry.vectors import add, cross, length, rotate_vector, scale, subtract
 
 STRONGEST = 1e6
 """N or N m: more than anything that a machine can exert."""
@@ -79,7 +79,7 @@ class Couplings:
             if joint.kind == "prismatic":
                 load = _of_slider(states[0], swap(joint.axis), turn)
             elif joint.kind == "revolute":
-                arm = scale(turned(turn, swap_turn(joint.axis)), HALF_AXLE)
+                arm = scale(rotate_vector(turn, swap_turn(joint.axis)), HALF_AXLE)
                 load = [*add(*states), *cross(arm, subtract(*states))]
             else:
                 load = [*states[0], 0.0, 0.0, 0.0]
@@ -147,4 +147,4 @@ def _of_slider(state: Sequence[float], axis: Vec3, turn: Quat) -> list[float]:
     side = scale(side, 1.0 / length(side))
     first, second, about_z, about_x, about_y = state
     force = add(scale(side, first), scale(cross(axis, side), second))
-    return [*turned(turn, force), *turned(turn, (-about_x, -about_y, -about_z))]
+    return [*rotate_vector(turn, force), *rotate_vector(turn, (-about_x, -about_y, -about_z))]

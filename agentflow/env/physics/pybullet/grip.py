@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from agentflow.env.physics.frames import swap
+from agentflow.env.physics.layout import Built, Handle
 from agentflow.env.physics.model import Gripper
 from agentflow.env.physics.pybullet.contacts import TOUCH
-from agentflow.env.physics.pybullet.layout import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.vectors import dot, product, subtract, turned
 from agentflow.env.scene import Quat, Vec3
+from agentflow.machine.geometry.vectors import dot, inverse, product, rotate_vector, subtract
 
 EDGE = 0.05
 """Contacts no further than this behind a grabber's front plane are on its front, m."""
@@ -101,15 +101,15 @@ class Grippers:
         if not touched:
             return
         place, turn = self._frame(grip.part)
-        front = turned(turn, swap(grip.front))
+        front = rotate_vector(turn, swap(grip.front))
         for contact in touched:
             held = self._names.get((contact[2], contact[4]))
             if held is None or held in grip.joined:
                 continue
             if dot(subtract(contact[5], place), front) > grip.reach - EDGE:
-                back = _inverse(turn)
+                back = inverse(turn)
                 there, pose = self._frame(held)
-                arm = turned(back, subtract(there, place))
+                arm = rotate_vector(back, subtract(there, place))
                 hold = _Hold(held, grip.force, arm, product(back, pose))
                 self._holds[grip.part] = hold
                 self._tie(grip.part, hold)
@@ -153,8 +153,3 @@ class Grippers:
         else:
             place, turn = pybullet.getLinkState(uid, index, 0, 1, self._client)[:2]
         return place, turn
-
-
-def _inverse(turn: Quat) -> Quat:
-    x, y, z, w = turn
-    return (-x, -y, -z, w)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from agentflow.env.physics.layout import Built
 from agentflow.env.physics.model import Drive, Joint
-from agentflow.env.physics.pybullet.layout import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.scene import IDENTITY
 

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from agentflow.env.physics.frames import swap, swap_all
-from agentflow.env.physics.kinematics import POSITION, Row
-from agentflow.env.physics.laws.air import DragForce, WindForce
-from agentflow.env.physics.laws.flight import BladeForce, ThrustForce
-from agentflow.env.physics.laws.forces import PartForce, PartLocations, Wrench
-from agentflow.env.physics.laws.tension import SpringForce, WinchForce
+from agentflow.env.physics.frames import swap_all
+from agentflow.env.physics.laws.air import DragForce
+from agentflow.env.physics.laws.forces import PartForce, Wrench
+from agentflow.env.physics.laws.select import Law
+from agentflow.env.physics.layout import Built, RowLayout, hubs
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.layout import Built, RowLayout, hubs
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.rows import Rows
-from agentflow.env.physics.pybullet.struts import Struts
+from agentflow.env.physics.rows import POSITION, Row
 from agentflow.env.physics.spanning_tree import Skeleton
-from agentflow.env.scene import Scene, Thing
 
 CENTRE = (0.0, 0.0, 0.0)
-Law = Callable[[Sequence[Row]], list[PartForce]]
 
 
 class Pushes:
@@ -89,63 +85,3 @@ class Pushes:
                 pybullet.applyExternalForce(uid, index, force, CENTRE, pybullet.LINK_FRAME, client)
             else:
                 pybullet.applyExternalForce(uid, index, force, at, pybullet.WORLD_FRAME, client)
-
-
-def device_laws(
-    assembly: Assembly,
-    plan: Skeleton,
-    locations: PartLocations,
-    levels: Mapping[str, float],
-    winches: WinchForce,
-) -> list[Law]:
-    """Springs, thrusters, blades, winches and struts, where there are any."""
-    devices = assembly.devices
-    laws: list[Law] = []
-    if devices.springs:
-        laws.append(SpringForce(devices.springs, locations, levels))
-    if devices.thrusters:
-        laws.append(ThrustForce(devices.thrusters, levels))
-    if devices.blades:
-        laws.append(BladeForce(devices.blades, locations))
-    if winches:
-        winches.locate_parts(locations)
-        laws.append(winches)
-    struts = Struts(assembly, plan.loops, locations)
-    if struts:
-        laws.append(struts)
-    return laws
-
-
-def wind_laws(
-    assembly: Assembly,
-    layout: RowLayout,
-    scene: Scene,
-    moving: Sequence[Thing],
-    drag: float,
-    strength: Callable[[], float],
-) -> list[Law]:
-    """The scene's wind on every part and moving thing, none where the air is still.
-
-    Args:
-        assembly: The machine.
-        layout: The rows.
-        scene: Whose wind blows.
-        moving: Things that can move.
-        drag: Force over area times squared speed, kg/m3.
-        strength: Share of the mean wind that blows in this step; asked once per step.
-    """
-    if not any(scene.wind):
-        return []
-    locations = layout.locations
-    boxes = [part.extents for part in assembly.parts] + [thing.size for thing in moving]
-    rows = np.arange(len(layout.leading), len(layout.handles), dtype=np.intp)
-    wind = WindForce(
-        PartLocations(
-            np.concatenate([locations.row, rows]),
-            np.concatenate([locations.offset, layout.thing_arms]),
-        ),
-        swap_all(np.array(boxes)),
-        np.array(swap(scene.wind)),
-        drag,
-    )
-    return [lambda rows: wind(np.array(rows), strength())]

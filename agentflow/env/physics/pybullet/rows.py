@@ -5,14 +5,13 @@ Which cluster has which row is layout.py's, what a row means kinematics.py's.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from math import sqrt
+from collections.abc import Mapping
 
 import numpy as np
 
-from agentflow.env.physics.kinematics import WIDTH, Row
-from agentflow.env.physics.pybullet.layout import RowLayout
+from agentflow.env.physics.layout import RowLayout
 from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.rollout import Array
 
 
@@ -84,14 +83,3 @@ class Rows:
         """Greatest linear and angular speed of the heads, m/s and rad/s."""
         known = self.known
         return top_speeds([known[row] for row in self.heads])
-
-
-def top_speeds(rows: Sequence[Row]) -> tuple[float, float]:
-    """Greatest linear and angular speed, m/s and rad/s."""
-    linear = angular = 0.0
-    for _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz in rows:
-        speed, spin = vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
-        # written so that not-a-number wins
-        linear = linear if speed <= linear else speed
-        angular = angular if spin <= angular else spin
-    return sqrt(linear), sqrt(angular)

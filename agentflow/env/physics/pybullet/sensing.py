@@ -13,7 +13,7 @@ from struct import Struct
 import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
-from agentflow.env.physics.pybullet.layout import Built
+from agentflow.env.physics.layout import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Link
 from agentflow.env.rollout import Array

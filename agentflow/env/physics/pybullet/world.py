@@ -11,8 +11,9 @@ import numpy as np
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion
-from agentflow.env.physics.kinematics import Row
+from agentflow.env.physics.laws.select import device_laws, wind_laws
 from agentflow.env.physics.laws.tension import WinchForce
+from agentflow.env.physics.layout import Built, RowLayout, lay_out
 from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.pybullet.bodies import BodyBuilder
 from agentflow.env.physics.pybullet.contacts import (
@@ -22,19 +23,19 @@ from agentflow.env.physics.pybullet.contacts import (
 )
 from agentflow.env.physics.pybullet.couplings import Couplings
 from agentflow.env.physics.pybullet.grip import Grippers
-from agentflow.env.physics.pybullet.layout import Built, RowLayout, lay_out
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.motors import Motors
-from agentflow.env.physics.pybullet.pushes import Pushes, device_laws, wind_laws
-from agentflow.env.physics.pybullet.readings import Readings
+from agentflow.env.physics.pybullet.pushes import Pushes
 from agentflow.env.physics.pybullet.restoring import place_at_start, restore
-from agentflow.env.physics.pybullet.rows import Rows, top_speeds
+from agentflow.env.physics.pybullet.rows import Rows
 from agentflow.env.physics.pybullet.sensing import Sensors
+from agentflow.env.physics.readings import Readings
+from agentflow.env.physics.rows import Row, top_speeds
 from agentflow.env.physics.spanning_tree import Piece, Skeleton, skeleton
-from agentflow.env.physics.vectors import subtract, turned
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Quat, Scene, Vec3
 from agentflow.env.tasks.base import Body
+from agentflow.machine.geometry.vectors import rotate_vector, subtract
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,7 @@ class PyBulletWorld:
         if isinstance(body, int):
             return self._now.readings.centre(self._row(body), body)
         place, turn = pybullet.getBasePositionAndOrientation(self.things[body], self.client)
-        return swap(subtract(place, turned(turn, swap(self._balance[body]))))
+        return swap(subtract(place, rotate_vector(turn, swap(self._balance[body]))))
 
     def rotation(self, body: Body) -> Quat:
         """Orientation of a block or a thing."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from agentflow.env.feedback import block_name, compose, number, series
-from agentflow.env.physics.vectors import turned
 from agentflow.env.rollout import Broken, Event, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Start
 from agentflow.env.tasks.base import Parameters, Schedule, World
@@ -31,6 +30,7 @@ from agentflow.env.tasks.features.barriers import (
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
+from agentflow.machine.geometry.vectors import rotate_vector
 from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 28, 35, 41, 63, 87)
@@ -267,7 +267,7 @@ def lowest_point(world: World, machine: Machine, block: int) -> float:
     if size is None:
         return height
     x, y, z, w = world.rotation(block)
-    down = turned((-x, -y, -z, w), (0.0, 1.0, 0.0))
+    down = rotate_vector((-x, -y, -z, w), (0.0, 1.0, 0.0))
     return height - sum(abs(axis) * side / 2 for axis, side in zip(down, size, strict=True))
 
 

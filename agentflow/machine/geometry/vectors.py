@@ -1,13 +1,16 @@
-"""Owns small vector arithmetic on tuples, for what is computed once per build.
+"""Vectors and quaternions (x, y, z, w) as tuples. `env.rotations` does the same with arrays.
 
-Plain additions and multiplications in a fixed order: the same bits on every machine.
+Plain additions and multiplications in a fixed order, so that the bits are the same everywhere.
 """
 
 from __future__ import annotations
 
 from math import sqrt
 
-from agentflow.env.scene import Quat, Vec3
+from agentflow.machine.blocks.types import Vec3
+
+Quat = tuple[float, float, float, float]
+"""(x, y, z, w); the formulas hold in right- and left-handed frames alike."""
 
 
 def add(a: Vec3, b: Vec3) -> Vec3:
@@ -44,7 +47,7 @@ def length(a: Vec3) -> float:
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-def upright_to(direction: Vec3) -> Quat:
+def rotation_from_up(direction: Vec3) -> Quat:
     """The shortest rotation that turns y+ into a direction (any length but 0)."""
     size = length(direction)
     x, y, z = direction[0] / size, direction[1] / size, direction[2] / size
@@ -68,7 +71,13 @@ def product(first: Quat, second: Quat) -> Quat:
     )
 
 
-def turned(rotation: Quat, vector: Vec3) -> Vec3:
+def inverse(rotation: Quat) -> Quat:
+    """The opposite rotation, of a unit quaternion."""
+    x, y, z, w = rotation
+    return (-x, -y, -z, w)
+
+
+def rotate_vector(rotation: Quat, vector: Vec3) -> Vec3:
     """A vector turned by a unit quaternion."""
     x, y, z, w = rotation
     a, b, c = vector

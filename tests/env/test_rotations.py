@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.physics.rotations import chain, frame_of, inverse, rotate
+from agentflow.env.rotations import compose, conjugate, rotate, rotated_axes
 
 HALF = 0.5**0.5
 ORIENTATIONS = [
@@ -42,13 +42,13 @@ def test_chains_turn_one_after_the_other_and_inverses_back(
     first: np.ndarray, second: np.ndarray
 ) -> None:
     point = np.array([1.0, -2.0, 3.0])
-    both = rotate(chain(second, first), point)
+    both = rotate(compose(second, first), point)
     assert both == pytest.approx(rotate(second, rotate(first, point)), abs=1e-9)
-    assert rotate(inverse(first), rotate(first, point)) == pytest.approx(point, abs=1e-9)
+    assert rotate(conjugate(first), rotate(first, point)) == pytest.approx(point, abs=1e-9)
 
 
 @given(UNIT)
 def test_a_frame_holds_the_turned_axes(turn: np.ndarray) -> None:
     x, y, z, w = turn.tolist()
     expected = rotate(np.tile(turn, (3, 1)), np.eye(3))
-    assert frame_of((x, y, z, w)) == pytest.approx(expected, abs=1e-12)
+    assert rotated_axes((x, y, z, w)) == pytest.approx(expected, abs=1e-12)

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from agentflow.env.physics.frames import swap
-from agentflow.env.physics.kinematics import Row
 from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_motion
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.vectors import add, dot, scale, subtract, turned
+from agentflow.env.physics.rows import Row
 from agentflow.env.scene import Vec3
+from agentflow.machine.geometry.vectors import add, dot, rotate_vector, scale, subtract
 
 
 class Struts:
@@ -47,7 +47,7 @@ class Struts:
             at_a, speed_a = part_motion(rows[row_a], offset_a)
             at_b, speed_b = part_motion(rows[row_b], offset_b)
             x, y, z, w = rows[row_a][3:7]
-            along = turned((x, y, z, w), axis)
+            along = rotate_vector((x, y, z, w), axis)
             position = dot(subtract(at_b, at_a), along)
             rate = dot(subtract(speed_b, speed_a), along)
             size = -joint.drive.stiffness * position - joint.drive.damping * rate

@@ -1,21 +1,17 @@
-"""Owns array arithmetic on poses and velocities, whatever the frame.
+"""Quaternions (x, y, z, w) and rotation matrices as arrays; in any frame, right- or left-handed.
 
-Only elementwise operations in a fixed order: no BLAS, no long reductions, so that the bits do not
-depend on the processor. C rows, one per rigid cluster: position 0:3 of its leading part's centre,
-quaternion 3:7 (x, y, z, w), velocity 7:10 of that centre, angular velocity 10:13.
+Only elementwise operations in a fixed order, no BLAS and no long reductions, so that the bits do
+not depend on the processor. `machine.geometry.vectors` does the same with tuples.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from agentflow.env.rollout import Array
-
-POSITION, ROTATION = slice(0, 3), slice(3, 7)
-VELOCITY, SPIN = slice(7, 10), slice(10, 13)
-WIDTH = 13
-Row = tuple[float, ...]
-"""One such row as plain numbers."""
+from agentflow.env.scene import Quat
 
 # Entries of a rotation matrix from doubled products of quaternion components (x y z w, 4 i + j):
 # 1 at the diagonal, plus sign * product, twice.
@@ -55,26 +51,31 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def compose(first: Array, second: Array) -> Array:
-    """Hamilton product of (C, 4) quaternions: `second`'s rotation, then `first`'s."""
-    ax, ay, az, aw = first[:, 0], first[:, 1], first[:, 2], first[:, 3]
-    bx, by, bz, bw = second[:, 0], second[:, 1], second[:, 2], second[:, 3]
+    """Hamilton product of (..., 4) quaternions: `second`'s rotation, then `first`'s."""
+    ax, ay, az, aw = first[..., 0], first[..., 1], first[..., 2], first[..., 3]
+    bx, by, bz, bw = second[..., 0], second[..., 1], second[..., 2], second[..., 3]
     product: Array = np.empty(np.broadcast_shapes(first.shape, second.shape))
-    product[:, 0] = aw * bx + ax * bw + ay * bz - az * by
-    product[:, 1] = aw * by - ax * bz + ay * bw + az * bx
-    product[:, 2] = aw * bz + ax * by - ay * bx + az * bw
-    product[:, 3] = aw * bw - ax * bx - ay * by - az * bz
+    product[..., 0] = aw * bx + ax * bw + ay * bz - az * by
+    product[..., 1] = aw * by - ax * bz + ay * bw + az * bx
+    product[..., 2] = aw * bz + ax * by - ay * bx + az * bw
+    product[..., 3] = aw * bw - ax * bx - ay * by - az * bz
     return product
 
 
 def conjugate(quaternions: Array) -> Array:
-    """Inverse rotations of (C, 4) unit quaternions."""
+    """Inverse rotations of (..., 4) unit quaternions."""
     return np.asarray(quaternions * np.array([-1.0, -1.0, -1.0, 1.0]))
 
 
-def carried(rows: Array, offsets: Array) -> Array:
-    """Rows moved to points that lie `offsets` (at rest) away in the same rigid clusters."""
-    moved: Array = rows.copy()
-    arms = turn(matrices(rows[:, ROTATION]), offsets)
-    moved[:, POSITION] += arms
-    moved[:, VELOCITY] += cross(rows[:, SPIN], arms)
-    return moved
+def rotate(rotation: Array, vector: Sequence[float] | Array) -> Array:
+    """One vector, or (..., 3) vectors, rotated by (..., 4) quaternions."""
+    axis, w = rotation[..., :3], rotation[..., 3:]
+    given = np.broadcast_to(np.asarray(vector, dtype=np.float64), axis.shape)
+    twice = 2.0 * np.cross(axis, given)
+    rotated: Array = given + w * twice + np.cross(axis, twice)
+    return rotated
+
+
+def rotated_axes(rotation: Quat) -> Array:
+    """(3, 3) axes x, y and z after a rotation, one in each row: `v @ rotated_axes(q)` rotates v."""
+    return np.asarray(matrices(np.array([rotation]))[0].T)

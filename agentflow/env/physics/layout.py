@@ -1,6 +1,6 @@
 """Owns the rows: which rigid cluster has which, and where every part sits in its cluster.
 
-A row is what an engine reads per cluster and per moving thing (see kinematics.py).
+A row is what an engine reads per cluster and per moving thing (see `physics.rows`).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from agentflow.env.physics.frames import swap
 from agentflow.env.physics.laws.forces import PartLocations
 from agentflow.env.physics.model import Assembly, Joint, Part
 from agentflow.env.physics.spanning_tree import Piece, Skeleton
-from agentflow.env.physics.vectors import cross, length, subtract
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Thing
+from agentflow.machine.geometry.vectors import cross, length, subtract
 
 NO_ARM = 1e-9
 """m; places at rest are exact but for rounding."""

@@ -6,6 +6,7 @@ Serves any engine whose frame is right-handed with z up.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import atan2
 
 import numpy as np
 
@@ -14,27 +15,16 @@ from agentflow.env.physics.frames import (
     swap_all,
     swap_quaternion,
     swap_quaternions,
+    swap_turn,
     swap_turns,
 )
-from agentflow.env.physics.kinematics import (
-    POSITION,
-    ROTATION,
-    SPIN,
-    VELOCITY,
-    WIDTH,
-    Row,
-    carried,
-    compose,
-    cross,
-    matrices,
-    turn,
-    turn_back,
-)
-from agentflow.env.physics.model import Assembly, State
-from agentflow.env.physics.pybullet.layout import RowLayout
-from agentflow.env.physics.vectors import add, product, subtract, turned
+from agentflow.env.physics.layout import RowLayout
+from agentflow.env.physics.model import Assembly, Joint, Part, State
+from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, WIDTH, Row, carried
 from agentflow.env.rollout import Array
+from agentflow.env.rotations import compose, conjugate, cross, matrices, turn, turn_back
 from agentflow.env.scene import Quat, Vec3
+from agentflow.machine.geometry.vectors import add, dot, product, rotate_vector, subtract
 
 
 class Readings:
@@ -124,12 +114,12 @@ class Readings:
     def centre(self, row: Row, block: int) -> Vec3:
         """Centre of a block, from the row that carries it."""
         x, y, z, a, b, c, w, *_ = row
-        return swap(add((x, y, z), turned((a, b, c, w), self._centre_at[block])))
+        return swap(add((x, y, z), rotate_vector((a, b, c, w), self._centre_at[block])))
 
     def origin(self, row: Row, block: int) -> Vec3:
         """Building point of a block, from the row that carries it."""
         x, y, z, a, b, c, w, *_ = row
-        return swap(add((x, y, z), turned((a, b, c, w), self._origin_at[block])))
+        return swap(add((x, y, z), rotate_vector((a, b, c, w), self._origin_at[block])))
 
     def rotation(self, row: Row, block: int) -> Quat:
         """Orientation of a block, from the row that carries it."""
@@ -155,3 +145,35 @@ class Readings:
 def _arms(points: Sequence[Vec3], leading: Sequence[Vec3]) -> list[Vec3]:
     """From the leading centres to points at rest, engine frame."""
     return [swap(subtract(point, lead)) for point, lead in zip(points, leading, strict=True)]
+
+
+def relative_motion(parent: Array, child: Array) -> tuple[Quat, Vec3]:
+    """Orientation and spin of a child row against its parent's, in the joint's frame."""
+    rotation = compose(conjugate(parent[None, ROTATION]), child[None, ROTATION])
+    spin = turn_back(matrices(child[None, ROTATION]), (child[SPIN] - parent[SPIN])[None])
+    x, y, z, w = rotation[0].tolist()
+    p, q, r = spin[0].tolist()
+    return (x, y, z, w), (p, q, r)
+
+
+def joint_motion(joint: Joint, parts: Sequence[Part], rows: Array) -> tuple[float, float]:
+    """Position and velocity of a revolute or prismatic joint that no tree had: it closed a loop.
+
+    Args:
+        joint: The joint.
+        parts: All parts.
+        rows: (P, 13) of them.
+    """
+    if joint.kind == "revolute":
+        axis = swap_turn(joint.axis)
+        (x, y, z, w), spin = relative_motion(rows[joint.a], rows[joint.b])
+        return 2.0 * atan2(dot((x, y, z), axis), w), dot(spin, axis)
+    ends = [
+        carried(rows[None, i], np.array([swap(subtract(joint.pivot, parts[i].centre))]))
+        for i in (joint.a, joint.b)
+    ]
+    base, apart = matrices(rows[None, joint.a, ROTATION]), ends[1] - ends[0]
+    axis = swap(joint.axis)
+    along = turn_back(base, apart[:, POSITION])[0].tolist()
+    speed = turn_back(base, apart[:, VELOCITY])[0].tolist()
+    return dot(along, axis), dot(speed, axis)

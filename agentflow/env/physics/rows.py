@@ -1,0 +1,39 @@
+"""Rows: how engines hold the motion of rigid clusters, right-handed with z up.
+
+C rows, one per rigid cluster: position 0:3 of its leading part's centre, quaternion 3:7
+(x, y, z, w), velocity 7:10 of that centre, angular velocity 10:13.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sqrt
+
+from agentflow.env.rollout import Array
+from agentflow.env.rotations import cross, matrices, turn
+
+POSITION, ROTATION = slice(0, 3), slice(3, 7)
+VELOCITY, SPIN = slice(7, 10), slice(10, 13)
+WIDTH = 13
+Row = tuple[float, ...]
+"""One such row as plain numbers."""
+
+
+def carried(rows: Array, offsets: Array) -> Array:
+    """Rows moved to points that lie `offsets` (at rest) away in the same rigid clusters."""
+    moved: Array = rows.copy()
+    arms = turn(matrices(rows[:, ROTATION]), offsets)
+    moved[:, POSITION] += arms
+    moved[:, VELOCITY] += cross(rows[:, SPIN], arms)
+    return moved
+
+
+def top_speeds(rows: Sequence[Row]) -> tuple[float, float]:
+    """Greatest linear and angular speed, m/s and rad/s."""
+    linear = angular = 0.0
+    for _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz in rows:
+        speed, spin = vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
+        # written so that not-a-number wins
+        linear = linear if speed <= linear else speed
+        angular = angular if spin <= angular else spin
+    return sqrt(linear), sqrt(angular)
