@@ -3,10 +3,10 @@
 Whatever can be added to agentflow has one registry, from which names, help and tests are made:
 
     FAMILIES: Registry[type[Family]] = Registry(
-        "family",
+        "task family",
         "agentflow.families",
         {"throwing": "agentflow.env.tasks.families.throwing:Throwing"},
-        subclass_of(Family),
+        subclass_of(Family, named_by="family"),
     )
     FAMILIES["throwing"], list(FAMILIES), "sweeping" in FAMILIES
 
@@ -36,9 +36,7 @@ Check = Callable[[str, Any], str]
 class Registry(Mapping[str, T]):
     """The things of one kind by name: ours in the given order, then others alphabetically."""
 
-    def __init__(
-        self, kind: str, group: str, ours: Mapping[str, str | T], check: Check = lambda *_: ""
-    ) -> None:
+    def __init__(self, kind: str, group: str, ours: Mapping[str, str | T], check: Check) -> None:
         """Declare a registry; nothing is loaded and no distribution is searched yet.
 
         Args:
@@ -47,8 +45,7 @@ class Registry(Mapping[str, T]):
             ours: name -> "module:attribute", "module" for a whole module, or the thing itself.
             check: what is wrong with a thing from another distribution.
         """
-        self.kind, self._group, self._check = kind, group, check
-        self._ours = ours
+        self.kind, self._group, self._ours, self._check = kind, group, ours, check
         self._loaded: dict[str, T] = {}
 
     @property
@@ -102,23 +99,24 @@ class Registry(Mapping[str, T]):
         return found
 
     def _load(self, name: str) -> T:
-        entry = self._others[name]
         try:
-            thing: T = entry.load()
+            thing: T = self._others[name].load()
+            problem = self._check(name, thing)
         except Exception as error:  # other people's code may raise anything
             problem = f"cannot be loaded: {type(error).__name__}: {error}"
-            raise ConfigError(f"{self._describe(entry)} {problem}") from error
-        if problem := self._check(name, thing):
-            raise ConfigError(f"{self._describe(entry)} {problem}")
+            raise ConfigError(f"{self.describe(name)} {problem}") from error
+        if problem:
+            raise ConfigError(f"{self.describe(name)} {problem}")
         return thing
 
 
-def instance_of(base: type | str) -> Check:
-    """A check that refuses everything but instances of a class.
+def is_callable(_: str, thing: Any) -> str:
+    """A check that refuses everything but functions and their like."""
+    return "" if callable(thing) else "is not a function"
 
-    Args:
-        base: The class, or "module:Class" to import it when it is needed.
-    """
+
+def instance_of(base: type | str) -> Check:
+    """A check that refuses all but instances of a class, given itself or as "module:Class"."""
 
     def check(_: str, thing: Any) -> str:
         kind: type = _import(base)
@@ -128,19 +126,17 @@ def instance_of(base: type | str) -> Check:
     return check
 
 
-def subclass_of(base: type | str, named_by: str = "") -> Check:
-    """A check that refuses everything but subclasses of a class.
+def subclass_of(base: type | str, named_by: str) -> Check:
+    """A check that refuses all but subclasses of a class, given itself or as "module:Class".
 
-    Args:
-        base: The class, or "module:Class" to import it when it is needed.
-        named_by: Attribute that must hold the name under which a subclass is registered, if any.
+    Their attribute `named_by` must hold the name under which they are registered.
     """
 
     def check(name: str, thing: Any) -> str:
         kind: type = _import(base)
         if not (isinstance(thing, type) and issubclass(thing, kind)):
             return f"is not a subclass of {kind.__module__}.{kind.__qualname__}"
-        own_name = getattr(thing, named_by, None) if named_by else name
+        own_name = getattr(thing, named_by, None)
         return "" if own_name == name else f"calls itself {own_name!r}"
 
     return check
@@ -163,5 +159,4 @@ def _import(thing: Any) -> Any:
     if not isinstance(thing, str):
         return thing
     module, _, attribute = thing.partition(":")
-    found = import_module(module)
-    return getattr(found, attribute) if attribute else found
+    return getattr(import_module(module), attribute) if attribute else import_module(module)

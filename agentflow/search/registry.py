@@ -1,34 +1,16 @@
-"""The registry of search strategies."""
+"""The registry of search strategies. Importing it loads none of them."""
 
 from __future__ import annotations
 
-from collections.abc import Awaitable
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING, Any
 
-from agentflow.registry import Registry
+from agentflow.registry import Registry, is_callable
 
 if TYPE_CHECKING:
-    from agentflow.search.events import Observer
-    from agentflow.search.node import C, Evaluate, Evaluation, Expand, SearchResult
-    from agentflow.search.settings import SearchSettings
+    from agentflow.search.node import SearchResult
 
-
-class Strategy(Protocol):
-    """A search strategy; see `mcts` for the arguments."""
-
-    def __call__(
-        self,
-        root: C,
-        evaluation: Evaluation,
-        expand: Expand[C],
-        evaluate: Evaluate[C],
-        settings: SearchSettings,
-        observe: Observer = ...,
-    ) -> Awaitable[SearchResult[C]]:
-        """Run the search."""
-
-
-STRATEGIES: Registry[Strategy] = Registry(
+STRATEGIES: Registry[Callable[..., Awaitable[SearchResult[Any]]]] = Registry(
     "search strategy",
     "agentflow.strategies",
     {
@@ -36,5 +18,6 @@ STRATEGIES: Registry[Strategy] = Registry(
         "best_of_n": "agentflow.search.best_of_n:best_of_n",
         "random": "agentflow.search.random:random",
     },
-    lambda _, thing: "" if callable(thing) else "is not a function",
+    is_callable,
 )
+"""All take the arguments of `mcts`."""

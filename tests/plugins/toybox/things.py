@@ -14,6 +14,8 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.metrics.cells import Metric
 from agentflow.runs import read_result
+from agentflow.runs.events import RunEvent
+from agentflow.runs.places import Place
 from agentflow.search.best_of_n import best_of_n
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
@@ -66,16 +68,23 @@ class Judge(Role[JudgeInput, str]):
         return Parsed(text.strip())
 
 
+@dataclass(frozen=True)
+class Judgement(RunEvent, kind="judgement"):
+    """An event of its own kind."""
+
+    text: str
+
+
 async def judged(run: WorkflowContext) -> WorkflowResult:
     """Whole machines, refined by search, each judged at the end."""
 
     async def follow(candidate: Candidate) -> Candidate:
         found = await feedback_loop(run, candidate, None)
         assert found.machine is not None
-        label = f"judge/traj-{candidate.trajectory}"
+        place = Place(Judge.name, trajectory=candidate.trajectory)
         given = JudgeInput(run.brief, found.machine)
-        outcome = await run.ask(Judge(), given, label, stage="env_feedback")
-        run.record.event("judgement", label, text=outcome.output if outcome else "")
+        outcome = await run.ask(Judge(), given, place, stage="env_feedback")
+        run.note(Judgement(place, outcome.output if outcome and outcome.output else ""))
         return found
 
     run.begin_stage("initial")
