@@ -111,7 +111,6 @@ class Joint:
 class Gripper:
     """A grabber: holds on to the first movable thing that touches its front."""
 
-    block: int
     part: int
     front: Vec3
     """Unit vector."""

@@ -118,7 +118,7 @@ def load_library(document: dict[str, Any]) -> Library:
 
 def _block_type(entry: dict[str, Any], colors: dict[str, Color]) -> BlockType:
     try:
-        fields = {key: _READ.get(key, _as_is)(value) for key, value in entry.items()}
+        fields = {key: _READ[key](value) if key in _READ else value for key, value in entry.items()}
         size, flags = fields.pop("size_xyz", None), fields.pop("flags")
         fields |= {flag: flag in flags for flag in FLAGS}
         block = BlockType(
@@ -172,10 +172,6 @@ def _joint(entry: dict[str, Any]) -> JointType:
 
 def _faces(entries: list[dict[str, Any]]) -> tuple[Face, ...]:
     return tuple(Face(face["id"], _vec3(face["position"]), face["direction"]) for face in entries)
-
-
-def _as_is(value: Any) -> Any:
-    return value
 
 
 _READ: dict[str, Callable[[Any], Any]] = {

@@ -127,7 +127,7 @@ def test_a_winch_pulls_no_harder_than_its_force(calm: Engine) -> None:
 
 def test_a_winch_takes_in_no_more_than_down_to_its_shortest() -> None:
     """Ends that are held 0.6 m apart feel a rope of 0.5 m, 0.1 m stretched."""
-    rope = Winch(1, 0, 1, speed=1.0, shortest=0.5, stiffness=1500.0, damping=15.0, force=600.0)
+    rope = Winch(0, 1, speed=1.0, shortest=0.5, stiffness=1500.0, damping=15.0, force=600.0)
     levels = {"winches": 0.0}
     ropes = WinchForce([rope], levels, 1.0 / RATE)
     ropes.locate_parts(PartLocations(np.array([0, 1]), np.zeros((2, 3))))

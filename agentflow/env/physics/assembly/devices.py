@@ -39,7 +39,7 @@ def devices_of(
             if kind.connector == "spring"
         ),
         thrusters=tuple(
-            Thruster(block.id, own[0], scale(block.front, kind.thrust))
+            Thruster(own[0], scale(block.front, kind.thrust))
             for block, kind, own in known
             if kind.thrust is not None
         ),
@@ -48,9 +48,7 @@ def devices_of(
             for block, kind, own in known
             if kind.blade is not None
         ),
-        winches=tuple(
-            _winch(block, own, constants) for block, kind, own in known if kind.connector == "rope"
-        ),
+        winches=tuple(_winch(own, constants) for _, kind, own in known if kind.connector == "rope"),
         grippers=tuple(
             _gripper(block, kind.grip_direction, own[0], joints, constants)
             for block, kind, own in known
@@ -73,7 +71,6 @@ def cog_meshes(
 
 def _spring(block: Placed, parts: tuple[int, ...], constants: Constants) -> Spring:
     return Spring(
-        block=block.id,
         a=parts[0],
         b=parts[1],
         natural=constants["spring_length"],
@@ -83,9 +80,8 @@ def _spring(block: Placed, parts: tuple[int, ...], constants: Constants) -> Spri
     )
 
 
-def _winch(block: Placed, parts: tuple[int, ...], constants: Constants) -> Winch:
+def _winch(parts: tuple[int, ...], constants: Constants) -> Winch:
     return Winch(
-        block=block.id,
         a=parts[0],
         b=parts[1],
         speed=constants["winch_speed"],
@@ -102,7 +98,6 @@ def _gripper(
     """A grabber; it never grips what it is joined to."""
     own = [joint for joint in joints if part in (joint.a, joint.b)]
     return Gripper(
-        block=block.id,
         part=part,
         front=direction_of(block, direction),
         reach=length(subtract(block.center, block.origin)),
@@ -115,7 +110,6 @@ def _blade(block: Placed, blade: Blade, part: int) -> PropellerBlade:
     """A propeller blade: its normal is its Up turned about its Front by the lift angle."""
     angle = radians(blade.lift_angle_deg)
     return PropellerBlade(
-        block=block.id,
         part=part,
         push=block.up,
         normal=add(scale(block.up, cos(angle)), scale(block.right, -sin(angle))),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from math import radians
 
 from agentflow.env.constants import Constants
@@ -50,10 +51,7 @@ def block_parts(placed: Placed, kind: BlockType, constants: Constants, shift: Ve
     if kind.shape == "caster":
         return _caster_parts(placed, kind, constants, shift)
     extents = subtract(placed.box_max, placed.box_min)
-    part = _part(
-        placed,
-        kind,
-        constants,
+    part = _part_of(placed, kind, constants)(
         centre=add(placed.center, shift),
         mass=kind.mass,
         inertia=_inertia(placed, kind, extents),
@@ -73,21 +71,17 @@ def _caster_parts(placed: Placed, kind: BlockType, constants: Constants, shift: 
     stem = scale(subtract(hub, origin), 0.5)
     width, height = 0.8 * kind.size[0], kind.size[1]
     bar = (0.15, max(2 * length(stem), 0.1), 0.15)
-    fork = _part(
-        placed,
-        kind,
-        constants,
+    part = _part_of(placed, kind, constants)
+    fork = part(
         centre=add(origin, stem),
         mass=0.3 * kind.mass,
         inertia=_ball(0.3 * kind.mass, radius),
         shapes=(Shape("box", bar, rotation=rotation_from_up(stem), solid=False),),
     )
-    axle = rotation_from_up(placed.right)
-    rim = Shape("cylinder", (2 * radius, width, 2 * radius), rotation=axle)
-    wheel = _part(
-        placed,
-        kind,
-        constants,
+    rim = Shape(
+        "cylinder", (2 * radius, width, 2 * radius), rotation=rotation_from_up(placed.right)
+    )
+    wheel = part(
         centre=hub,
         mass=0.7 * kind.mass,
         inertia=_ball(0.7 * kind.mass, radius),
@@ -108,11 +102,9 @@ def end_parts(placed: Placed, kind: BlockType, constants: Constants, shift: Vec3
     if kind.connector == "rod" and length(line) > END_RADIUS:
         size = (ROD_DIAMETER, length(line), ROD_DIAMETER)
         rods = (Shape("cylinder", size, scale(line, 0.5), rotation_from_up(line), solid=False),)
+    part = _part_of(placed, kind, constants)
     return [
-        _part(
-            placed,
-            kind,
-            constants,
+        part(
             centre=end,
             mass=0.5 * kind.mass,
             inertia=_ball(0.5 * kind.mass, END_RADIUS),
@@ -122,29 +114,16 @@ def end_parts(placed: Placed, kind: BlockType, constants: Constants, shift: Vec3
     ]
 
 
-def _part(
-    placed: Placed,
-    kind: BlockType,
-    constants: Constants,
-    *,
-    centre: Vec3,
-    mass: float,
-    inertia: Vec3,
-    shapes: tuple[Shape, ...],
-    extents: Vec3 = (0.0, 0.0, 0.0),
-) -> Part:
-    return Part(
+def _part_of(placed: Placed, kind: BlockType, constants: Constants) -> partial[Part]:
+    """A part of a block, with the surface and drag of its type."""
+    return partial(
+        Part,
         block=placed.id,
-        centre=centre,
-        mass=mass,
-        inertia=inertia,
-        shapes=shapes,
         friction=constants.of("friction", kind.type),
         restitution=constants.of("restitution", kind.type),
         rolling_friction=constants.of("rolling_friction", kind.type),
         linear_drag=kind.linear_drag,
         angular_drag=kind.angular_drag,
-        extents=extents,
         color=kind.color,
     )
 

@@ -19,7 +19,6 @@ from agentflow.machine.geometry.vectors import add, cross, dot, rotate_vector, s
 class Thruster:
     """A steady push on a part at its centre, while `motors` are on."""
 
-    block: int
     part: int
     force: Vec3
     """N; turns with the part."""
@@ -29,7 +28,6 @@ class Thruster:
 class PropellerBlade:
     """A propeller blade: the air that it moves through pushes it, powered or not."""
 
-    block: int
     part: int
     push: Vec3
     """Unit vector of the force, the blade's Up."""

@@ -17,7 +17,6 @@ from agentflow.machine.geometry.vectors import dot, length, scale, subtract
 class Spring:
     """Pulls two parts together along the line between their centres, while `springs` are on."""
 
-    block: int
     a: int
     """Part index."""
     b: int
@@ -39,7 +38,6 @@ class Winch:
     It is strung, taut, when winches are first switched on, and never pushes.
     """
 
-    block: int
     a: int
     """Part index."""
     b: int
