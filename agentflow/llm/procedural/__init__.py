@@ -5,7 +5,6 @@ It is not a language model. It reads only the prompt, and equal requests get equ
 
 from __future__ import annotations
 
-import hashlib
 import random
 
 from agentflow.llm.messages import Reply, Request
@@ -28,16 +27,17 @@ class ProceduralClient:
     name = "procedural (no language model)"
 
     def __init__(self, seed: int) -> None:
-        """Random choices depend on `seed` and the request."""
+        """Random choices depend on `seed`, the request's sampling seed and its label.
+
+        They do not depend on the prompt's text, so rewording a prompt changes no result.
+        """
         self._seed = seed
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; prompts that cannot be read get an apology."""
         prompt = read_prompt(request.messages)
         reply_format = prompt.sections["Your reply"]
-        texts = [f"{message.role}\0{message.text}" for message in request.messages]
-        key = "\0".join([str(self._seed), str(request.sampling.seed), request.label, *texts])
-        rng = random.Random(hashlib.sha256(key.encode(errors="replace")).digest())
+        rng = random.Random(f"{self._seed}/{request.sampling.seed}/{request.label}")
         answer = next((found for words, found in _ANSWERS.items() if words in reply_format), None)
         if answer is None or not (prompt.has_machine or answer in (plan, design)):
             return Reply(text=str(load_data("replies.yaml")["apology"]), model=self.name)
