@@ -1,7 +1,7 @@
 """Every text that agentflow shows to a user: help, errors and problems, read from the source.
 
-    python -m tests.messages            # print the list
-    python -m tests.messages --update   # write tests/messages.txt
+python -m tests.messages            # print the list
+python -m tests.messages --update   # write tests/messages.txt
 """
 
 from __future__ import annotations
