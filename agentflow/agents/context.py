@@ -31,7 +31,7 @@ def task_context(brief: Brief) -> dict[str, object]:
         "task": {
             "name": brief.name,
             "objective": brief.objective,
-            "required": [_required(kind, n) for kind, n in sorted(brief.required.items())],
+            "required": [_required_text(kind, n) for kind, n in sorted(brief.required.items())],
             "scene": brief.scene,
             "schedule": brief.schedule,
             "score": brief.score,
@@ -77,7 +77,9 @@ def block_rows(kinds: Sequence[BlockType]) -> list[dict[str, object]]:
     rows = []
     for kind in kinds:
         same = first.setdefault(kind.faces, kind.type)
-        short = _faces(kind.faces) if same == kind.type or not kind.faces else f"as type {same}"
+        short = (
+            _faces_text(kind.faces) if same == kind.type or not kind.faces else f"as type {same}"
+        )
         rows.append({**block_row(kind), "faces_short": short})
     return rows
 
@@ -87,14 +89,14 @@ def block_row(kind: BlockType) -> dict[str, object]:
     return {
         "type": kind.type,
         "name": kind.name,
-        "size": _joined(kind.size, "x") if kind.size else "two-ended",
+        "size": _join(kind.size, "x") if kind.size else "two-ended",
         "mass": f"{kind.mass:g}",
-        "faces": " ".join(_face(face) for face in kind.faces) or "none",
+        "faces": " ".join(_face_text(face) for face in kind.faces) or "none",
         "function": block_functions()[kind.type],
     }
 
 
-def _faces(faces: Sequence[Face]) -> str:
+def _faces_text(faces: Sequence[Face]) -> str:
     """Faces by direction, a coordinate that differs listed per id: `Left 1 2 @-0.5,0,0.5/1.5`."""
     groups = []
     for direction, group in groupby(faces, key=lambda face: face.direction):
@@ -108,14 +110,14 @@ def _faces(faces: Sequence[Face]) -> str:
     return "; ".join(groups) or "none"
 
 
-def _face(face: Face) -> str:
-    return f"{face.id}:{face.direction}@{_joined(face.position, ',')}"
+def _face_text(face: Face) -> str:
+    return f"{face.id}:{face.direction}@{_join(face.position, ',')}"
 
 
-def _joined(numbers: Sequence[float], by: str) -> str:
+def _join(numbers: Sequence[float], by: str) -> str:
     return by.join(f"{number:g}" for number in numbers)
 
 
-def _required(kind: int, count: int) -> str:
+def _required_text(kind: int, count: int) -> str:
     number = _NUMBERS[count] if count < len(_NUMBERS) else str(count)
     return f"exactly {number} {library()[kind].name} (type {kind})"

@@ -93,18 +93,18 @@ class Designer(Role[DesignerInput, Design]):
         if machine is None:
             return no_machine(report)
         refused = (
-            _altered(machine, given)
-            or _foreign(machine, given)
+            _find_altered_block(machine, given)
+            or _find_foreign_block(machine, given)
             or rejection(machine, report, given.brief, complete=given.last or given.part is None)
         )
         if refused:
             code, problem = refused
             return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)
-        design = Design(machine, rationale_of(text))
+        design = Design(machine, extract_rationale(text))
         return Parsed(design, repaired=repaired, spatial=report.spatial_valid)
 
 
-def rationale_of(text: str) -> str:
+def extract_rationale(text: str) -> str:
     """The prose of a reply: its text outside code fences, cut to `MAX_RATIONALE`."""
     return _FENCE.sub("", text).strip()[:MAX_RATIONALE]
 
@@ -127,7 +127,7 @@ def _structure_context(part: Structure) -> dict[str, object]:
     }
 
 
-def _altered(machine: Machine, given: DesignerInput) -> tuple[str, str] | None:
+def _find_altered_block(machine: Machine, given: DesignerInput) -> tuple[str, str] | None:
     if given.machine is None:
         return None
     was, now = (machine_items(item, given.representation) for item in (given.machine, machine))
@@ -145,7 +145,7 @@ def _altered(machine: Machine, given: DesignerInput) -> tuple[str, str] | None:
     return None
 
 
-def _foreign(machine: Machine, given: DesignerInput) -> tuple[str, str] | None:
+def _find_foreign_block(machine: Machine, given: DesignerInput) -> tuple[str, str] | None:
     part = given.part
     if part is None:
         return None

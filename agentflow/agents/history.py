@@ -48,7 +48,7 @@ class History:
         """The history with one more entry; the oldest is dropped if there are too many."""
         number = self.entries[-1].number + 1 if self.entries else 1
         entries = (*self.entries, replace(entry, number=number))
-        return replace(self, entries=_bounded(entries, self.limit))
+        return replace(self, entries=_limit(entries, self.limit))
 
     def to_text(self) -> str:
         """One paragraph per entry, oldest first; "" if empty."""
@@ -56,10 +56,10 @@ class History:
 
     def to_short_text(self) -> str:
         """The same, shortened, for the best, the worst and the newest entries only."""
-        return _text(_bounded(self.entries, SHORT_LIMIT), SHORT_LINES, SHORT_WIDTH)
+        return _text(_limit(self.entries, SHORT_LIMIT), SHORT_LINES, SHORT_WIDTH)
 
 
-def _bounded(entries: tuple[EditRecord, ...], limit: int) -> tuple[EditRecord, ...]:
+def _limit(entries: tuple[EditRecord, ...], limit: int) -> tuple[EditRecord, ...]:
     """At most `limit` entries: the oldest are dropped first, the best and the worst never."""
     kept = {item.number for item in _extremes(entries)}
     gone = [item.number for item in entries if item.number not in kept]

@@ -55,13 +55,13 @@ def read_orientation(text: str) -> dict[str, Any]:
         value = text[match.end() : min(end, match.end() + 200)].lstrip("[ \r\n\t")
         value = value.partition("\n")[0]
         key = match[1].lower()
-        answer = _direction(value) if key in AXES else ids_in(value)
+        answer = _direction(value) if key in AXES else _find_ids(value)
         if answer:
             answers.setdefault(key, answer)
     return answers
 
 
-def ids_in(text: str) -> list[int]:
+def _find_ids(text: str) -> list[int]:
     """The first list of block ids in a text."""
     match = ID_LIST.search(text)
     return [int(number) for number in _NUMBER.findall(match[0])] if match else []

@@ -9,8 +9,8 @@ from typing import ClassVar
 
 from agentflow.agents.base import Parsed, Role
 from agentflow.agents.context import block_rows, task_context
-from agentflow.agents.designer import Design, rationale_of
-from agentflow.agents.replies import machine_text, no_machine, read_reply, rejection
+from agentflow.agents.designer import Design, Designer, DesignerInput
+from agentflow.agents.replies import machine_text
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -49,14 +49,6 @@ class Placer(Role[PlacerInput, Design]):
         }
 
     def parse(self, text: str, given: PlacerInput) -> Parsed[Design]:
-        """Read the last machine of the reply."""
-        report = read_reply(text, given.brief, "tree")
-        machine, repaired = report.machine, report.repaired
-        if machine is None:
-            return replace(no_machine(report), spatial=None)
-        refused = rejection(machine, report, given.brief, complete=True)
-        if refused:
-            code, problem = refused
-            return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)
-        design = Design(machine, rationale_of(text))
-        return Parsed(design, repaired=repaired, spatial=report.spatial_valid)
+        """Read the last machine of the reply, as the designer's."""
+        parsed = Designer().parse(text, DesignerInput(given.brief))
+        return parsed if parsed.parsed else replace(parsed, spatial=None)

@@ -122,28 +122,28 @@ class Refiner(Role[RefinerInput, Refinement]):
             lack = "is empty" if STEPS in found else "is missing"
             problem = f"The section <{STEPS}> {lack}."
             return Parsed(None, problem, "missing_section", parsed=False)
-        read = _whole if given.format == "whole_machine" else _edited
+        read = _read_machine if given.format == "whole_machine" else _read_script
         return read(found, given)
 
 
-def _edited(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
+def _read_script(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
     script = "\n".join(script_lines(found[STEPS]))
     outcome = apply_script(given.machine, script, given.brief)
     if not outcome.success:
         code = next((step.code for step in outcome.steps if step.code), "bad_format")
         problem = "The script fails; the machine is unchanged:\n" + verdict_text(outcome.steps)
         return Parsed(None, problem, code, spatial=False if code in GEOMETRIC else None)
-    return _checked(found, given, outcome.machine, script, outcome.steps, repaired=False)
+    return _check(found, given, outcome.machine, script, outcome.steps, repaired=False)
 
 
-def _whole(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
+def _read_machine(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
     report = read_reply(found[STEPS], given.brief, given.representation)
     if report.machine is None:
         return no_machine(report, f"<{STEPS}>")
-    return _checked(found, given, report.machine, "", (), repaired=report.repaired)
+    return _check(found, given, report.machine, "", (), repaired=report.repaired)
 
 
-def _checked(
+def _check(
     found: Mapping[str, str],
     given: RefinerInput,
     machine: Machine,

@@ -38,7 +38,7 @@ from agentflow.workflows.base import (
     WorkflowResult,
 )
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.statistics import best_of, row
+from agentflow.workflows.statistics import find_best, stage_row
 
 In = TypeVar("In")
 Out = TypeVar("Out")
@@ -170,7 +170,7 @@ class WorkflowContext:
         for candidate in stage.candidates:
             place = Place(name, trajectory=candidate.trajectory)
             self.note(CandidateEvent(place, **_fields(candidate)))
-        self.note(StageEvent(Place(name), **row(stage)))
+        self.note(StageEvent(Place(name), **stage_row(stage)))
         self._stages.append(stage)
         return stage
 
@@ -185,7 +185,7 @@ class WorkflowContext:
     def result(self) -> WorkflowResult:
         """Close the run: the best valid machine of all stages."""
         stages = tuple(self._stages)
-        best, stage = best_of(stages) or (None, None)
+        best, stage = find_best(stages) or (None, None)
         reason = "" if best else _why_none(stages)
         result = WorkflowResult(
             workflow=self._workflow,

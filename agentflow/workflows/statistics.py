@@ -11,7 +11,7 @@ PASS = 1.0
 """Lowest score that counts as a success."""
 
 
-def row(stage: Stage) -> dict[str, Any]:
+def stage_row(stage: Stage) -> dict[str, Any]:
     """The stage as one row of the table, over all trajectories of the run.
 
     `mean`, `max` and `std` (of the population) are over the valid machines; `mean_all` counts
@@ -43,7 +43,7 @@ def row(stage: Stage) -> dict[str, Any]:
     }
 
 
-def passes(stage: Stage) -> dict[str, Any]:
+def count_passes(stage: Stage) -> dict[str, Any]:
     """Number of attempts of a stage that parsed, were spatially valid, and passed.
 
     An attempt passes with a score of at least 1, which is what pass-or-fail tasks give for a
@@ -60,7 +60,7 @@ def passes(stage: Stage) -> dict[str, Any]:
     }
 
 
-def best_of(stages: tuple[Stage, ...]) -> tuple[Candidate, Stage] | None:
+def find_best(stages: tuple[Stage, ...]) -> tuple[Candidate, Stage] | None:
     """The valid machine with the highest score, the earliest if tied; None without one."""
     found: tuple[Candidate, Stage] | None = None
     highest: float | None = None

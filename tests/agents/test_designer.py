@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from agentflow.agents.designer import Designer, DesignerInput, rationale_of
+from agentflow.agents.designer import Designer, DesignerInput, extract_rationale
 from agentflow.machine.tree import Machine
 from tests.agents.fakes import FRAME, MOVEMENT, PLAN, THROWER, THROWING, fenced, machine
 
@@ -124,8 +124,8 @@ def test_no_machine(text: str) -> None:
 
 
 def test_rationale_is_what_is_outside_fences() -> None:
-    assert rationale_of("a\n```json\n[]\n```\nb\n  ```\nopen") == "a\n\nb"
-    assert len(rationale_of("x" * 10_000)) == 4000
+    assert extract_rationale("a\n```json\n[]\n```\nb\n  ```\nopen") == "a\n\nb"
+    assert len(extract_rationale("x" * 10_000)) == 4000
 
 
 def test_thrower_is_a_whole_machine() -> None:

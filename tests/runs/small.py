@@ -18,7 +18,7 @@ from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.statistics import row
+from agentflow.workflows.statistics import stage_row
 from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
 
 SETTINGS = WorkflowSettings.model_validate(
@@ -74,7 +74,7 @@ def _told(result: WorkflowResult) -> dict[str, object]:
     assert result.best.machine is not None
     return {
         "machine": result.best.machine.digest,
-        "stages": [row(stage) for stage in result.stages],
+        "stages": [stage_row(stage) for stage in result.stages],
     }
 
 

@@ -28,7 +28,7 @@ from agentflow.workflows.base import (
 )
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.statistics import passes
+from agentflow.workflows.statistics import count_passes
 from agentflow.workflows.workflow import check_fit
 
 TASK = get_task("gearing")
@@ -103,7 +103,7 @@ def test_every_attempt_is_one_call_and_is_judged_by_itself() -> None:
     result = run(ScriptedClient(answer), 4, record)
     (stage,) = result.stages
     assert [c.score for c in stage.candidates] == [1.0, None, None, 0.0]
-    assert passes(stage) == {
+    assert count_passes(stage) == {
         "attempts": 4,
         "parsed": 3,
         "spatial": 2,
@@ -120,7 +120,7 @@ def test_every_attempt_is_one_call_and_is_judged_by_itself() -> None:
 
 def test_the_procedural_model_finds_the_short_way_every_time() -> None:
     result = run(ProceduralClient(seed=3), 8)
-    assert passes(result.stages[0])["passes"] == 8
+    assert count_passes(result.stages[0])["passes"] == 8
     assert run(ProceduralClient(seed=3), 8) == result
 
 
@@ -141,7 +141,7 @@ def test_random_placements_are_valid_and_differ() -> None:
 def test_attempts_that_the_computer_could_not_score_do_not_count() -> None:
     crashed = Evaluation(True, None, SimulationSummary(None, "crashed", ""))
     lost = Candidate(1, SOLVED, crashed, FirstAttempt(True, True, True))
-    assert passes(Stage("initial", (lost,), 1, 0, 1)) == {
+    assert count_passes(Stage("initial", (lost,), 1, 0, 1)) == {
         "attempts": 0,
         "parsed": 0,
         "spatial": 0,

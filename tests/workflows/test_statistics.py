@@ -3,7 +3,7 @@ import statistics
 from agentflow.runs.events import FirstAttempt
 from agentflow.search.node import Evaluation, SearchCost
 from agentflow.workflows.base import Candidate, Stage
-from agentflow.workflows.statistics import best_of, passes, row
+from agentflow.workflows.statistics import count_passes, find_best, stage_row
 
 
 def scored(trajectory: int, score: float | None, first: FirstAttempt = FirstAttempt()) -> Candidate:  # noqa: B008
@@ -26,7 +26,7 @@ def test_row() -> None:
         tokens=4000,
         rollouts=17,
     )
-    assert row(stage) == {
+    assert stage_row(stage) == {
         "name": "env_feedback",
         "trajectories": 6,
         "parsed_first": 3,
@@ -61,13 +61,19 @@ def test_passes() -> None:
         tokens=0,
         rollouts=4,
     )
-    assert passes(stage) == {"attempts": 4, "parsed": 3, "spatial": 2, "passes": 2, "share": 0.5}
-    assert passes(Stage("initial", (scored(1, None),), 0, 0, 0))["share"] is None
+    assert count_passes(stage) == {
+        "attempts": 4,
+        "parsed": 3,
+        "spatial": 2,
+        "passes": 2,
+        "share": 0.5,
+    }
+    assert count_passes(Stage("initial", (scored(1, None),), 0, 0, 0))["share"] is None
 
 
 def test_best_is_the_earliest_among_equals() -> None:
     first = Stage("initial", (scored(1, None), scored(2, 3.0), scored(3, 3.0)), 0, 0, 0)
     later = Stage("blind_refinement", (scored(1, 3.0),), 0, 0, 0)
-    assert best_of((first, later)) == (first.candidates[1], first)
-    assert best_of((Stage("initial", (scored(1, None), Candidate(2)), 0, 0, 0),)) is None
-    assert best_of(()) is None
+    assert find_best((first, later)) == (first.candidates[1], first)
+    assert find_best((Stage("initial", (scored(1, None), Candidate(2)), 0, 0, 0),)) is None
+    assert find_best(()) is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from agentflow.agents.designer import Designer, rationale_of
+from agentflow.agents.designer import Designer, extract_rationale
 from agentflow.config.run import DesignConfig
 from agentflow.errors import RunError
 from agentflow.llm.wrappers.tape import Tape
@@ -45,7 +45,7 @@ def rationales_of(path: Path) -> tuple[str, ...]:
         for entry in tape.calls():
             place = accepted.get(entry.request.label)
             if place is not None and place.trajectory:
-                text = rationale_of(entry.reply.text)
+                text = extract_rationale(entry.reply.text)
                 plans.setdefault(place.trajectory, {}).setdefault(place.structure, text)
     texts = tuple("\n".join(plan[n] for n in sorted(plan)) for _, plan in sorted(plans.items()))
     if not any(texts):

@@ -17,7 +17,7 @@ from agentflow.metrics.intervals import wilson
 from agentflow.runs import read_result
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
-from agentflow.workflows.statistics import passes, row
+from agentflow.workflows.statistics import count_passes, stage_row
 
 NUMBER = (int, float)
 KEYS: Mapping[str, tuple[type, ...]] = MappingProxyType(
@@ -57,7 +57,7 @@ def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:
         "valid": best is not None,
         "machine": machine.to_json() if machine else None,
         "best_stage": result.best_stage,
-        "stages": [row(stage) for stage in result.stages],
+        "stages": [stage_row(stage) for stage in result.stages],
         "rollouts": len(execution.laboratory.rollouts),
         "stopped": result.stopped,
         "reason": result.reason,
@@ -67,7 +67,7 @@ def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:
 
 def _pass_rate(result: WorkflowResult) -> dict[str, Any]:
     """Number of attempts, number of passes, and Wilson's 95 % interval of the pass rate."""
-    found = passes(result.stages[0])
+    found = count_passes(result.stages[0])
     interval = wilson(found["passes"], found["attempts"])
     return {**found, "interval": None if interval is None else list(interval)}
 

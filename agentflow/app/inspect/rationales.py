@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from agentflow.agents.designer import Designer, rationale_of
+from agentflow.agents.designer import Designer, extract_rationale
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.machine import Machine, library
 from agentflow.runs import read_calls
@@ -38,7 +38,7 @@ def unfollowed_rationales(run: Path) -> frozenset[str]:
         call["request"]["label"]
         for call in read_calls(run)
         if (digest := designs.get(call["request"]["label"])) is not None
-        and _lacks(recorded_machine(run, digest), rationale_of(call["reply"]["text"]))
+        and _lacks(recorded_machine(run, digest), extract_rationale(call["reply"]["text"]))
     )
 
 
