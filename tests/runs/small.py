@@ -16,7 +16,7 @@ from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import RunDirectory
 from agentflow.workflows.base import WorkflowResult
-from agentflow.workflows.registry import WORKFLOWS
+from agentflow.workflows.hierarchical import HIERARCHICAL
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import stage_row
 from tests.workflows.world import BRIEF, PROMPTS, Author, Delayed, Shelf
@@ -60,7 +60,7 @@ def _carry_out(run: RunDirectory, log: Path, seed: int) -> Path:
         inner = Delayed(ScriptedClient(Asked(log)), chance)
         context = AskContext(wrap(inner, tape=tape, budget=Budget()), PROMPTS, max_retry=3)
         result = asyncio.run(
-            WORKFLOWS["hierarchical"](
+            HIERARCHICAL(
                 BRIEF, lambda _role: context, Shelf(delays=chance), SETTINGS, run, 0
             )
         )
