@@ -1,6 +1,6 @@
-"""Owns what a table is, and its forms: text, Markdown, CSV, LaTeX, JSON.
+"""Tables and their formats: text, Markdown, CSV, LaTeX, JSON.
 
-Published rows stand apart from measured ones in every form and are labelled in each.
+Published rows are separate from measured ones and labelled in every format.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PUBLISHED = "published (other models, in the game; not comparable in absolute te
 NOTHING = "-"
 GAP = "  "
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""What spreadsheets take for the beginning of a formula."""
+"""Characters that start a formula in spreadsheets."""
 
 
 @dataclass(frozen=True)
@@ -29,13 +29,13 @@ class Column:
     """One column of numbers."""
 
     group: str
-    """Heads several columns; "" for none."""
+    """Heading above several columns; "" for none."""
     name: str
     percent: bool = False
 
     @property
     def full(self) -> str:
-        """Group and name in one, for forms with a single line of heads."""
+        """Group and name, for formats with a single heading line."""
         return f"{self.group} {self.name}".strip()
 
 
@@ -51,11 +51,11 @@ class Row:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of numbers under columns, and what there is to say of them."""
+    """Rows of numbers, with title and notes."""
 
     title: str
     heads: tuple[str, ...]
-    """Of the columns of labels."""
+    """Headings of the label columns."""
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     published: tuple[Row, ...] = ()
@@ -63,7 +63,7 @@ class Table:
 
 
 def shown(value: Value, percent: bool = False) -> str:
-    """A cell as text: two decimals, counts as they are, a dash for nothing."""
+    """A cell as text: floats with two decimals, counts as integers, a dash for no value."""
     if value is None:
         return NOTHING
     if isinstance(value, float):
@@ -72,7 +72,7 @@ def shown(value: Value, percent: bool = False) -> str:
 
 
 def text(table: Table) -> str:
-    """For a terminal, in columns; lines as wide as they need to be."""
+    """Aligned columns for a terminal; lines are not wrapped."""
     heads = [*table.heads, *(column.name for column in table.columns)]
     measured = [_cells(table, row) for row in table.rows]
     told = [_cells(table, row) for row in table.published]
@@ -93,7 +93,7 @@ def text(table: Table) -> str:
 
 
 def markdown(table: Table) -> str:
-    """GitHub's Markdown: measured rows in one table, published ones in another."""
+    """GitHub Markdown: measured rows in one table, published ones in another."""
 
     def part(rows: Iterable[Row]) -> list[str]:
         heads = [*table.heads, *(column.full for column in table.columns)]
@@ -110,7 +110,7 @@ def markdown(table: Table) -> str:
 def comma_separated(table: Table) -> str:
     """CSV with a `source` column: measured or published. Numbers in full precision.
 
-    Names that a spreadsheet would take for a formula have a quotation mark before them.
+    Names that a spreadsheet would read as a formula are prefixed with a quotation mark.
     """
     out = io.StringIO()
     write = csv.writer(out, lineterminator="\n").writerow
@@ -123,7 +123,7 @@ def comma_separated(table: Table) -> str:
 
 
 def latex(table: Table) -> str:
-    """A LaTeX tabular; needs the package booktabs."""
+    """LaTeX tabular; needs the booktabs package."""
     width = len(table.heads) + len(table.columns)
     form = "l" * len(table.heads) + "r" * len(table.columns)
     lines = [f"% {' '.join(table.title.split())}", f"\\begin{{tabular}}{{{form}}}", "\\toprule"]
@@ -179,7 +179,7 @@ def _grouped(table: Table) -> bool:
 
 
 def _group_line(table: Table, widths: list[int]) -> list[str]:
-    """The groups' names, each over its columns; a group's last column grows to make room."""
+    """Group names, each above its columns; a group's last column is widened if needed."""
     if not _grouped(table):
         return []
     at = len(table.heads)
@@ -207,14 +207,14 @@ def _pipes(cells: Iterable[str]) -> str:
 
 
 def _mark(text: str) -> str:
-    """Text that means itself within a line of Markdown."""
+    """Escape text for a line of Markdown."""
     for character in "\\|*_`<":
         text = text.replace(character, "\\" + character)
     return " ".join(text.split())
 
 
 def _plain(name: str) -> str:
-    """A name that no spreadsheet computes (OWASP, "CSV injection")."""
+    """Protect a name from being computed by a spreadsheet (OWASP, "CSV injection")."""
     return f"'{name}" if name.startswith(FORMULA) else name
 
 

@@ -1,6 +1,6 @@
-"""Owns how motion is packed for the page: 16-bit places and turns, deflated, as base64 text.
+"""Packs motion for the page: 16-bit positions and rotations, deflated, as base64 text.
 
-The page's film.js unpacks it. Where bodies are is told by whoever simulated them.
+The page's film.js unpacks it.
 """
 
 from __future__ import annotations
@@ -15,38 +15,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 STEPS = 65535
-"""Of a coordinate between its least and its greatest value: 1.5 mm over 100 m."""
+"""Steps of a coordinate between its minimum and maximum: 1.5 mm over 100 m."""
 TURN = 32767
+"""Integer for a quaternion component of 1."""
 LOAD = 200
-"""Steps of a load of 1, at which a connection breaks; more than 1.27 is shown as that."""
+"""Steps of a load of 1, at which a connection breaks; loads are capped at 1.27."""
 PRECISION = 1e-4
-"""Least extent of a coordinate, m, so that nothing is divided by zero."""
+"""Smallest extent of a coordinate, m, to avoid division by zero."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Where bodies are at equal intervals, game frame. T samples, B bodies, E connections."""
+    """Poses of bodies at equal intervals, game frame: T samples, B bodies, E connections."""
 
     interval: float
-    """Seconds from one sample to the next."""
+    """Seconds between samples."""
     position: NDArray[np.float64]
     """(T, B, 3) m."""
     rotation: NDArray[np.float64]
     """(T, B, 4) unit quaternions x, y, z, w."""
     load: NDArray[np.float64]
-    """(T, E) load over strength; nan after the break."""
+    """(T, E) load divided by strength; NaN after a break."""
 
 
-def packed(motion: Motion) -> dict[str, Any]:
-    """The motion as the page reads it.
+def pack_motion(motion: Motion) -> dict[str, Any]:
+    """Pack a motion for the page.
 
-    Places keep to about a 65,000th of their extent, turns to 0.005 degrees, loads to 0.005.
+    Positions are accurate to about 1/65,000 of their extent, rotations to 0.005 degrees, loads to
+    0.005.
     """
     samples, bodies, _ = motion.position.shape
     low = motion.position.min(axis=(0, 1))
     extent = np.maximum(np.ptp(motion.position, axis=(0, 1)), PRECISION)
     places = np.round((motion.position - low) * (STEPS / extent)) - STEPS // 2 - 1
-    turns = np.round(_steady(motion.rotation) * TURN)
+    turns = np.round(_same_hemisphere(motion.rotation) * TURN)
     rows = np.concatenate([places, turns], axis=2).transpose(2, 1, 0).reshape(-1, samples)
     changes = np.diff(rows.astype(np.int64), axis=1, prepend=0).astype(np.uint16).ravel()
     loads = np.round(np.nan_to_num(motion.load).clip(0.0, 255 / LOAD) * LOAD).astype(np.int64).T
@@ -62,22 +64,22 @@ def packed(motion: Motion) -> dict[str, Any]:
         "low": [round(float(value), 6) for value in low],
         "step": [float(value) / STEPS for value in extent],
         "loads": motion.load.shape[1],
-        "data": deflated(content),
+        "data": deflate(content),
     }
 
 
-def deflated(content: bytes) -> str:
-    """Bytes as deflated base64 text."""
+def deflate(content: bytes) -> str:
+    """Deflate bytes to base64 text."""
     return base64.b64encode(zlib.compress(content, 9)).decode()
 
 
-def deflated_json(value: object) -> str:
-    """JSON data as deflated base64 text."""
-    return deflated(json.dumps(value).encode())
+def deflate_json(value: object) -> str:
+    """Deflate JSON data to base64 text."""
+    return deflate(json.dumps(value).encode())
 
 
-def _steady(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same turns with each quaternion on the side of the one before: (T, B, 4)."""
+def _same_hemisphere(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Flip quaternions so that each is on the side of its predecessor: (T, B, 4)."""
     sides = np.where(np.sum(rotation[1:] * rotation[:-1], axis=2, keepdims=True) < 0, -1.0, 1.0)
     first = np.ones((1, *sides.shape[1:]))
     steady: NDArray[np.float64] = rotation * np.cumprod(np.concatenate([first, sides]), axis=0)

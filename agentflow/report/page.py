@@ -1,7 +1,4 @@
-"""Owns the file: one HTML page that holds its script, its style and its data, and loads nothing.
-
-What the data say is the other modules'; how they are shown is web/'s.
-"""
+"""A page as one HTML file that contains its script, style and data, and loads nothing."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from typing import Any
 from agentflow.errors import UsageError
 
 BUNDLE = Path(__file__).parent / "bundle"
-"""Made from web/ when the package is built; not in the repository."""
+"""Built from web/ when the package is installed; not in the repository."""
 SCRIPT, STYLE = "player.js", "player.css"
 POLICY = (
     "default-src 'none'; script-src {script}; style-src {style}; img-src data:; "
@@ -33,7 +30,7 @@ PAGE = """<!DOCTYPE html>
 <style>{style}</style>
 </head>
 <body>
-<noscript>This page shows its data by a script, which it holds itself. Nothing is loaded.</noscript>
+<noscript>This page needs JavaScript to show its data. It loads nothing.</noscript>
 <script type="application/json" id="data">{data}</script>
 <script>{script}</script>
 </body>
@@ -45,11 +42,11 @@ def page(title: str, data: Mapping[str, Any]) -> str:
     """The whole page, as text.
 
     Args:
-        title: For the window; plain text.
-        data: JSON data; `kind` says which page it is for: run, sweep or gallery.
+        title: Window title, plain text.
+        data: JSON data; `kind` is run, sweep or gallery.
 
     Raises:
-        UsageError: The bundle is missing; says how to make it.
+        UsageError: The bundle is missing.
     """
     script, style = bundled(SCRIPT), bundled(STYLE)
     policy = POLICY.format(script=_source(script), style=_source(style))
@@ -59,32 +56,32 @@ def page(title: str, data: Mapping[str, Any]) -> str:
 
 
 def check_bundle() -> None:
-    """See that pages can be made, before work is done for one.
+    """Check that pages can be made, before any work is done.
 
     Raises:
-        UsageError: The bundle is missing; says how to make it.
+        UsageError: The bundle is missing.
     """
     for name in (SCRIPT, STYLE):
         bundled(name)
 
 
 def bundled(name: str) -> str:
-    """A file of the bundle.
+    """Read a file of the bundle.
 
     Raises:
-        UsageError: It is missing.
+        UsageError: The file is missing.
     """
     try:
         return (BUNDLE / name).read_text(encoding="utf-8")
     except OSError:
         raise UsageError(
-            f"the report's player is missing ({name} was not bundled when agentflow was "
-            "installed): run scripts/setup in a checkout, or install again with pip install ."
+            f"the report player is missing ({name} was not bundled when agentflow was installed): "
+            "run scripts/setup in a checkout, or reinstall with pip install ."
         ) from None
 
 
 def embedded(data: Mapping[str, Any]) -> str:
-    """JSON that no HTML parser takes for markup: every <, > and & is escaped, all is ASCII."""
+    """JSON that cannot be read as HTML markup: ASCII, with <, > and & escaped."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     for sign in "<>&":
         text = text.replace(sign, f"\\u{ord(sign):04x}")

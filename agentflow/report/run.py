@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agentflow.metrics.progress import progress
 from agentflow.metrics.usage import Cost, Spent, bill
-from agentflow.report.film import deflated_json
+from agentflow.report.film import deflate_json
 from agentflow.report.lineage import Lineage, LineageNode
 from agentflow.runs import Event, read_calls, read_document, state_of
-from agentflow.runs.events import AttemptEvent, RunEvent, read_typed_events
+from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, read_typed_events
 from agentflow.runs.record import RunRecord
 
 UNFINISHED = {"running": "under way", "stopped": "unfinished", "done": "finishing"}
@@ -75,22 +74,13 @@ class RunStory:
             "kind": "run",
             "run": self._head(record, priced),
             "nodes": [node.to_json() for node in self.nodes],
-            "progress": [
-                {
-                    "expansions": point.expansions,
-                    "calls": point.calls,
-                    "tokens": point.tokens,
-                    "score": point.score,
-                }
-                for point in progress(self.events)
-                if point.score is not None
-            ],
+            "progress": score_curve(self.events),
             "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
             "reasons": reasons(attempts),
             "usage": usage(read_calls(self.path), cost),
             "talk": talk(read_calls(self.path)),
-            "calls": deflated_json(conversations(read_calls(self.path), attempts)),
+            "calls": deflate_json(conversations(read_calls(self.path), attempts)),
             "facts": self._facts(),
         }
 
@@ -138,6 +128,17 @@ class RunStory:
         if self.result is not None and "seconds" in self.result:
             facts["Took"] = f"{self.result['seconds']} s"
         return list(facts.items())
+
+
+def score_curve(events: Iterable[RunEvent | Event]) -> list[dict[str, Any]]:
+    """Score of each evaluation that has one, and what the run had spent by then."""
+    run, points = RunRecord(), []
+    for event in events:
+        run.add(event)
+        if isinstance(event, EvaluationEvent) and event.score is not None:
+            spent = {"expansions": run.steps, "calls": run.calls, "tokens": run.tokens}
+            points.append({**spent, "score": event.score})
+    return points
 
 
 def validity(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:

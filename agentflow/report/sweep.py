@@ -1,4 +1,4 @@
-"""Owns what the page of a sweep says: its tables, and how scores are spread, as JSON data."""
+"""The data of a sweep's page: tables and score distributions, as JSON data."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from agentflow.metrics.tables import PUBLISHED, Column, Row, Table, shown
 from agentflow.runs.places import STAGES
 
 MOST_DOTS = 400
-"""Scores of one variant that are drawn, evenly taken from all in order of size."""
+"""Most scores drawn per variant, taken evenly from the sorted scores."""
 OURS = ("variant", "of")
-"""Heads of labels that are names of ours, with underscores for spaces; others are left as given."""
+"""Label columns that hold our own names; their underscores are shown as spaces."""
 
 
 def sweep_data(
@@ -26,10 +26,10 @@ def sweep_data(
     """Everything that the page shows.
 
     Args:
-        title: Of the sweep.
-        about: What it asks.
-        spreads: The scores of each task and variant.
-        tables: In the order in which they are shown.
+        title: Title of the sweep.
+        about: Its question.
+        spreads: Scores of each task and variant.
+        tables: Tables in display order.
         runs: Name, state and score of each run, and why it failed.
     """
     shared = [note for note in tables[0].notes if all(note in t.notes for t in tables)]
@@ -75,7 +75,7 @@ def _table(table: Table, title: str, shared: Sequence[str]) -> dict[str, Any]:
 
 
 def _told(table: Table, place: int) -> bool:
-    """Whether a column says anything: not where nothing was counted, spent or known."""
+    """Whether a column has any value other than 0."""
     return any(_something(row.values[place]) for row in (*table.rows, *table.published))
 
 
@@ -99,7 +99,7 @@ def _words(name: str) -> str:
 
 
 def _plain(note: str, columns: Sequence[Column]) -> str:
-    """A note that calls columns as their heads do."""
+    """Replace column names in a note by their headings."""
     for column in columns:
         note = note.replace(column.name, _words(column.name))
     return note

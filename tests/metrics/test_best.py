@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.metrics.best import best_at, best_at_powers
+from agentflow.metrics.scores import Scores, best_at
 
 SCORES = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=9)
 
@@ -34,10 +34,10 @@ def test_thousands_of_scores_do_not_overflow() -> None:
 
 
 def test_powers_end_with_the_number_of_scores() -> None:
-    assert list(best_at_powers([1.0] * 8)) == [1, 2, 4, 8]
-    assert list(best_at_powers([1.0] * 9)) == [1, 2, 4, 8]
-    assert best_at_powers([]) == {}
-    assert best_at_powers([2.5]) == {1: 2.5}
+    assert list(Scores((1.0,) * 8, 0).best_at()) == [1, 2, 4, 8]
+    assert list(Scores((1.0,) * 9, 0).best_at()) == [1, 2, 4, 8]
+    assert Scores((), 0).best_at() == {}
+    assert Scores((2.5,), 0).best_at() == {1: 2.5}
 
 
 @pytest.mark.parametrize("n", [0, 4])

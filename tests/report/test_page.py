@@ -60,8 +60,8 @@ def test_a_missing_bundle_says_how_to_make_it() -> None:
     with pytest.raises(UsageError) as caught:
         bundled("missing.js")
     assert str(caught.value) == (
-        "the report's player is missing (missing.js was not bundled when agentflow was "
-        "installed): run scripts/setup in a checkout, or install again with pip install ."
+        "the report player is missing (missing.js was not bundled when agentflow was installed): "
+        "run scripts/setup in a checkout, or reinstall with pip install ."
     )
 
 

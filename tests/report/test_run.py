@@ -12,10 +12,11 @@ import pytest
 
 from agentflow.errors import RunError
 from agentflow.metrics.usage import unpriced
-from agentflow.report.run import RunStory, reasons, validity
+from agentflow.report.run import RunStory, reasons, score_curve, validity
 from agentflow.runs import read_result
 from agentflow.runs.events import AttemptEvent
 from tests.metrics.events import attempt as answered
+from tests.metrics.events import edit, evaluation, expansion
 from tests.report.hostile import NASTY, hostile_run
 
 RECORDED = Path(__file__).parent.parent.parent / "runs" / "recorded-throwing"
@@ -124,6 +125,22 @@ def test_a_run_in_which_nothing_scored_praises_no_machine(tmp_path: Path) -> Non
     assert story.to_json(unpriced, priced=False)["run"]["sentence"] == (
         "is the most that any machine scored; shown is one found in the stage env feedback"
     )
+
+
+def test_one_point_per_scored_evaluation() -> None:
+    events = [
+        answered("designer/traj-1/attempt-1", tokens=10),
+        evaluation("initial/traj-1", None, at=1.0),
+        evaluation("initial/traj-2", 3.0, at=2.0),
+        answered("refiner/blind/traj-1/attempt-1", tokens=5),
+        expansion(1, 1, "v"),
+        evaluation("initial/traj-3", 2.0, at=3.0),
+        evaluation("initial/traj-4", 9.0, valid=False, at=4.0),
+        edit(1, 2),
+        evaluation("initial/traj-5", 1.0, at=5.0),
+    ]
+    points = [tuple(point.values()) for point in score_curve(events)]
+    assert points == [(0, 1, 10, 3.0), (1, 2, 15, 2.0), (1, 2, 15, 9.0), (2, 2, 15, 1.0)]
 
 
 def test_reasons_are_counted_with_an_example() -> None:

@@ -60,9 +60,7 @@ def _carry_out(run: RunDirectory, log: Path, seed: int) -> Path:
         inner = Delayed(ScriptedClient(Asked(log)), chance)
         context = AskContext(wrap(inner, tape=tape, budget=Budget()), PROMPTS, max_retry=3)
         result = asyncio.run(
-            HIERARCHICAL(
-                BRIEF, lambda _role: context, Shelf(delays=chance), SETTINGS, run, 0
-            )
+            HIERARCHICAL(BRIEF, lambda _role: context, Shelf(delays=chance), SETTINGS, run, 0)
         )
     run.finish(_told(result))
     run.close()

@@ -20,7 +20,7 @@ from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine
-from agentflow.report.film import Motion, packed
+from agentflow.report.film import Motion, pack_motion
 
 GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
     ("source", (0.80, 0.33, 0.20, 1.0)),
@@ -110,7 +110,7 @@ def _filmed(
         "gone": _gone(trace, machine) if trace is not None else {},
         "breaks": {item.block: item.time for item in reversed(rollout.broken)} if rollout else {},
         "events": _events(rollout, machine) if rollout is not None else [],
-        "film": packed(_motion(figures, trace, machine, every)),
+        "film": pack_motion(_motion(figures, trace, machine, every)),
     }
 
 
