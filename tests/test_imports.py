@@ -69,6 +69,7 @@ def test_imports_point_one_way(path: Path) -> None:
         assert used <= {*WITHIN_APP[own], own}, f"app/{own} imports {sorted(used)}"
     if not path.is_relative_to(PACKAGE / "env" / "physics" / "pybullet"):
         assert not any(name.split(".")[0].startswith("pybullet") for name in names)
+        assert not any(name.startswith("env.physics.pybullet") for name in ours)
 
 
 def test_every_stated_rule_is_about_a_part_that_exists() -> None:
@@ -96,3 +97,12 @@ def test_importing_everything_prints_nothing() -> None:
         [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_a_folder_has_at_most_twelve_modules() -> None:
+    crowded = {}
+    for folder in {path.parent for path in FILES}:
+        count = sum(path.name != "__init__.py" for path in folder.glob("*.py"))
+        if count > 12:
+            crowded[str(folder.relative_to(PACKAGE))] = count
+    assert crowded == {}

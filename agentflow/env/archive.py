@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.rollout import Broken, Event, Feedback, Rollout, Trace
+from agentflow.env.rollout import Broken, Feedback, Rollout, RolloutEvent, Trace
 from agentflow.errors import UsageError
 
 UNREADABLE = (
@@ -125,6 +125,6 @@ def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
     result["problems"] = tuple(result["problems"])
     result["broken"] = tuple(Broken(**item) for item in result["broken"])
     result["events"] = tuple(
-        Event(**(item | {"blocks": tuple(item["blocks"])})) for item in result["events"]
+        RolloutEvent(**(item | {"blocks": tuple(item["blocks"])})) for item in result["events"]
     )
     return Rollout(**result, trace=trace, feedback=feedback)

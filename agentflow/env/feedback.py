@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from agentflow.env.constants import constants
-from agentflow.env.rollout import Array, Broken, Event, Feedback, Trace, Verdict
+from agentflow.env.rollout import Array, Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.rotations import rotate
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
@@ -115,7 +115,7 @@ def _orientation_text(runs: Sequence[tuple[str, float, float]], interval: float)
     return f"changes {len(runs) - 1} times, faces " + "; ".join(shares)
 
 
-def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[Event, ...]:
+def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[RolloutEvent, ...]:
     """Find motors that stall for a second or more after they are switched on.
 
     A motor is stalled in a sample if its angular velocity differs from its parent's by less than
@@ -141,7 +141,7 @@ def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[Event,
             if end - begin >= STALL_TIME:
                 name = block_name(machine, step.id)
                 text = f"{name} {begin:.1f}-{end:.1f} s"
-                events.append(Event(begin, "motor_stalled", (step.id,), text))
+                events.append(RolloutEvent(begin, "motor_stalled", (step.id,), text))
     return tuple(events)
 
 
@@ -208,7 +208,7 @@ def _broken_lines(machine: Machine, broken: Sequence[Broken]) -> list[str]:
     return lines
 
 
-def _stall_lines(stalls: Sequence[Event]) -> list[str]:
+def _stall_lines(stalls: Sequence[RolloutEvent]) -> list[str]:
     lines = [f"Motor stalled: {event.text}" for event in stalls[:MAX_STALLS]]
     rest = sorted({block for event in stalls[MAX_STALLS:] for block in event.blocks})
     if rest:

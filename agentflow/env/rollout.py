@@ -70,7 +70,7 @@ class Broken:
 
 
 @dataclass(frozen=True)
-class Event:
+class RolloutEvent:
     """Something worth telling a designer, beside breakages."""
 
     time: float
@@ -86,7 +86,7 @@ class Verdict:
     score: float
     terms: Mapping[str, float | bool | str | None]
     """Every part of the score by name."""
-    events: tuple[Event, ...] = ()
+    events: tuple[RolloutEvent, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Rollout:
     problems: tuple[Mapping[str, Any], ...]
     """Why it is invalid: code, blocks, message of each problem (spec 1.12)."""
     broken: tuple[Broken, ...]
-    events: tuple[Event, ...]
+    events: tuple[RolloutEvent, ...]
     feedback: Feedback
     trace: Trace | None
     digest: str | None

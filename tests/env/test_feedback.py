@@ -17,7 +17,7 @@ from agentflow.env.feedback import (
     series,
     stalled_motors,
 )
-from agentflow.env.rollout import Event, Verdict
+from agentflow.env.rollout import RolloutEvent, Verdict
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import make_trace
 
@@ -109,7 +109,9 @@ def test_a_motor_that_turns_with_its_carrier_stalls() -> None:
 
 
 def test_four_stalls_are_told_one_by_one_and_the_rest_by_number() -> None:
-    stalls = [Event(0.2, "motor_stalled", (i,), f"block {i} (Rotating Block)") for i in range(1, 8)]
+    stalls = [
+        RolloutEvent(0.2, "motor_stalled", (i,), f"block {i} (Rotating Block)") for i in range(1, 8)
+    ]
     for told, rest in ((4, []), (5, ["Other stalled motors: blocks 5"])):
         verdict = Verdict(0.0, {}, tuple(stalls[:told]))
         text = compose(WHEELED, make_trace(4), (), verdict, "m", (), {}, ()).text

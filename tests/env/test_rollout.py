@@ -17,7 +17,7 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.pybullet.world import PyBulletWorld
-from agentflow.env.rollout import Event, Rollout
+from agentflow.env.rollout import Rollout, RolloutEvent
 from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
@@ -126,7 +126,7 @@ def test_a_locked_joint_is_told() -> None:
     rollout = simulate(tree, get_task("throwing"))
     told = [event for event in rollout.events if event.kind == "locked"]
     text = "the moving joint of block 1 cannot move: rigid parts bridge it"
-    assert told == [Event(0.0, "locked", (1,), text)]
+    assert told == [RolloutEvent(0.0, "locked", (1,), text)]
 
 
 class ExplodingWorld(PyBulletWorld):

@@ -14,7 +14,7 @@ import numpy as np
 from agentflow.env.drawing.film import frame_interval, tracked_block
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.physics.model import Color
-from agentflow.env.rollout import Broken, Event, Rollout, Trace
+from agentflow.env.rollout import Broken, Rollout, RolloutEvent, Trace
 from agentflow.env.scene import IDENTITY, Scene, Thing
 from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.machine.blocks.library import library
@@ -223,7 +223,7 @@ def _events(rollout: Rollout, machine: Machine) -> list[dict[str, Any]]:
     return sorted(found, key=lambda item: float(str(item["time"])))[:MOST_EVENTS]
 
 
-def _told(event: Event) -> str:
+def _told(event: RolloutEvent) -> str:
     """An event in words; of a stalled motor the record says only which one, and when."""
     text = event.text or event.kind.replace("_", " ")
     return f"motor stands still: {text}" if event.kind == STALLED else text

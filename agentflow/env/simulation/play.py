@@ -11,7 +11,7 @@ from agentflow.env.feedback import stalled_motors
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.loads import Loads
-from agentflow.env.rollout import Broken, Event, Feedback, Rollout, Status, Trace, Verdict
+from agentflow.env.rollout import Broken, Feedback, Rollout, RolloutEvent, Status, Trace, Verdict
 from agentflow.env.simulation.recorder import Recorder, digest
 from agentflow.env.simulation.settling import Settling
 from agentflow.env.simulation.world import RefereeView
@@ -65,7 +65,7 @@ class Play:
         """Joints that decouplers have let go."""
         self._giving: tuple[int, ...] = ()
         """Joints that gave way in the last step."""
-        self._events: list[Event] = []
+        self._events: list[RolloutEvent] = []
 
     def to_the_end(self) -> Rollout:
         """Settle, run the window, ask the referee."""
@@ -88,7 +88,9 @@ class Play:
                 return "ok"
             if self._steps >= most:
                 self._events.append(
-                    Event(0.0, "unsettled", (), f"still moving after {value['settle_most']:g} s")
+                    RolloutEvent(
+                        0.0, "unsettled", (), f"still moving after {value['settle_most']:g} s"
+                    )
                 )
                 return "ok"
 
@@ -98,7 +100,7 @@ class Play:
         for i in self._loads.locked:
             joint = self._assembly.joints[i]
             text = f"the moving joint of block {joint.block} cannot move: rigid parts bridge it"
-            self._events.append(Event(0.0, "locked", (joint.block,), text))
+            self._events.append(RolloutEvent(0.0, "locked", (joint.block,), text))
         self._referee.start(self._view)
         self._world.switch("gusts", 1.0)
         self._sample()
@@ -151,7 +153,9 @@ class Play:
         for joint in (self._assembly.joints[i] for i in loose):
             self._recorder.lose(joint)
             text = f"block {joint.block} let go of block {joint.partner}"
-            self._events.append(Event(self._elapsed / self._rate, "released", (joint.block,), text))
+            self._events.append(
+                RolloutEvent(self._elapsed / self._rate, "released", (joint.block,), text)
+            )
 
     def _step(self) -> Status:
         """One step. What it breaks comes apart before the next, so contacts can still be seen."""

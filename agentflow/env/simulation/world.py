@@ -8,7 +8,7 @@ from agentflow.env.tasks.base import Body
 
 
 class RefereeView:
-    """A `tasks.base.World`: where everything is and what touches what, and the time."""
+    """A `tasks.base.WorldView`: where everything is and what touches what, and the time."""
 
     def __init__(self, world: World) -> None:
         self._world = world

@@ -17,7 +17,7 @@ Body = int | str
 """A block id, the name of a scene object, or "ground"."""
 
 
-class World(Protocol):
+class WorldView(Protocol):
     """What a referee can read after each step. Game frame."""
 
     @property
@@ -40,10 +40,10 @@ class World(Protocol):
 class Referee(Protocol):
     """Observes one rollout step by step and scores it at the end."""
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Called once at t = 0, after settling."""
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Called after every later step."""
 
     def verdict(self, trace: Trace) -> Verdict:

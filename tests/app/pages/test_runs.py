@@ -15,7 +15,7 @@ from agentflow.app.pages.films import Shapes, exhibit
 from agentflow.app.pages.gallery import gallery
 from agentflow.app.pages.runs import best_of, report
 from agentflow.cli import main
-from agentflow.env.rollout import Event
+from agentflow.env.rollout import RolloutEvent
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
@@ -131,7 +131,7 @@ def test_what_breaks_is_told_with_time_and_place() -> None:
 def test_each_trial_has_a_film_to_choose_but_one() -> None:
     item, task = machine(HOLDS), get_task("throwing")
     rollout = simulate(item, task, seed=0)
-    stalled = Event(1.0, "motor_stalled", (3,), "block 3 (Powered Wheel) 1.0-2.0 s")
+    stalled = RolloutEvent(1.0, "motor_stalled", (3,), "block 3 (Powered Wheel) 1.0-2.0 s")
     told: dict[str, float | bool | str | None] = {
         "trial_1": True,
         "outcome_1": "success",

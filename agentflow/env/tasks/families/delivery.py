@@ -11,9 +11,9 @@ import numpy as np
 
 from agentflow.env.constants import constants
 from agentflow.env.feedback import compose, number, sample_indices, series
-from agentflow.env.rollout import Array, Broken, Event, Feedback, Trace, Verdict
+from agentflow.env.rollout import Array, Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.obstacles import (
     Beam,
@@ -220,13 +220,13 @@ class DeliveryReferee:
         """Time since which the cargo has touched neither the ground nor a scene object, s."""
         self._landing: float | None = None
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Record where the cargo rests."""
         x, _, z = world.centre(CARGO)
         self._here, self._origin = self._line.distance_along(x, z, self._at), (x, z)
         self.watch(world)
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Update the greatest distance."""
         x, y, z = world.centre(CARGO)
         self._here = self._line.distance_along(x, z, self._here)
@@ -267,14 +267,14 @@ class DeliveryReferee:
         }
         return Verdict(self._best, terms, self._events())
 
-    def _events(self) -> tuple[Event, ...]:
+    def _events(self) -> tuple[RolloutEvent, ...]:
         events = []
         if self._touched is not None:
             text = "the machine touches the cargo for the first time"
-            events.append(Event(self._touched, "cargo_touched", (), text))
+            events.append(RolloutEvent(self._touched, "cargo_touched", (), text))
         if self._landing is not None:
             text = f"the cargo lands after {FLIGHT:g} s or more in the air"
-            events.append(Event(self._landing, "landing", (), text))
+            events.append(RolloutEvent(self._landing, "landing", (), text))
         return tuple(events)
 
 

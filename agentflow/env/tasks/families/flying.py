@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from agentflow.env.feedback import compose, number, series
-from agentflow.env.rollout import Broken, Event, Feedback, Trace, Verdict
+from agentflow.env.rollout import Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Gust, Scene
-from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.platforms import Platform
 from agentflow.env.tasks.features.rings import CLOSE, EACH, Ring, RingProgress
@@ -146,12 +146,12 @@ class FlightReferee:
         self._passed: list[float] = []
         """Time at which each hoop was passed, s."""
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Record where the root rests."""
         self._start = self._last = world.centre(0)
         self._progress.move_to(self._start)
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Update the greatest height and the hoops passed."""
         position = self._last = world.centre(0)
         if position[1] - self._start[1] > self._height:
@@ -176,7 +176,7 @@ class FlightReferee:
             "result": result if total else None,
         }
         events = tuple(
-            Event(time, "hoop_passed", (0,), f"the Starting Block passes hoop {index}")
+            RolloutEvent(time, "hoop_passed", (0,), f"the Starting Block passes hoop {index}")
             for index, time in enumerate(self._passed, start=1)
         )
         return Verdict(self._progress.score if total else self._height, terms, events)

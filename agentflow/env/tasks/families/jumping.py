@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from agentflow.env.feedback import block_name, compose, number, series
-from agentflow.env.rollout import Broken, Event, Feedback, Trace, Verdict
+from agentflow.env.rollout import Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start
-from agentflow.env.tasks.base import Parameters, Schedule, World
+from agentflow.env.tasks.base import Parameters, Schedule, WorldView
 from agentflow.env.tasks.family import (
     GROUND,
     CommonKnobs,
@@ -177,14 +177,14 @@ class JumpReferee:
         self._touch: tuple[float, int, str, float] | None = None
         """First touch: time (s), block, obstacle, and how much the block was short by (m)."""
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Check that no block is across yet."""
         self._world = world
         blocks = [step.id for step in self._machine if not step.two_ended]
         self._early = next((i for i in blocks if world.centre(i)[2] > self._near), None)
         self.watch(world)
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Look for the first touch."""
         if self._touch is not None:
             return
@@ -195,7 +195,7 @@ class JumpReferee:
                 self._touch = (world.time, block, name, self._missed_by(world, block))
                 return
 
-    def _missed_by(self, world: World, block: int) -> float:
+    def _missed_by(self, world: WorldView, block: int) -> float:
         """Missing height (walls) or distance (trench) of the block, m."""
         if self._knobs.trench.length:
             return max(0.0, self._far - world.centre(block)[2])
@@ -252,15 +252,15 @@ class JumpReferee:
             return f"failed, the root ends {number(self._far - root)} m short of the far side"
         return f"failed, only {share:.0%} of the mass got across"
 
-    def _events(self) -> tuple[Event, ...]:
+    def _events(self) -> tuple[RolloutEvent, ...]:
         if self._touch is None:
             return ()
         time, block, name, _ = self._touch
         text = f"{block_name(self._machine, block)} touches the {name}"
-        return (Event(time, "obstacle_touched", (block,), text),)
+        return (RolloutEvent(time, "obstacle_touched", (block,), text),)
 
 
-def lowest_point(world: World, machine: Machine, block: int) -> float:
+def lowest_point(world: WorldView, machine: Machine, block: int) -> float:
     """Height of the lowest corner of a block's box, m; for a two-ended block, of its centre."""
     size = library()[machine[block].type].size
     height = world.centre(block)[1]

@@ -9,9 +9,9 @@ from typing import ClassVar, Literal
 from pydantic import Field, model_validator
 
 from agentflow.env.feedback import compose, number, series
-from agentflow.env.rollout import Broken, Event, Feedback, Trace, Verdict
+from agentflow.env.rollout import Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import (
     GROUND,
     CommonKnobs,
@@ -184,11 +184,11 @@ class LiftReferee:
         """Times of its last contact with the machine and of the last step, s."""
         self._first: float | None = None
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Record the object's settled height."""
         self._settled = world.centre(OBJECT)[1]
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Update the greatest rise, the longest time up and the last contact."""
         self._now = world.time
         if any(isinstance(body, int) for body in world.touching(OBJECT)):
@@ -236,11 +236,11 @@ class LiftReferee:
             return f"failed, never {RISE:g} m up, {best}, ends {number(self._rise)} m up"
         return f"failed, up for {number(self._held)} s but ends {number(self._rise)} m up, {best}"
 
-    def _events(self) -> tuple[Event, ...]:
+    def _events(self) -> tuple[RolloutEvent, ...]:
         if self._first is None:
             return ()
         return (
-            Event(
+            RolloutEvent(
                 self._first, "lifted", (), f"the object is {RISE:g} m above its initial position"
             ),
         )

@@ -11,7 +11,7 @@ import numpy as np
 from agentflow.env.feedback import compose, series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.obstacles import Ramp, bump, ramp_sentences, ramp_things
 from agentflow.env.tasks.features.roads import (
@@ -142,12 +142,12 @@ class MovementReferee:
         self._best = 0.0
         self._best_time = 0.0
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Record where the root rests."""
         x, _, z = world.centre(ROOT_BLOCK)
         self._start = self._here = self._line.distance_along(x, z, z)
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Update the greatest distance."""
         x, _, z = world.centre(ROOT_BLOCK)
         self._here = self._line.distance_along(x, z, self._here)

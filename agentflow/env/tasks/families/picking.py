@@ -11,7 +11,7 @@ import numpy as np
 from agentflow.env.feedback import block_name, compose, number
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Start, Thing
-from agentflow.env.tasks.base import Parameters, Schedule, World
+from agentflow.env.tasks.base import Parameters, Schedule, WorldView
 from agentflow.env.tasks.family import WOOD, CommonKnobs, Family, StartTimes, wall
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import GRABBER
@@ -175,12 +175,12 @@ class PickingReferee:
         self._start = self._best = self._best_time = 0.0
         self._end = (0.0, 0.0, 0.0)
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Record where the ball rests."""
         self._end = world.centre(BALL)
         self._start = self._end[1]
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Update the greatest height."""
         self._end = world.centre(BALL)
         gained = self._end[1] - self._start

@@ -11,7 +11,7 @@ from pydantic import Field
 from agentflow.env.feedback import block_name, compose, number, series
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
-from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_sentences, arena_things
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
@@ -149,12 +149,12 @@ class ThrowReferee:
         self._knobs = knobs
         self._flights = [Flight(machine, block, knobs.rings) for block in _boulders(machine)]
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Record where the boulders rest and what holds them."""
         for flight in self._flights:
             flight.start(world)
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Update every flight."""
         for flight in self._flights:
             flight.watch(world)

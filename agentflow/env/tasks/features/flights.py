@@ -10,9 +10,9 @@ import numpy as np
 
 from agentflow.env.constants import constants
 from agentflow.env.feedback import block_name, number
-from agentflow.env.rollout import Event
+from agentflow.env.rollout import RolloutEvent
 from agentflow.env.scene import Vec3
-from agentflow.env.tasks.base import Body, World
+from agentflow.env.tasks.base import Body, WorldView
 from agentflow.env.tasks.features.rings import Ring, RingProgress
 from agentflow.machine.tree import Machine
 
@@ -104,12 +104,12 @@ class Flight:
         """Time at which the boulder last left the machine, s; None if it has not."""
         return self._left if self.landing or self._rolled else None
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Record where the boulder rests and what holds it."""
         self._origin = world.centre(self.boulder)
         self.watch(world)
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Update height, reach, rings and landing."""
         if self.landing is not None:
             return
@@ -125,7 +125,7 @@ class Flight:
             self.progress = RingProgress(self._rings) if touching else self.progress
             self.progress.move_to(position)
 
-    def _handle_contact(self, world: World, touching: frozenset[Body]) -> None:
+    def _handle_contact(self, world: WorldView, touching: frozenset[Body]) -> None:
         blocks = [body for body in touching if isinstance(body, int)]
         scene = sorted(body for body in touching if isinstance(body, str))
         if blocks:
@@ -136,7 +136,7 @@ class Flight:
         else:
             self._clean, self._rolled = False, True
 
-    def _land(self, world: World, surface: str) -> None:
+    def _land(self, world: WorldView, surface: str) -> None:
         position = world.centre(self.boulder)
         x, _, z = position
         root = world.centre(0)
@@ -177,7 +177,7 @@ class Flight:
             "result": self._result(),
         }
 
-    def events(self) -> tuple[Event, ...]:
+    def events(self) -> tuple[RolloutEvent, ...]:
         """Events for leaving the machine and landing; () without a landing."""
         if self.landing is None or self._holder is None or self.left is None:
             return ()
@@ -185,8 +185,8 @@ class Flight:
         ground = f"the boulder lands on the {self.landing.surface}"
         blocks = (self.boulder, self._holder)
         return (
-            Event(self.left, "left_holder", blocks, f"the boulder leaves {holder}"),
-            Event(self.landing.time, "landing", (self.boulder,), ground),
+            RolloutEvent(self.left, "left_holder", blocks, f"the boulder leaves {holder}"),
+            RolloutEvent(self.landing.time, "landing", (self.boulder,), ground),
         )
 
     def _result(self) -> str:

@@ -8,7 +8,7 @@ from typing import Literal
 from agentflow.env.feedback import number
 from agentflow.env.rollout import Trace, Verdict
 from agentflow.env.scene import Quat
-from agentflow.env.tasks.base import World
+from agentflow.env.tasks.base import WorldView
 
 SOURCE = 1
 """Block id of the driven cog; the targets' ids follow."""
@@ -32,11 +32,11 @@ class GearingReferee:
         self._held = self._best = 0.0
         self._fastest = [0.0 for _ in senses]
 
-    def start(self, world: World) -> None:
+    def start(self, world: WorldView) -> None:
         """Record the initial angles."""
         self._angles = self._read_angles(world)
 
-    def watch(self, world: World) -> None:
+    def watch(self, world: WorldView) -> None:
         """Update speeds and times every 0.1 s."""
         time = world.time - self._since
         if time < INTERVAL - 1e-6:
@@ -54,7 +54,7 @@ class GearingReferee:
         self._fastest = [max(pair) for pair in zip(self._fastest, speeds, strict=True)]
         self._angles, self._since = now, world.time
 
-    def _read_angles(self, world: World) -> list[float]:
+    def _read_angles(self, world: WorldView) -> list[float]:
         """Angles of source and targets about y relative to the plate, rad."""
         cogs = range(SOURCE, SOURCE + 1 + len(self._senses))
         plate = _heading(world.rotation(0))
