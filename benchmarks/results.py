@@ -12,7 +12,7 @@ from pathlib import Path
 
 from agentflow.app.pages.pictures import render_run
 from agentflow.app.sweeps.folder import read_folder
-from agentflow.app.sweeps.tables import Finished, layout, read_swept
+from agentflow.app.sweeps.tables import FinishedRun, layout_table, read_sweep_result
 from agentflow.app.sweeps.views import VIEWS
 from agentflow.env.tasks.registry import get_level
 from agentflow.metrics.tables import markdown
@@ -76,20 +76,20 @@ def main() -> None:
 def section(folder: Path) -> str:
     """A sweep: what it is, how it is made, its tables."""
     document, sweep = read_folder(folder)
-    swept = read_swept(folder)
+    swept = read_sweep_result(folder)
     made = (
-        f"`agentflow sweep configs/{folder.name}.yaml` and `agentflow table {folder} --published "
-        f"--format md`; begun {document['begun'][:10]}, commit {commits(swept.runs)}, constants "
-        f"`{document['constants']}`"
+        f"`agentflow sweep configs/{folder.name}.yaml` and `agentflow table {folder} "
+        f"--published --format md`; begun {document['begun'][:10]}, "
+        f"commit {commits(swept.finished)}, constants `{document['constants']}`"
     )
-    texts = [re.sub(r"\A\*\*.*\*\*\n\n", "", markdown(layout(swept, published=True)))]
+    texts = [re.sub(r"\A\*\*.*\*\*\n\n", "", markdown(layout_table(swept, published=True)))]
     for name in FURTHER.get(folder.name, ()):
         texts += [f"`agentflow table {folder} --show {name} --format md`:", ""]
         texts.append(markdown(VIEWS[name](swept)))
     return "\n".join([f"## {sweep.title}", "", sweep.about, "", f"{made}.", "", *texts])
 
 
-def commits(runs: Iterable[Finished]) -> str:
+def commits(runs: Iterable[FinishedRun]) -> str:
     """Of the code that made these runs, in the order of the runs."""
     made = dict.fromkeys(str(read_document(run.path)["commit"]) for run in runs)
     return ", ".join(f"`{commit[:10]}`" for commit in made)
@@ -97,10 +97,10 @@ def commits(runs: Iterable[Finished]) -> str:
 
 def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
     """The best machine of each family, drawn."""
-    best: dict[str, tuple[float, Finished]] = {}
+    best: dict[str, tuple[float, FinishedRun]] = {}
     for folder in folders:
-        for run in read_swept(folder).runs:
-            family = get_level(run.member.config.task).file.family
+        for run in read_sweep_result(folder).finished:
+            family = get_level(run.planned.config.task).file.family
             score = read_result(run.path)["score"]
             if score is not None and score > best.get(family, (0.0, run))[0]:
                 best[family] = (score, run)
@@ -112,7 +112,7 @@ def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
         lines += [
             f"![The best machine of {family}]({place})",
             "",
-            f"{run.member.config.task}: {score:.2f}, by {run.model}, in `{run.path}`",
+            f"{run.planned.config.task}: {score:.2f}, by {run.model}, in `{run.path}`",
             "",
         ]
     return "\n".join(lines)

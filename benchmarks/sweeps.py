@@ -21,7 +21,7 @@ from agentflow.app.design.execution import execute
 from agentflow.app.design.models import open_models
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.replay import MemoryRecord
-from agentflow.app.sweeps.plan import folder_of, plan_sweep
+from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
 from agentflow.app.sweeps.run import run_sweep
 from agentflow.app.sweeps.views import view
 from agentflow.env.rollout import Rollout
@@ -97,14 +97,14 @@ def main() -> None:
         path = folder / "benchmark.yaml"
         path.write_text(yaml.safe_dump(SWEEP))
         plan = plan_sweep(path, (), {}, seeds=runs // 2)
-        every = [replace(plan.plan_of(one), config=one.config) for one in plan.members]
+        every = [replace(plan.plan_of(one), config=one.config) for one in plan.runs]
         with Tape(folder / "calls.jsonl", print) as tape:
             bare = asyncio.run(in_memory(every, pool, tape))
-        where = folder_of(plan, path, folder / "out")
+        where = sweep_folder(plan, path, folder / "out")
         began, wall = time.process_time(), time.perf_counter()
         run_sweep(plan, where, watcher, jobs=2, resume=False, pool=pool)
         whole, wall = time.process_time() - began, time.perf_counter() - wall
-        print(f"{len(plan.members)} runs, {watcher.events} events, {wall:.1f} s wall")
+        print(f"{len(plan.runs)} runs, {watcher.events} events, {wall:.1f} s wall")
         print(f"without a record: {bare:.1f} s of processor; as a sweep: {whole:.1f} s")
         print(f"bookkeeping: {1000 * (whole - bare) / watcher.events:.2f} ms per event (limit 2)")
         for name in ("published", "scores", "expansions", "usage"):

@@ -1,7 +1,4 @@
-"""Owns the configuration of a run: one typed tree, YAML files, dotted overrides (spec 6.5).
-
-What the switches do belongs to the components whose classes are joined here.
-"""
+"""The configuration of a run: one typed tree, read from YAML files and dotted settings."""
 
 from __future__ import annotations
 
@@ -21,15 +18,13 @@ from agentflow.llm.wrappers.prices import Price
 from agentflow.workflows.settings import WorkflowSettings
 
 PROCEDURAL = "procedural"
-"""The embedded model: rules and chance, no language model, no endpoint."""
-
-
+"""The embedded model: rules and random choices, no language model, no endpoint."""
 KEY_VARIABLE = "OPENAI_API_KEY"
 _VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
 
 
 class RoleModel(BaseModel):
-    """Who answers for one role instead of the run's model."""
+    """The model of one role, in place of the run's model."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -46,7 +41,7 @@ class RoleModel(BaseModel):
 
 
 class ModelConfig(BaseModel):
-    """Who answers, and how answers are drawn. Keys come from the environment alone."""
+    """Models, sampling and limits. Keys come from the environment only."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
 
@@ -55,7 +50,7 @@ class ModelConfig(BaseModel):
     key_variable: str = Field(
         KEY_VARIABLE, pattern=_VARIABLE, description="environment variable of the key"
     )
-    roles: dict[str, RoleModel] = Field({}, description="roles that another model answers for")
+    roles: dict[str, RoleModel] = Field({}, description="roles with another model")
     prices: dict[str, Price] = Field(
         {}, description="model name: input, output and cached, per million tokens"
     )
@@ -64,38 +59,40 @@ class ModelConfig(BaseModel):
         EndpointSettings(), description="time limits, retries, rate limits"
     )
     budget: BudgetSettings = Field(
-        BudgetSettings(), description="most calls, tokens and money of a run"
+        BudgetSettings(), description="limits on calls, tokens and money"
     )
 
 
 class DesignConfig(BaseModel):
-    """Everything that decides what a run does; together with the replies it decides its result."""
+    """Everything that, together with the replies, decides the result of a run."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     task: str = Field("throwing", description="level, for instance throwing or throwing/3")
-    knobs: dict[str, Any] = Field({}, description="knobs of the level that differ from its file")
-    workflow: str = Field("hierarchical", description="way from the task to a machine")
-    seed: int = Field(0, ge=-(2**63), lt=2**63, description="of everything that is left to chance")
+    knobs: dict[str, Any] = Field({}, description="changed knobs of the level")
+    workflow: str = Field("hierarchical", description="procedure from task to machine")
+    seed: int = Field(0, ge=-(2**63), lt=2**63, description="random seed")
     model: ModelConfig = ModelConfig()
     prompts: str = Field("default", description="prompt set")
     rationale_from: str | None = Field(
         None,
-        description="run whose designers' plans are followed; read once, then kept in settings",
+        description="run whose designers' rationales to follow; read once, then stored in settings",
     )
-    max_retry: int = Field(5, ge=1, description="attempts per question outside a search")
-    settings: WorkflowSettings = Field(WorkflowSettings(), description="switches of the workflow")
+    max_retry: int = Field(5, ge=1, description="attempts per request outside a search")
+    settings: WorkflowSettings = Field(WorkflowSettings(), description="settings of the workflow")
     keep_rollouts: Literal["winners", "all"] = Field(
-        "winners", description="whose states are kept: of each stage's best machine, or of all"
+        "winners", description="rollouts to save: of each stage's best machine, or all"
     )
-    workers: int = Field(2, ge=1, le=256, description="processes for rollouts; changes no result")
+    workers: int = Field(
+        2, ge=1, le=256, description="processes for rollouts; does not affect results"
+    )
 
 
 def load(path: Path) -> dict[str, Any]:
-    """A configuration file, or the configuration in a run.yaml, not yet validated.
+    """Read a configuration file, or the configuration in a run.yaml, without validating it.
 
     Raises:
-        ConfigError: The file cannot be read or is no YAML mapping.
+        ConfigError: The file cannot be read or is not a YAML mapping.
     """
     try:
         document = read_yaml(path.read_text(encoding="utf-8"))
@@ -110,10 +107,10 @@ def load(path: Path) -> dict[str, Any]:
 
 
 def override(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
-    """Lay `a.b=value` settings over a document.
+    """Apply `a.b=value` settings to a document.
 
-    A path that begins with a key of `DesignConfig` (or of its `settings`, for short) sets that
-    key; any other is a knob of the task. Values are read as YAML.
+    A path that begins with a key of `DesignConfig` or of its `settings` sets that key; any other
+    path is a knob of the task. Values are read as YAML.
 
     Raises:
         ConfigError: A setting has no `=`, or its path runs through a plain value.
@@ -148,9 +145,9 @@ def put(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
 
 
 def suggest_key(knobs: Iterable[str]) -> str:
-    """What to add to an error about knobs, when one of them looks like a configuration key.
+    """A hint for errors about unknown knobs that look like configuration keys; "" if none does.
 
-    Keys are known by their last parts, too: `rounds` is `search.rounds`.
+    Keys also match by their last parts: `rounds` is `search.rounds`.
     """
     keys = [key.removeprefix("settings.") for key in _keys_in(DesignConfig)]
     for knob in knobs:
@@ -158,12 +155,12 @@ def suggest_key(knobs: Iterable[str]) -> str:
         ends = {".".join(key.split(".")[-parts:]): key for key in reversed(keys)}
         near = get_close_matches(knob, ends, n=1, cutoff=0.75)
         if near:
-            return f"; or is {ends[near[0]]!r} meant, a key of the configuration?"
+            return f"; did you mean the configuration key {ends[near[0]]!r}?"
     return ""
 
 
 def _keys_in(kind: type[BaseModel], above: str = "") -> Iterator[str]:
-    """Every key and group of keys, dotted; groups before what is in them."""
+    """Every dotted key and group of keys; each group precedes its keys."""
     for name, field in kind.model_fields.items():
         yield above + name
         inner = field.annotation
@@ -175,7 +172,7 @@ def build(document: object) -> DesignConfig:
     """Validate a document.
 
     Raises:
-        ConfigError: Names the first wrong key, what came and what was expected.
+        ConfigError: A key is wrong; names it, its value, and what was expected.
     """
     if not isinstance(document, Mapping):
         raise ConfigError("the configuration must be a mapping of keys")
@@ -224,18 +221,18 @@ def _explain(error: ValidationError) -> str:
     name = ".".join(place)
     if first["type"] == "extra_forbidden":
         return str(UnknownNameError("configuration key", name, _names_beside(place)))
-    if place[-1] == "key_variable":  # whoever wrote the key itself there finds it nowhere again
-        return f"{name} takes the name of an environment variable, never a key"
+    if place[-1] == "key_variable":  # do not print it: it may be the key itself
+        return f"{name} takes the name of an environment variable, not a key"
     if first["type"] == "missing":
         return f"{name} {in_words(first)}"
     return f"{name}: {in_words(first)}, not {first['input']!r}"
 
 
 def _names_beside(place: list[str]) -> list[str]:
-    """The keys that exist where an unknown one was given."""
+    """The valid keys at the place of an unknown one."""
     kind: type[BaseModel] = DesignConfig
     for part in place[:-1]:
-        if part in kind.model_fields:  # not so the keys of mappings
+        if part in kind.model_fields:  # keys of mappings are not fields
             kind = _model_in(kind.model_fields[part].annotation) or kind
     return [".".join([*place[:-1], name]) for name in kind.model_fields]
 

@@ -1,7 +1,4 @@
-"""Owns what a sweep is: a base configuration and axes, and the runs that come of them (spec 6.3).
-
-Carrying them out and making tables of them is app's.
-"""
+"""Sweeps: a base configuration, axes and seeds, and the runs that result from them."""
 
 from __future__ import annotations
 
@@ -22,45 +19,43 @@ StageChoice = Literal["initial", "blind_refinement", "env_feedback"]
 Seed = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 """As in `DesignConfig`."""
 Axis = dict[str, dict[str, Any]]
-"""Label -> dotted configuration keys and the values that it stands for."""
+"""Label -> dotted configuration keys and their values."""
 
 
-class Source(BaseModel):
-    """Where published numbers for a sweep stand."""
+class PublishedSource(BaseModel):
+    """A published table to compare a sweep with."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    table: str = Field(description="table of the published results")
+    table: str = Field(description="name of the published table")
     conditions: dict[str, str] = Field(
-        {}, description="published condition: the sweep's; those left out are not taken; {}: all"
+        {}, description="published condition -> condition of the sweep; {} takes all unchanged"
     )
 
 
-class Layout(BaseModel):
-    """How a table is made of a sweep's runs."""
+class TableLayout(BaseModel):
+    """How a sweep's runs are arranged in a table."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     conditions: Literal["axes", "stages", "rounds", "none"] = Field(
         "axes",
-        description="what the columns compare: the axes but task, the stages of each run, one "
-        "search cut after several rounds, or nothing; axes that do not are rows",
+        description="what columns compare: all axes but task, the stages of each run, one search "
+        "cut after several rounds, or nothing; the other axes are rows",
     )
-    stage: StageChoice = Field("env_feedback", description="whose machines are counted")
-    rounds: tuple[int, ...] = Field((), description="where a search is cut, for rounds")
+    stage: StageChoice = Field("env_feedback", description="stage whose machines are counted")
+    rounds: tuple[int, ...] = Field((), description="rounds after which a search is cut")
     metrics: tuple[str, ...] = Field(min_length=1, description="columns of each condition")
-    task_metrics: dict[str, tuple[str, ...]] = Field(
-        {}, description="tasks that are measured otherwise"
-    )
+    task_metrics: dict[str, tuple[str, ...]] = Field({}, description="tasks with other metrics")
     columns: Literal["condition", "task"] = Field(
-        "condition", description="what heads a group of columns; tasks that do not are rows"
+        "condition", description="heading of each group of columns; tasks are rows otherwise"
     )
-    published: tuple[Source, ...] = ()
+    published: tuple[PublishedSource, ...] = ()
 
     @model_validator(mode="after")
-    def _cut_somewhere(self) -> Layout:
+    def _check_rounds(self) -> TableLayout:
         if (self.conditions == "rounds") != bool(self.rounds):
-            raise ValueError("conditions: rounds and a list of rounds go together")
+            raise ValueError("conditions: rounds needs a list of rounds, and only then")
         return self
 
 
@@ -69,44 +64,44 @@ class SweepConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    title: str = Field(min_length=1, description="heads its table")
-    about: str = Field("", description="what it shows, in a sentence or two")
-    base: dict[str, Any] = Field({}, description="configuration that all runs share")
+    title: str = Field(min_length=1, description="title of the table")
+    about: str = Field("", description="what the sweep shows, in a sentence or two")
+    base: dict[str, Any] = Field({}, description="configuration shared by all runs")
     seeds: tuple[Seed, ...] = Field((0,), min_length=1)
-    axes: dict[str, Axis] = Field({}, description="what the runs differ in")
-    table: Layout
+    axes: dict[str, Axis] = Field({}, description="what varies between runs")
+    table: TableLayout
 
     @field_validator("seeds")
     @classmethod
-    def _once(cls, seeds: tuple[int, ...]) -> tuple[int, ...]:
+    def _unique_seeds(cls, seeds: tuple[int, ...]) -> tuple[int, ...]:
         if len(set(seeds)) < len(seeds):
-            raise ValueError(f"{max(seeds, key=seeds.count)} stands there twice")
+            raise ValueError(f"{max(seeds, key=seeds.count)} is duplicated")
         return seeds
 
     @field_validator("axes", mode="before")
     @classmethod
-    def _with_labels(cls, axes: object) -> object:
+    def _label_axes(cls, axes: object) -> object:
         if not isinstance(axes, Mapping):
             return axes
-        return {name: _labelled(name, axis) for name, axis in axes.items()}
+        return {name: _label_values(name, axis) for name, axis in axes.items()}
 
     @field_validator("axes")
     @classmethod
-    def _neither_empty_nor_of_seeds(cls, axes: dict[str, Axis]) -> dict[str, Axis]:
+    def _check_axes(cls, axes: dict[str, Axis]) -> dict[str, Axis]:
         for name, axis in axes.items():
             if not axis:
                 raise ValueError(f"axis {name} has no values")
             if any("seed" in settings for settings in axis.values()):
-                raise ValueError(f"axis {name} sets seed, which the list of seeds does")
+                raise ValueError(f"axis {name} sets seed; use the list of seeds")
         return axes
 
 
 @dataclass(frozen=True)
-class Member:
+class SweepRun:
     """One run of a sweep."""
 
     name: str
-    """Of its run directory."""
+    """Name of the run directory."""
     labels: Mapping[str, str]
     """Axis -> label."""
     config: DesignConfig
@@ -122,14 +117,14 @@ def read_sweep(document: Mapping[str, Any], source: str) -> SweepConfig:
 
     Args:
         document: As loaded.
-        source: Named in errors.
+        source: Name for error messages.
 
     Raises:
-        ConfigError: A key is unknown or wrong; or this is the configuration of a single run.
+        ConfigError: A key is unknown or wrong, or this is the configuration of a single run.
     """
     if "table" not in document and "axes" not in document:
         raise ConfigError(
-            f"{source} is no sweep: it has neither axes nor a table; a single run is started with "
+            f"{source} is not a sweep: it has neither axes nor a table; start a single run with "
             f"agentflow design --config {quote(source)}"
         )
     try:
@@ -146,19 +141,19 @@ def _explain(error: ValidationError) -> str:
     place = [str(part) for part in first["loc"]]
     key = ".".join(place)
     if first["type"] == "extra_forbidden":
-        kind = Layout if place[0] == "table" else SweepConfig
+        kind = TableLayout if place[0] == "table" else SweepConfig
         known = [".".join([*place[:-1], name]) for name in kind.model_fields]
         return str(UnknownNameError("key", key, known))
     return f"{key} is missing" if first["type"] == "missing" else f"{key}: {in_words(first)}"
 
 
-def members(sweep: SweepConfig) -> tuple[Member, ...]:
-    """All runs: the product of the axes, in their order, times the seeds, which follow each other.
+def list_runs(sweep: SweepConfig) -> tuple[SweepRun, ...]:
+    """All runs: the product of the axes, in order, each with all seeds.
 
     Raises:
         ConfigError: A configuration is wrong, or two runs would be the same.
     """
-    found: dict[str, Member] = {}
+    found: dict[str, SweepRun] = {}
     for choice in product(*(axis.items() for axis in sweep.axes.values())):
         labels = dict(zip(sweep.axes, (label for label, _ in choice), strict=True))
         document: dict[str, Any] = dict(sweep.base)
@@ -172,13 +167,13 @@ def members(sweep: SweepConfig) -> tuple[Member, ...]:
             raise ConfigError(f"run {names[0]}: {error}") from None
         for name, seed in zip(names, sweep.seeds, strict=True):
             if name in found:
-                raise ConfigError(f"two runs of the sweep would be called {name}")
-            found[name] = Member(name, labels, config.model_copy(update={"seed": seed}))
+                raise ConfigError(f"two runs of the sweep would be named {name}")
+            found[name] = SweepRun(name, labels, config.model_copy(update={"seed": seed}))
     return tuple(found.values())
 
 
-def varied(sweep: SweepConfig) -> dict[str, str]:
-    """Configuration key -> the axis that sets it; `seed` is set by the list of seeds."""
+def axis_of_key(sweep: SweepConfig) -> dict[str, str]:
+    """Configuration key -> the axis that sets it; for `seed`, the list of seeds."""
     keys = {
         key: name
         for name, axis in sweep.axes.items()
@@ -188,8 +183,8 @@ def varied(sweep: SweepConfig) -> dict[str, str]:
     return {**keys, "seed": "seeds"}
 
 
-def _labelled(name: str, axis: object) -> object:
-    """An axis as a mapping; a list varies the configuration key that the axis is named after."""
+def _label_values(name: str, axis: object) -> object:
+    """An axis as a mapping. A list gives values of the configuration key that names the axis."""
     if isinstance(axis, list):
         found = {str(value): {name: value} for value in axis}
         if len(found) < len(axis):

@@ -1,7 +1,4 @@
-"""Owns how documents that people write are read and refused: each key once, faults in plain words.
-
-Which keys there are is for config, sweeps and the tasks' levels to say.
-"""
+"""Strict reading of YAML documents, and validation errors in plain words."""
 
 from __future__ import annotations
 
@@ -16,10 +13,10 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 NOT_YAML = (yaml.YAMLError, ValueError, RecursionError)
-"""What reading YAML raises: also for a date that there is not, and for a thousand brackets."""
+"""What reading YAML raises, also for impossible dates and deeply nested brackets."""
 
 MOST_VALUES = 1_000_000
-"""Values that a document may hold; chosen: far more than anybody writes."""
+"""Most values in a document; chosen to be far more than anyone writes."""
 
 _GROUP, _LIST = "expected a group of keys", "expected a list"
 _WHOLE, _NUMBER, _TRUTH = "expected a whole number", "expected a number", "expected true or false"
@@ -42,11 +39,11 @@ _PLAIN: Mapping[str, str] = MappingProxyType(
         "less_than": "must be less than {lt}",
     }
 )
-"""Type of a fault, as pydantic calls it -> what it is in plain words."""
+"""Pydantic's type of an error -> plain words."""
 
 
-class _Once(yaml.SafeLoader):
-    """Refuses what the plain loader overwrites: a key that stands twice in one group."""
+class _StrictLoader(yaml.SafeLoader):
+    """Refuses duplicate keys, which the plain loader silently overwrites."""
 
     def compose_mapping_node(self, anchor: Any) -> Any:
         node = super().compose_mapping_node(anchor)
@@ -54,7 +51,7 @@ class _Once(yaml.SafeLoader):
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
                 if (key.tag, key.value) in seen:
-                    problem = f"the key {key.value!r} stands there twice"
+                    problem = f"the key {key.value!r} is duplicated"
                     raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
                 seen.add((key.tag, key.value))
         return node
@@ -64,48 +61,48 @@ def read_yaml(text: str) -> Any:
     """The data in a YAML text.
 
     Raises:
-        NOT_YAML: It is none, a key stands twice in one group, a part holds itself, or aliases
-            stand for more values than anybody writes.
+        NOT_YAML: It is not YAML, has a duplicate key, contains itself, or expands to too many
+            values.
     """
-    loader = _Once(text)
+    loader = _StrictLoader(text)
     try:
         node = loader.get_single_node()
         if node is None:
             return None
-        _demand_size(node)
+        _check_size(node)
         return loader.construct_object(node, deep=True)
     finally:
         loader.dispose()
 
 
-def _demand_size(node: yaml.Node) -> None:
-    """Refuse a few lines of aliases of aliases that would fill the memory once written out."""
-    if _values_in(node, {}) > MOST_VALUES:
-        problem = f"with every alias written out it has more than {MOST_VALUES:,} values"
+def _check_size(node: yaml.Node) -> None:
+    """Refuse nested aliases that would fill the memory once expanded."""
+    if _count_values(node, {}) > MOST_VALUES:
+        problem = f"with all aliases expanded it has more than {MOST_VALUES:,} values"
         raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
 
 
-def _values_in(node: yaml.Node, known: dict[int, int]) -> int:
-    """Values, groups and lists in a part, those behind aliases each time."""
+def _count_values(node: yaml.Node, known: dict[int, int]) -> int:
+    """Number of values, groups and lists in a node, with aliases expanded."""
     if id(node) not in known:
-        known[id(node)] = 1  # while it is being counted: a part that holds itself is refused later
+        known[id(node)] = 1  # while counting: a node that contains itself is refused later
         parts = node.value if isinstance(node, yaml.CollectionNode) else []
         pairs = [part if isinstance(part, tuple) else (part,) for part in parts]
-        known[id(node)] += sum(_values_in(part, known) for pair in pairs for part in pair)
+        known[id(node)] += sum(_count_values(part, known) for pair in pairs for part in pair)
     return known[id(node)]
 
 
 def first_fault(error: ValidationError) -> ErrorDetails:
-    """The fault to tell of: a key that there is not, which may explain the others, else the first.
+    """The most telling error: an unknown key if there is one, else the first.
 
-    A misspelt key that is required is missing besides.
+    A required key that is misspelt is also missing.
     """
     found = error.errors(include_url=False)
     return next((item for item in found if item["type"] == "extra_forbidden"), found[0])
 
 
 def in_words(fault: ErrorDetails) -> str:
-    """What is wrong, to stand after the name of a key: "must be at least 1"."""
+    """An error in words, to follow the name of a key: "must be at least 1"."""
     plain = _PLAIN.get(fault["type"])
     if plain is not None:
         return plain.format(**fault.get("ctx", {}))
@@ -114,12 +111,12 @@ def in_words(fault: ErrorDetails) -> str:
 
 
 def truth_for_number(given: object, taken: object, place: tuple[str, ...] = ()) -> str | None:
-    """The dotted key where true or false was given and taken for 1 or 0; None where nowhere.
+    """The first dotted key where true or false was read as a number; None if there is none.
 
     Args:
         given: The document.
-        taken: The same as validated, as plain data.
-        place: Keys that lead to both.
+        taken: The validated document as plain data.
+        place: Keys leading to both.
     """
     if isinstance(given, bool) and isinstance(taken, int | float) and not isinstance(taken, bool):
         return ".".join(place)

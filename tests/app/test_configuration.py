@@ -66,7 +66,9 @@ def test_what_is_printed_is_a_configuration() -> None:
 
 
 def test_what_a_run_would_refuse_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"unknown knob 'sed' .*; or is 'seed' meant, a key of"):
+    with pytest.raises(
+        ConfigError, match=r"unknown knob 'sed' .*; did you mean the configuration key 'seed'"
+    ):
         resolved(None, ("sed=1",))
     with pytest.raises(ConfigError, match=r"known: settings.search.rounds, "):
         resolved(None, ("search.round=1",))

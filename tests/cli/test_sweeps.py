@@ -138,14 +138,14 @@ def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixtu
     ("words", "message"),
     [
         (["sweep", "none.yaml"], "cannot read none.yaml: No such file or directory"),
-        (["sweep", "configs/small.yaml"], "configs/small.yaml is no sweep: it has neither axes "),
+        (["sweep", "configs/small.yaml"], "configs/small.yaml is not a sweep: it has neither "),
         (["sweep", "configs"], "cannot read configs: Is a directory"),
         (
             ["sweep", "configs/inspector.yaml", "--set", "inspector=off"],
-            "inspector is what the sweep varies (condition): it cannot be set for all runs; "
+            "inspector is varied by the sweep (condition): it cannot be set for all runs; "
             "--seeds N sets the seeds",
         ),
-        (["table", "configs"], "configs is no sweep: it has no readable sweep.yaml"),
+        (["table", "configs"], "configs is not a sweep folder: it has no readable sweep.yaml"),
     ],
 )
 def test_bad_input_is_one_line(

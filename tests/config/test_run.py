@@ -45,9 +45,7 @@ def test_settings_reach_keys_switches_and_knobs() -> None:
     ],
 )
 def test_a_key_is_known_by_its_last_parts(knob: str, key: str) -> None:
-    assert (
-        suggest_key(["wall.height", knob]) == f"; or is {key!r} meant, a key of the configuration?"
-    )
+    assert suggest_key(["wall.height", knob]) == f"; did you mean the configuration key {key!r}?"
 
 
 def test_override_leaves_the_document_alone() -> None:
@@ -87,7 +85,7 @@ def test_wrong_configuration_names_the_key(document: dict[str, object], message:
         (
             "search={width: 1, width: 2}",
             "--set search: '{width: 1, width: 2}' is not a YAML value: line 1: the key 'width' "
-            "stands there twice",
+            "is duplicated",
         ),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 
 from agentflow.app.sweeps.plan import plan_sweep
 from agentflow.config.run import load
-from agentflow.config.sweep import members, read_sweep, varied
+from agentflow.config.sweep import axis_of_key, list_runs, read_sweep
 from agentflow.errors import ConfigError
 from agentflow.metrics.published import published
 
@@ -26,7 +26,7 @@ def sweep(**document: Any) -> Any:
 def test_every_shipped_sweep_can_be_begun(path: Path) -> None:
     plan = plan_sweep(path, (), {})
     assert plan.name == path.stem
-    assert len(plan.members) == len(plan.plans) * len(plan.sweep.seeds) >= 2
+    assert len(plan.runs) == len(plan.plans) * len(plan.sweep.seeds) >= 2
     assert plan.sweep.about
 
 
@@ -37,7 +37,7 @@ def test_every_shipped_sweep_has_the_published_columns(path: Path) -> None:
     table = plan.sweep.table
     stages = {"initial", "blind_refinement", "env_feedback"}
     own = {
-        "axes": {member.variant for member in plan.members},
+        "axes": {run.variant for run in plan.runs},
         "stages": stages,
         "rounds": {f"rounds_{count}" for count in table.rounds},
         "none": {""},
@@ -67,7 +67,7 @@ def test_every_published_table_of_the_agents_has_a_sweep() -> None:
 
 
 def test_the_product_of_axes_and_seeds() -> None:
-    found = members(
+    found = list_runs(
         sweep(
             base={"settings": {"trajectories": 3}},
             seeds=[4, 5],
@@ -77,7 +77,7 @@ def test_the_product_of_axes_and_seeds() -> None:
             },
         )
     )
-    assert [member.name for member in found] == [
+    assert [run.name for run in found] == [
         f"{task}.{condition}.seed-{seed}"
         for task in ("throwing", "throwing-3")
         for condition in ("on", "off")
@@ -91,17 +91,17 @@ def test_the_product_of_axes_and_seeds() -> None:
 
 
 def test_without_axes_there_is_a_run_per_seed() -> None:
-    assert [member.name for member in members(sweep(seeds=[7]))] == ["seed-7"]
+    assert [run.name for run in list_runs(sweep(seeds=[7]))] == ["seed-7"]
 
 
 def test_labels_may_be_any_plain_value() -> None:
-    found = members(sweep(axes={"c": {1: {}, 2.5: {}, "../x": {}, "..": {}}}))
-    assert [member.name for member in found] == ["1.seed-0", "2-5.seed-0", "x.seed-0", "-.seed-0"]
+    found = list_runs(sweep(axes={"c": {1: {}, 2.5: {}, "../x": {}, "..": {}}}))
+    assert [run.name for run in found] == ["1.seed-0", "2-5.seed-0", "x.seed-0", "-.seed-0"]
 
 
 def test_keys_and_the_axes_that_set_them() -> None:
     axes = {"task": ["throwing"], "condition": {"a": {"search.rounds": 1}}}
-    assert varied(sweep(axes=axes)) == {
+    assert axis_of_key(sweep(axes=axes)) == {
         "task": "task",
         "search.rounds": "condition",
         "seed": "seeds",
@@ -117,17 +117,17 @@ def test_keys_and_the_axes_that_set_them() -> None:
         ({"axes": {"task": []}}, "x.yaml: axes: axis task has no values"),
         (
             {"axes": {"seed": [1]}},
-            "x.yaml: axes: axis seed sets seed, which the list of seeds does",
+            "x.yaml: axes: axis seed sets seed; use the list of seeds",
         ),
         ({"axes": {"task": "throwing"}}, "x.yaml: axes.task: expected a group of keys"),
         ({"axes": [1]}, "x.yaml: axes: expected a group of keys"),
         (
             {"table": {"metrics": ["mean"], "conditions": "rounds"}},
-            "x.yaml: table: conditions: rounds and a list of rounds go together",
+            "x.yaml: table: conditions: rounds needs a list of rounds, and only then",
         ),
         ({"seeds": []}, "x.yaml: seeds: must not be empty"),
         ({"seeds": ["a"]}, "x.yaml: seeds.0: expected a whole number"),
-        ({"seeds": [0, 3, 3]}, "x.yaml: seeds: 3 stands there twice"),
+        ({"seeds": [0, 3, 3]}, "x.yaml: seeds: 3 is duplicated"),
         ({"seeds": [0, True]}, "x.yaml: seeds.1: expected a number, not true or false"),
         ({"axes": {"workflow": ["single", "single"]}}, "x.yaml: axes: axis workflow has single tw"),
     ],
@@ -142,21 +142,21 @@ def test_the_configuration_of_a_run_is_no_sweep() -> None:
     with pytest.raises(ConfigError) as caught:
         read_sweep({"task": "throwing"}, "x.yaml")
     assert str(caught.value) == (
-        "x.yaml is no sweep: it has neither axes nor a table; a single run is started with "
+        "x.yaml is not a sweep: it has neither axes nor a table; start a single run with "
         "agentflow design --config x.yaml"
     )
 
 
 def test_two_runs_of_one_name_are_refused() -> None:
-    with pytest.raises(ConfigError, match=r"two runs of the sweep would be called a.seed-0"):
-        members(sweep(axes={"c": {"a": {}, "a!": {}}}))
+    with pytest.raises(ConfigError, match=r"two runs of the sweep would be named a.seed-0"):
+        list_runs(sweep(axes={"c": {"a": {}, "a!": {}}}))
 
 
 def test_a_wrong_value_of_an_axis_names_its_key() -> None:
     with pytest.raises(
         ConfigError, match=r"run a.seed-0: settings.search.rounds: must be at least 0"
     ):
-        members(sweep(axes={"c": {"a": {"search.rounds": -1}}}))
+        list_runs(sweep(axes={"c": {"a": {"search.rounds": -1}}}))
 
 
 def test_a_seed_in_the_base_is_refused_since_the_list_of_seeds_would_override_it(
@@ -166,5 +166,5 @@ def test_a_seed_in_the_base_is_refused_since_the_list_of_seeds_would_override_it
     with pytest.raises(ConfigError) as caught:
         plan_sweep(tmp_path / "x.yaml", (), {})
     assert str(caught.value) == (
-        f"{tmp_path / 'x.yaml'}: base.seed: seeds are listed under seeds, for instance seeds: [0]"
+        f"{tmp_path / 'x.yaml'}: base.seed: list seeds under seeds, for example seeds: [0]"
     )

@@ -1,1 +1,1 @@
-"""Sweeps: their cost beforehand, their folder, carrying them out, tables over them."""
+"""Sweeps: cost estimates, folders, execution, tables."""

@@ -1,4 +1,4 @@
-"""Owns what a sweep will probably cost, before anything is asked or simulated."""
+"""Estimated cost of a sweep, before anything is requested or simulated."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from agentflow.llm.wrappers.prices import Price
 from agentflow.workflows.registry import WORKFLOWS
 
 ROLLOUT_SECONDS = 0.2
-"""Of a worker, for one trial in a window of 5 s; measured: 18 s for the 175 rollouts of
-`agentflow design --task throwing --seed 0` on two quiet cores."""
+"""Worker time for one trial with a window of 5 s; measured: 18 s for the 175 rollouts of
+`agentflow design --task throwing --seed 0` on two idle cores."""
 WINDOW = 5.0
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Of one run or of several; without retries, and without rollouts that runs share."""
+    """Cost of one or several runs, without retries, and as if runs shared no rollouts."""
 
     calls: int
     prompt: int
@@ -29,10 +29,10 @@ class Estimate:
     completion: int
     """Tokens, without reasoning."""
     money: float | None
-    """None where a model has no price."""
+    """None if a model has no price."""
     rollouts: int
     seconds: float
-    """Of one worker's time, for the rollouts alone."""
+    """Time of one worker, for rollouts only."""
 
     def __add__(self, other: Estimate) -> Estimate:
         unknown = self.money is None or other.money is None
@@ -46,7 +46,7 @@ class Estimate:
         )
 
     def times(self, runs: int) -> Estimate:
-        """Of so many runs like this one."""
+        """Cost of several runs like this one."""
         whole = (self.calls * runs, self.prompt * runs, self.completion * runs)
         money = None if self.money is None else self.money * runs
         return Estimate(*whole, money, self.rollouts * runs, self.seconds * runs)
@@ -56,7 +56,7 @@ NOTHING = Estimate(0, 0, 0, 0.0, 0, 0.0)
 
 
 def estimate(plan: RunPlan) -> Estimate:
-    """What a run will probably cost."""
+    """Estimated cost of a run."""
     config = plan.config
     workflow = WORKFLOWS[config.workflow]
     settings = workflow.adapt(config.settings)
@@ -74,7 +74,7 @@ def estimate(plan: RunPlan) -> Estimate:
 
 
 def total(estimates: Iterable[Estimate]) -> Estimate:
-    """Of several runs together."""
+    """Sum of several estimates."""
     return sum(estimates, NOTHING)
 
 

@@ -1,7 +1,7 @@
-"""Owns a sweep on disk: sweep.yaml, the log of its runs, where each run and the store lie.
+"""The folder of a sweep.
 
 SWEEP/sweep.yaml      the resolved sweep; written first
-SWEEP/members.jsonl   one line whenever a run has ended: done or failed, and why
+SWEEP/members.jsonl   one line per finished or failed run, with the reason
 SWEEP/runs/<name>/    ordinary run directories
 SWEEP/store/          machines and rollouts by content
 """
@@ -35,14 +35,14 @@ SCHEMA = 1
 NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"
 
 
-def document_of(name: str, sweep: SweepConfig) -> dict[str, Any]:
-    """What is written of a sweep: everything that decides its runs, without credentials."""
+def sweep_document(name: str, sweep: SweepConfig) -> dict[str, Any]:
+    """Content of sweep.yaml: everything that decides the runs, without credentials."""
     plain = sweep.model_dump(mode="json")
     return {"name": name, "sweep": {**plain, "base": config_json(build(sweep.base))}}
 
 
 def is_sweep(path: Path) -> bool:
-    """Whether a folder is a sweep's."""
+    """Whether a folder holds a sweep."""
     return (path / NAME).is_file()
 
 
@@ -50,13 +50,13 @@ def read_folder(path: Path) -> tuple[dict[str, Any], SweepConfig]:
     """The content of sweep.yaml, and the sweep in it.
 
     Raises:
-        RunError: There is none, it is damaged, or its schema is not this version's.
-        ConfigError: The sweep in it is wrong.
+        RunError: It is missing or damaged, or has another schema.
+        ConfigError: The sweep is invalid.
     """
     try:
         document = yaml.safe_load((path / NAME).read_text(encoding="utf-8"))
     except OSError:
-        raise RunError(f"{path} is no sweep: it has no readable {NAME}") from None
+        raise RunError(f"{path} is not a sweep folder: it has no readable {NAME}") from None
     except NOT_YAML:
         document = None
     if not isinstance(document, dict) or not {"schema", "name", "sweep"} <= document.keys():
@@ -70,34 +70,34 @@ def read_folder(path: Path) -> tuple[dict[str, Any], SweepConfig]:
 
 
 @contextmanager
-def held(path: Path, document: Mapping[str, Any], resume: bool) -> Iterator[None]:
-    """Make a sweep's folder, or take it up again, for this process alone.
+def lock_folder(path: Path, document: Mapping[str, Any], resume: bool) -> Iterator[None]:
+    """Create or reopen the folder of a sweep, and lock it for this process.
 
     Args:
         path: The folder.
-        document: From `document_of`.
-        resume: Whether the sweep may have been begun before.
+        document: From `sweep_document`.
+        resume: Whether the folder may already hold the sweep.
 
     Raises:
-        RunError: It was begun before and is not to be resumed, or was begun otherwise; another
-            process is at it; it cannot be written.
+        RunError: It exists although `resume` is false, holds a different sweep, is in use by
+            another process, or cannot be written.
     """
-    with _locked(path):
+    with _lock(path):
         if is_sweep(path):
-            _same(path, document, resume)
+            _require_same_sweep(path, document, resume)
         else:
             _write_new(path / NAME, document)
         yield
 
 
 @contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """The folder, made where it is missing, for this process alone."""
+def _lock(path: Path) -> Iterator[None]:
+    """Create the folder if missing, and lock it for this process."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         folder = os.open(path, os.O_RDONLY)
     except OSError as error:
-        raise _unwritable(path, error) from None
+        raise _cannot_write(path, error) from None
     try:
         try:
             fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -108,32 +108,32 @@ def _locked(path: Path) -> Iterator[None]:
         os.close(folder)
 
 
-def _same(path: Path, document: Mapping[str, Any], resume: bool) -> None:
+def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -> None:
     if not resume:
         raise RunError(
-            f"{path} holds this sweep already: continue it with --resume, or choose another "
+            f"{path} already holds this sweep: resume it with --resume, or choose another "
             "folder with --out"
         )
-    begun, _ = read_folder(path)
+    recorded, _ = read_folder(path)
     engine = str(default_engine().identity)
-    changed = "" if begun.get("constants") == constants().digest else "physical constants"
-    if begun.get("engine", engine) != engine:
-        changed = f"engine ({engine_change(begun['engine'], engine)})"
+    changed = "" if recorded.get("constants") == constants().digest else "physical constants"
+    if recorded.get("engine", engine) != engine:
+        changed = f"engine ({engine_change(recorded['engine'], engine)})"
     if changed:
         raise RunError(
             f"{path} was started with different {changed}: further runs would not be comparable; "
             "choose another folder with --out"
         )
-    different = _difference(begun["sweep"], document["sweep"], "")
+    different = _difference(recorded["sweep"], document["sweep"], "")
     if different:
         raise RunError(
-            f"{path} was begun with another {different}: continue it as it was begun with "
+            f"{path} was started with a different {different}: resume it unchanged with "
             f"agentflow sweep {quote(str(path))} --resume, or choose another folder with --out"
         )
 
 
 def _difference(one: Any, other: Any, place: str) -> str:
-    """The first key with different values; "" without one."""
+    """The first key whose values differ; "" if there is none."""
     if one == other:
         return ""
     if not (isinstance(one, dict) and isinstance(other, dict)):
@@ -155,22 +155,22 @@ def _write_new(file: Path, document: Mapping[str, Any]) -> None:
         with write_atomically(file) as part:
             part.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise _unwritable(file.parent, error) from None
+        raise _cannot_write(file.parent, error) from None
 
 
-def _unwritable(path: Path, error: OSError) -> RunError:
+def _cannot_write(path: Path, error: OSError) -> RunError:
     return RunError(f"cannot write to {path}: {error.strerror}; choose another folder with --out")
 
 
 def folder_name(name: str, sweep: SweepConfig) -> str:
-    """A folder for a sweep: its name, with the model's where a model is asked."""
+    """Name of the folder of a sweep: its name and, unless procedural, its model."""
     model = build(sweep.base).model.name
     kept = "".join(c if c.isalnum() or c in "._-" else "-" for c in model)
     return name if model == PROCEDURAL else f"{name}-{kept}"
 
 
-def failures(path: Path) -> dict[str, str]:
-    """Name of each run that failed when it was last tried -> why, in one line.
+def read_failures(path: Path) -> dict[str, str]:
+    """Name of each run whose last attempt failed -> reason in one line.
 
     Raises:
         RunError: The log is damaged.

@@ -1,7 +1,4 @@
-"""Owns how a sweep is read and laid out: settings over its base, every name looked up, its folder.
-
-Carrying it out is run.py's.
-"""
+"""Sweep plans: settings applied to the base, and every name looked up."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from agentflow.app.design.config import (
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.sweeps.folder import folder_name, is_sweep, read_folder
 from agentflow.config.run import build, load, override, put
-from agentflow.config.sweep import Member, SweepConfig, members, read_sweep, varied
+from agentflow.config.sweep import SweepConfig, SweepRun, axis_of_key, list_runs, read_sweep
 from agentflow.errors import ConfigError, UsageError
 from agentflow.metrics.cells import check_metrics
 from agentflow.metrics.published import check_source
@@ -28,23 +25,23 @@ from agentflow.metrics.published import check_source
 
 @dataclass(frozen=True)
 class SweepPlan:
-    """A sweep whose every name has been looked up."""
+    """A sweep whose names have all been looked up."""
 
     name: str
     sweep: SweepConfig
-    firsts: tuple[Member, ...]
-    """Of the runs that differ in nothing but the seed, the first."""
+    firsts: tuple[SweepRun, ...]
+    """The first run of each group that differs only in the seed."""
     plans: tuple[RunPlan, ...]
-    """Of each of them; what is looked up, seeds do not change."""
+    """The plan of each of them."""
 
     @cached_property
-    def members(self) -> tuple[Member, ...]:
+    def runs(self) -> tuple[SweepRun, ...]:
         """All runs."""
-        return members(self.sweep)
+        return list_runs(self.sweep)
 
-    def plan_of(self, member: Member) -> RunPlan:
-        """The plan of a run, but for its seed."""
-        return self._by_labels[tuple(member.labels.values())]
+    def plan_of(self, run: SweepRun) -> RunPlan:
+        """The plan of a run, except for its seed."""
+        return self._by_labels[tuple(run.labels.values())]
 
     @cached_property
     def _by_labels(self) -> dict[tuple[str, ...], RunPlan]:
@@ -64,46 +61,44 @@ class SweepPlan:
             check_metrics(metrics)
         for source in sweep.table.published:
             check_source(source.table)
-        firsts = members(sweep.model_copy(update={"seeds": sweep.seeds[:1]}))
-        _demand_no_credentials(sweep, firsts)
+        firsts = list_runs(sweep.model_copy(update={"seeds": sweep.seeds[:1]}))
+        _refuse_credentials(sweep, firsts)
         return cls(name, sweep, firsts, tuple(RunPlan.of(first.config) for first in firsts))
 
 
 def plan_sweep(
     path: Path, settings: Iterable[str], options: Mapping[str, Any], seeds: int | None = None
 ) -> SweepPlan:
-    """Read a sweep, lay settings over its base and look everything up.
+    """Read a sweep, apply settings to its base, and look everything up.
 
     Args:
-        path: The YAML file, or the folder of a sweep that was begun.
-        settings: `a.b=value` each, of all runs.
-        options: Dotted configuration keys of all runs; None means not given.
-        seeds: How many seeds, from 0, instead of the file's.
+        path: The YAML file, or an existing sweep folder.
+        settings: Strings `a.b=value` for all runs.
+        options: Dotted configuration keys for all runs; None means not given.
+        seeds: Number of seeds, from 0, instead of those in the file.
 
     Raises:
-        ConfigError: A key is unknown, or set although an axis varies it.
+        ConfigError: A key is unknown, or an axis varies it.
         UnknownNameError: A task, workflow, metric or the like does not exist.
     """
     given = {key: value for key, value in options.items() if value is not None}
     if is_sweep(path):
         if list(settings) or given or seeds is not None:
             raise UsageError(
-                f"{path} is continued as it was begun; leave out --model, --base-url, --set "
-                "and --seeds"
+                f"{path} is resumed with its own settings; remove --model, --base-url, "
+                "--set and --seeds"
             )
         document, sweep = read_folder(path)
         return SweepPlan.of(document["name"], sweep)
     sweep = read_sweep(load(path), str(path))
     if "seed" in sweep.base:
-        raise ConfigError(
-            f"{path}: base.seed: seeds are listed under seeds, for instance seeds: [0]"
-        )
-    axes = varied(sweep)
+        raise ConfigError(f"{path}: base.seed: list seeds under seeds, for example seeds: [0]")
+    axes = axis_of_key(sweep)
     for key in [*(setting.partition("=")[0].strip() for setting in settings), *given]:
         if key.removeprefix("settings.") in {name.removeprefix("settings.") for name in axes}:
             raise ConfigError(
-                f"{key} is what the sweep varies ({axes.get(key, 'axes')}): it cannot be set "
-                "for all runs; --seeds N sets the seeds"
+                f"{key} is varied by the sweep ({axes.get(key, 'axes')}): it cannot be set for all "
+                "runs; --seeds N sets the seeds"
             )
     base = override(sweep.base, settings)
     for key, value in given.items():
@@ -112,22 +107,22 @@ def plan_sweep(
     if seeds is not None:
         changed["seeds"] = tuple(range(seeds))
     plan = SweepPlan.of(path.stem, sweep.model_copy(update=changed))
-    for member in plan.firsts:
-        require_model_name(member.config.model)
+    for run in plan.firsts:
+        require_model_name(run.config.model)
     return plan
 
 
-def folder_of(plan: SweepPlan, path: Path, out: Path) -> Path:
-    """Where a sweep lies: at `path` if that is its folder, else under `out`."""
+def sweep_folder(plan: SweepPlan, path: Path, out: Path) -> Path:
+    """The folder of a sweep: `path` if that is one, else a folder in `out`."""
     return path if is_sweep(path) else out / folder_name(plan.name, plan.sweep)
 
 
-def _demand_no_credentials(sweep: SweepConfig, found: Iterable[Member]) -> None:
-    """What axes hold is written down, and names runs; what the base holds is not."""
+def _refuse_credentials(sweep: SweepConfig, found: Iterable[SweepRun]) -> None:
+    """Refuse credentials in axes, which are written to files and name runs."""
     known = urls_with_credentials(build(sweep.base))
-    for member in found:
-        if urls_with_credentials(member.config) - known:
+    for run in found:
+        if urls_with_credentials(run.config) - known:
             raise ConfigError(
-                "an axis has a base URL with a user or a query, which would be written down; "
+                "an axis has a base URL with a user or a query, which would be written to files; "
                 "name the environment variable of the key in model.key_variable instead"
             )

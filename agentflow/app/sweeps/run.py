@@ -1,4 +1,4 @@
-"""Owns carrying out a sweep: several runs at once on one pool, none twice, no failure shared."""
+"""Carrying out sweeps: several runs at once on one pool, independent of each other's failures."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from shlex import quote
 from typing import Any, Protocol
 
 from agentflow.app.design.run import RunOptions, design_async, resume_async
-from agentflow.app.sweeps.folder import LOG, RUNS, STORE, document_of, held
+from agentflow.app.sweeps.folder import LOG, RUNS, STORE, lock_folder, sweep_document
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config.run import build
-from agentflow.config.sweep import Member
+from agentflow.config.sweep import SweepRun
 from agentflow.env.pool.pool import RolloutPool, Simulator
 from agentflow.env.pool.store import Store
 from agentflow.errors import AgentflowError, EndpointError, InterruptedRunError, RunError
@@ -27,35 +27,35 @@ from agentflow.search.concurrency import run_concurrently
 
 
 class Watcher(Protocol):
-    """Told what becomes of the runs of a sweep."""
+    """Receives the progress of a sweep."""
 
     def begun(self, run: str) -> None:
-        """A run has begun or goes on."""
+        """A run was started or resumed."""
 
     def event(self, run: str, event: Event) -> None:
-        """Something happened in a run."""
+        """An event of a run."""
 
     def remark(self, run: str, line: str) -> None:
-        """A run has something to say to the user."""
+        """A line of text from a run for the user."""
 
     def ended(self, run: str, result: Mapping[str, Any]) -> None:
-        """A run is done; the content of its result.json."""
+        """A run is finished; `result` is the content of its result.json."""
 
     def failed(self, run: str, reason: str) -> None:
         """A run has failed."""
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What became of a sweep's runs, by name."""
+class SweepOutcome:
+    """The names of a sweep's finished and failed runs."""
 
     path: Path
     done: tuple[str, ...]
-    """Those of earlier processes included."""
+    """Including runs finished by earlier processes."""
     failed: Mapping[str, str]
-    """With the reason, in one line."""
+    """Name -> reason in one line."""
     endpoint: bool = False
-    """Whether every failure was the endpoint's."""
+    """Whether every failure was caused by the endpoint."""
 
 
 def run_sweep(
@@ -66,33 +66,33 @@ def run_sweep(
     jobs: int,
     resume: bool,
     pool: Simulator | None = None,
-) -> Outcome:
-    """Carry out what is not yet done of a sweep.
+) -> SweepOutcome:
+    """Carry out the unfinished runs of a sweep.
 
     Args:
         plan: The sweep.
-        folder: Its own.
-        watcher: Told everything.
-        jobs: Runs at once.
-        resume: Whether it may have been begun before.
-        pool: Where machines are simulated, for all runs; by default `workers` processes, as the
-            base configuration says.
+        folder: The sweep's folder.
+        watcher: Receives progress.
+        jobs: Number of concurrent runs.
+        resume: Whether the folder may already hold the sweep.
+        pool: Simulates machines for all runs; by default a new pool of as many processes as the
+            base configuration's `workers`.
 
     Raises:
         RunError: The folder cannot be used.
-        InterruptedRunError: Ctrl-C; everything can be resumed.
+        InterruptedRunError: Ctrl-C; the sweep can be resumed.
     """
-    with held(folder, document_of(plan.name, plan.sweep), resume):
+    with lock_folder(folder, sweep_document(plan.name, plan.sweep), resume):
         work = _Work(plan, folder, watcher)
         try:
             asyncio.run(work.carry_out(jobs, pool))
         except KeyboardInterrupt:
             raise InterruptedRunError(
-                f"interrupted; {len(work.done)} of {len(plan.members)} runs are done; continue "
+                f"interrupted; {len(work.done)} of {len(plan.runs)} runs are done; continue "
                 f"with: agentflow sweep {quote(str(folder))} --resume"
             ) from None
-    order = [member.name for member in plan.members]
-    return Outcome(
+    order = [run.name for run in plan.runs]
+    return SweepOutcome(
         folder,
         tuple(name for name in order if name in work.done),
         {name: work.failed[name] for name in order if name in work.failed},
@@ -102,7 +102,7 @@ def run_sweep(
 
 @dataclass
 class _Work:
-    """A sweep under way."""
+    """A sweep in progress."""
 
     plan: SweepPlan
     folder: Path
@@ -110,14 +110,14 @@ class _Work:
     done: set[str] = field(default_factory=set)
     failed: dict[str, str] = field(default_factory=dict)
     endpoint: set[str] = field(default_factory=set)
-    """Failed because the endpoint could not be used."""
+    """Runs that failed because the endpoint could not be used."""
     limiters: dict[str, Limiter] = field(default_factory=dict)
 
     async def carry_out(self, jobs: int, pool: Simulator | None) -> None:
-        waiting = [member for member in self.plan.members if not self._is_done(member)]
+        waiting = [run for run in self.plan.runs if not self._is_done(run)]
         if not waiting:
             return
-        self._demand_same_conditions()
+        self._require_same_conditions()
         log = LineFile(self.folder / LOG)
         try:
             async with AsyncExitStack() as stack:
@@ -126,49 +126,49 @@ class _Work:
                     pool = await stack.enter_async_context(RolloutPool(workers))
                 store = Store(self.folder / STORE, pool)
                 queue = iter(waiting)
-                await run_concurrently(self._some(queue, store, log) for _ in range(jobs))
+                await run_concurrently(self._work_through(queue, store, log) for _ in range(jobs))
         finally:
             log.close()
 
-    def _is_done(self, member: Member) -> bool:
-        if (self.folder / RUNS / member.name / "result.json").exists():
-            self.done.add(member.name)
-        return member.name in self.done
+    def _is_done(self, run: SweepRun) -> bool:
+        if (self.folder / RUNS / run.name / "result.json").exists():
+            self.done.add(run.name)
+        return run.name in self.done
 
-    def _demand_same_conditions(self) -> None:
-        """Refuse to add runs to some that are done and that were made otherwise."""
-        for member in self.plan.members:
-            if member.name in self.done:
-                document = read_document(self.folder / RUNS / member.name)
-                if changes := self.plan.plan_of(member).changes_since(document):
+    def _require_same_conditions(self) -> None:
+        """Refuse to mix new runs with finished ones made under different conditions."""
+        for run in self.plan.runs:
+            if run.name in self.done:
+                document = read_document(self.folder / RUNS / run.name)
+                if changes := self.plan.plan_of(run).changes_since(document):
                     raise RunError(
-                        f"{self.folder}: {member.name} was made with different {changes}: the "
+                        f"{self.folder}: {run.name} was made with different {changes}: the "
                         "remaining runs would not be comparable; choose another folder with --out"
                     )
 
-    async def _some(self, queue: Iterator[Member], store: Store, log: LineFile) -> None:
-        """Carry out runs one after the other, as long as any are left."""
-        for member in queue:
-            name = member.name
+    async def _work_through(self, queue: Iterator[SweepRun], store: Store, log: LineFile) -> None:
+        """Carry out runs one after the other until none are left."""
+        for run in queue:
+            name = run.name
             self.watcher.begun(name)
             try:
-                result = await self._run(member, store)
+                result = await self._run(run, store)
             except AgentflowError as error:
                 if isinstance(error, EndpointError):
                     self.endpoint.add(name)
                 self._fail(name, str(error), None, log)
-            except Exception as error:  # noqa: BLE001 - logged whole; the other runs are unharmed
+            except Exception as error:  # noqa: BLE001 - logged in full; other runs continue
                 reason = f"{type(error).__name__}: {error}"
                 self._fail(name, reason, traceback.format_exc(), log)
             else:
-                plan = self.plan.plan_of(member)
-                store.share(self.folder / RUNS / name, plan.task, member.config.seed)
+                plan = self.plan.plan_of(run)
+                store.share(self.folder / RUNS / name, plan.task, run.config.seed)
                 self.done.add(name)
-                _note(log, {"run": name, "state": "done", "seconds": result["seconds"]})
+                _write_log(log, {"run": name, "state": "done", "seconds": result["seconds"]})
                 self.watcher.ended(name, result)
 
-    async def _run(self, member: Member, store: Store) -> dict[str, Any]:
-        runs, name = self.folder / RUNS, member.name
+    async def _run(self, run: SweepRun, store: Store) -> dict[str, Any]:
+        runs, name = self.folder / RUNS, run.name
         path = runs / name
         options = RunOptions(
             notify=lambda line: self.watcher.remark(name, line),
@@ -176,19 +176,19 @@ class _Work:
             pool=store,
             limiters=self.limiters,
         )
-        if _begun(path):
+        if _can_resume(path):
             return await resume_async(path, options)
-        return await design_async(member.config, runs, options, name)
+        return await design_async(run.config, runs, options, name)
 
     def _fail(self, name: str, reason: str, trace: str | None, log: LineFile) -> None:
         line = reason.strip().partition("\n")[0]
         self.failed[name] = line
-        _note(log, {"run": name, "state": "failed", "reason": line, "traceback": trace})
+        _write_log(log, {"run": name, "state": "failed", "reason": line, "traceback": trace})
         self.watcher.failed(name, line)
 
 
-def _begun(path: Path) -> bool:
-    """Whether a run can be resumed; clears away what is less than a run."""
+def _can_resume(path: Path) -> bool:
+    """Whether a run can be resumed. Removes a folder whose run.yaml was never completed."""
     if not path.exists():
         return False
     if (path / "run.yaml").exists():
@@ -201,7 +201,7 @@ def _begun(path: Path) -> bool:
     return True
 
 
-def _note(log: LineFile, item: Mapping[str, Any]) -> None:
+def _write_log(log: LineFile, item: Mapping[str, Any]) -> None:
     try:
         log.append(json.dumps(item).encode())
     except OSError as error:

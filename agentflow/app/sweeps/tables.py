@@ -1,7 +1,4 @@
-"""Owns the table of a sweep in the published layout: which runs a cell is made of.
-
-Other views of a sweep are views.py's.
-"""
+"""Results of sweeps, and their table in the published layout."""
 
 from __future__ import annotations
 
@@ -11,9 +8,9 @@ from pathlib import Path
 from shlex import quote
 
 from agentflow.app.design.results import read_finished
-from agentflow.app.sweeps.folder import RUNS, failures, read_folder
+from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
 from agentflow.config.run import DesignConfig
-from agentflow.config.sweep import Member, SweepConfig, members
+from agentflow.config.sweep import SweepConfig, SweepRun, list_runs
 from agentflow.errors import RunError
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import METRICS, Cell, RunNumbers, Value
@@ -25,204 +22,204 @@ from agentflow.workflows.registry import WORKFLOWS
 
 
 @dataclass(frozen=True)
-class Finished:
+class FinishedRun:
     """One finished run of a sweep."""
 
-    member: Member
+    planned: SweepRun
     path: Path
     model: str
-    """Who answered, as its result says."""
+    """Name of the model, from its result."""
     numbers: RunNumbers
 
 
 @dataclass(frozen=True)
-class Swept:
-    """A sweep as far as it is done."""
+class SweepResult:
+    """The finished runs of a sweep."""
 
     path: Path
     sweep: SweepConfig
-    runs: tuple[Finished, ...]
-    members: tuple[Member, ...]
-    """All runs of the sweep, done or not, in its order."""
+    finished: tuple[FinishedRun, ...]
+    planned: tuple[SweepRun, ...]
+    """All runs of the sweep, finished or not, in order."""
     failed: Mapping[str, str]
+    """Name of each failed run -> reason."""
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names of the runs that are not done."""
-        done = {run.member.name for run in self.runs}
-        return tuple(member.name for member in self.members if member.name not in done)
+        """Names of the unfinished runs."""
+        done = {run.planned.name for run in self.finished}
+        return tuple(planned.name for planned in self.planned if planned.name not in done)
 
     @property
     def tasks(self) -> tuple[str, ...]:
-        """In the order of the runs, done or not."""
-        return tuple(dict.fromkeys(task_of(member) for member in self.members))
+        """Tasks in the order of all runs."""
+        return tuple(dict.fromkeys(task_of(planned) for planned in self.planned))
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What has to be said under every table."""
+        """Notes under every table."""
         seeds = len(self.sweep.seeds)
         pooled = f"{seeds} seeds, pooled" if seeds > 1 else "1 seed"
-        told = [f"{len(self.runs)} run{'s' if len(self.runs) != 1 else ''}; {pooled}."]
+        notes = [f"{len(self.finished)} run{'s' if len(self.finished) != 1 else ''}; {pooled}."]
         if self.missing:
-            total = len(self.runs) + len(self.missing)
+            total = len(self.finished) + len(self.missing)
             failed = sum(name in self.failed for name in self.missing)
-            told.append(
+            notes.append(
                 f"INCOMPLETE: {len(self.missing)} of {total} runs are missing, "
                 f"{failed} of them failed."
             )
-        return tuple(told)
+        return tuple(notes)
 
 
-def task_of(member: Member) -> str:
-    """The task as rows and columns name it: the axis' label, else the configuration's."""
-    return member.labels.get("task", member.config.task)
+def task_of(planned: SweepRun) -> str:
+    """The task as tables name it: the axis label if there is one, else the configured name."""
+    return planned.labels.get("task", planned.config.task)
 
 
-def read_swept(path: Path) -> Swept:
-    """Read what is done of a sweep.
+def read_sweep_result(path: Path) -> SweepResult:
+    """Read the finished runs of a sweep.
 
     Raises:
-        RunError: There is no sweep, it or a run of it is damaged, or nothing of it is done.
+        RunError: It is not a sweep folder, it or a run is damaged, or no run is finished.
     """
     _, sweep = read_folder(path)
-    done: list[Finished] = []
-    every = members(sweep)
-    for member in every:
-        run = path / RUNS / member.name
+    done: list[FinishedRun] = []
+    every = list_runs(sweep)
+    for planned in every:
+        run = path / RUNS / planned.name
         if (run / "result.json").exists():
             record = RunRecord.of(read_typed_events(run))
-            numbers = RunNumbers(record, _width(member.config))
-            done.append(Finished(member, run, read_finished(run)["model"], numbers))
+            numbers = RunNumbers(record, _width(planned.config))
+            done.append(FinishedRun(planned, run, read_finished(run)["model"], numbers))
     if not done:
         raise RunError(
-            f"no run of {path} is done; carry it out with agentflow sweep {quote(str(path))} "
-            "--resume"
+            f"no run of {path} is finished; run it with agentflow sweep {quote(str(path))} --resume"
         )
-    return Swept(path, sweep, tuple(done), every, failures(path))
+    return SweepResult(path, sweep, tuple(done), every, read_failures(path))
 
 
 def _width(config: DesignConfig) -> int:
     return WORKFLOWS[config.workflow].adapt(config.settings).search.children
 
 
-def layout(swept: Swept, *, published: bool = False) -> Table:
+def layout_table(result: SweepResult, *, published: bool = False) -> Table:
     """The table in the published layout.
 
     Args:
-        swept: The sweep.
-        published: Whether published rows stand under the measured ones.
+        result: The sweep.
+        published: Whether to add published rows.
     """
-    rows = _rows(swept)
-    conditions = _conditions(swept)
-    columns = _columns(swept, conditions)
+    rows = _rows(result)
+    conditions = _conditions(result)
+    columns = _columns(result, conditions)
     measured = tuple(
-        Row(key, tuple(_value(swept, runs, column) for column in columns))
+        Row(key, tuple(_value(result, runs, column) for column in columns))
         for key, runs in rows.items()
     )
-    told = _published_rows(swept, columns) if published else ()
-    by_task = swept.sweep.table.columns == "task"
+    published_rows = _published_rows(result, columns) if published else ()
+    by_task = result.sweep.table.columns == "task"
     used = dict.fromkeys(column.metric for column in columns)
     about = "; ".join(f"{name}: {METRICS[name].about}" for name in used)
     return Table(
-        swept.sweep.title,
+        result.sweep.title,
         ("model",) if by_task else ("task", "model"),
         tuple(Column(c.group, c.metric, METRICS[c.metric].percent) for c in columns),
         measured,
-        told,
-        (*swept.notes, f"{about}."),
+        published_rows,
+        (*result.notes, f"{about}."),
     )
 
 
 @dataclass(frozen=True)
-class _Place:
+class _Cell:
     """A column of the published layout."""
 
     group: str
     task: str
-    """None but this task; "" for the row's."""
+    """Only this task; "" for the task of the row."""
     condition: str
     metric: str
 
 
-def _conditions(swept: Swept) -> tuple[str, ...]:
-    table = swept.sweep.table
+def _conditions(result: SweepResult) -> tuple[str, ...]:
+    table = result.sweep.table
     if table.conditions == "stages":
         return STAGES
     if table.conditions == "none":
         return ("",)
     if table.conditions == "rounds":
         return tuple(f"rounds_{count}" for count in table.rounds)
-    return tuple(dict.fromkeys(member.variant for member in swept.members))
+    return tuple(dict.fromkeys(planned.variant for planned in result.planned))
 
 
-def _columns(swept: Swept, conditions: Sequence[str]) -> list[_Place]:
-    table = swept.sweep.table
+def _columns(result: SweepResult, conditions: Sequence[str]) -> list[_Cell]:
+    table = result.sweep.table
     if table.columns == "task":
         groups = [
             (f"{task} {condition}".strip(), task, condition)
-            for task in swept.tasks
+            for task in result.tasks
             for condition in conditions
         ]
     else:
         groups = [(condition, "", condition) for condition in conditions]
     return [
-        _Place(group, task, condition, metric)
+        _Cell(group, task, condition, metric)
         for group, task, condition in groups
         for metric in table.task_metrics.get(task, table.metrics)
     ]
 
 
-def _rows(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:
-    """Labels of a row -> its runs; also of rows of which nothing is done."""
-    table = swept.sweep.table
+def _rows(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:
+    """Labels of each row -> its finished runs, if any."""
+    table = result.sweep.table
     by_task, by_variant = table.columns == "task", table.conditions != "axes"
 
-    def line(member: Member) -> tuple[str, str]:
-        return "" if by_task else task_of(member), member.variant if by_variant else ""
+    def line(planned: SweepRun) -> tuple[str, str]:
+        return "" if by_task else task_of(planned), planned.variant if by_variant else ""
 
-    rows: dict[tuple[str, ...], list[Finished]] = {}
-    for member, model, runs in listed(swept, line):
-        if by_variant and member.variant:
-            model = f"{model}, {member.variant}"
-        key = (model,) if by_task else (task_of(member), model)
+    rows: dict[tuple[str, ...], list[FinishedRun]] = {}
+    for planned, model, runs in row_groups(result, line):
+        if by_variant and planned.variant:
+            model = f"{model}, {planned.variant}"
+        key = (model,) if by_task else (task_of(planned), model)
         rows.setdefault(key, []).extend(runs)
     return rows
 
 
-def listed(
-    swept: Swept, line: Callable[[Member], tuple[str, ...]]
-) -> Iterator[tuple[Member, str, list[Finished]]]:
-    """What rows are made of: each done run, and one undone of each line of which nothing is done.
+def row_groups(
+    result: SweepResult, line: Callable[[SweepRun], tuple[str, ...]]
+) -> Iterator[tuple[SweepRun, str, list[FinishedRun]]]:
+    """The finished runs that rows consist of; one planned run for each row without any.
 
-    With each goes the model's name: who answered; of an undone one, who answered where the same
-    was asked.
+    Yields the planned run, the model's name, and the finished run if there is one. The model of an
+    unfinished run is that of a finished run with the same configured model and workflow.
 
     Args:
-        swept: The sweep.
-        line: What tells the rows of a table apart, but for the model.
+        result: The sweep.
+        line: What distinguishes rows, apart from the model.
     """
-    done = {run.member.name: run for run in swept.runs}
-    told = {line(run.member) for run in swept.runs}
-    models = {_asked(run.member): run.model for run in swept.runs}
-    for member in swept.members:
-        run = done.get(member.name)
+    done = {run.planned.name: run for run in result.finished}
+    seen = {line(run.planned) for run in result.finished}
+    models = {_model_key(run.planned): run.model for run in result.finished}
+    for planned in result.planned:
+        run = done.get(planned.name)
         if run is not None:
-            yield member, run.model, [run]
-        elif line(member) not in told:
-            told.add(line(member))
-            yield member, models.get(_asked(member), member.config.model.name), []
+            yield planned, run.model, [run]
+        elif line(planned) not in seen:
+            seen.add(line(planned))
+            yield planned, models.get(_model_key(planned), planned.config.model.name), []
 
 
-def _asked(member: Member) -> tuple[str, str]:
-    """What decides who is shown to answer; workflows may ask nobody."""
-    return member.config.model.name, member.config.workflow
+def _model_key(planned: SweepRun) -> tuple[str, str]:
+    """What decides the model's name in results; some workflows use no model."""
+    return planned.config.model.name, planned.config.workflow
 
 
-def _value(swept: Swept, runs: Iterable[Finished], place: _Place) -> Value:
-    table = swept.sweep.table
-    own = [run for run in runs if not place.task or task_of(run.member) == place.task]
+def _value(result: SweepResult, runs: Iterable[FinishedRun], place: _Cell) -> Value:
+    table = result.sweep.table
+    own = [run for run in runs if not place.task or task_of(run.planned) == place.task]
     if table.conditions == "axes":
-        own = [run for run in own if run.member.variant == place.condition]
+        own = [run for run in own if run.planned.variant == place.condition]
     if not own:
         return None
     stage = place.condition if table.conditions == "stages" else table.stage
@@ -230,12 +227,12 @@ def _value(swept: Swept, runs: Iterable[Finished], place: _Place) -> Value:
     return METRICS[place.metric].of(Cell(tuple(run.numbers for run in own), stage, rounds))
 
 
-def _published_rows(swept: Swept, columns: Sequence[_Place]) -> tuple[Row, ...]:
-    by_task = swept.sweep.table.columns == "task"
+def _published_rows(result: SweepResult, columns: Sequence[_Cell]) -> tuple[Row, ...]:
+    by_task = result.sweep.table.columns == "task"
     found: dict[tuple[str, str], dict[tuple[str, str, str], str]] = {}
-    for source in swept.sweep.table.published:
+    for source in result.sweep.table.published:
         for item in literature.published():
-            if item.table != source.table or item.task not in swept.tasks:
+            if item.table != source.table or item.task not in result.tasks:
                 continue
             if source.conditions and item.condition not in source.conditions:
                 continue
@@ -245,14 +242,16 @@ def _published_rows(swept: Swept, columns: Sequence[_Place]) -> tuple[Row, ...]:
             found.setdefault(key, {})[place] = item.value
     rows = []
     for (task, model), values in found.items():
-        cells = tuple(_told(values, column, task) for column in columns)
+        cells = tuple(_published_value(values, column, task) for column in columns)
         if any(cell is not None for cell in cells):
             rows.append(Row((model,) if by_task else (task, model), cells))
     return tuple(rows)
 
 
-def _told(values: Mapping[tuple[str, str, str], str], place: _Place, task: str) -> str | None:
-    """The published number of a place; where tasks are columns, whatever its condition."""
+def _published_value(
+    values: Mapping[tuple[str, str, str], str], place: _Cell, task: str
+) -> str | None:
+    """The published number of a cell; if tasks are columns, for any condition."""
     if not place.task:
         return values.get((task, place.condition, place.metric))
     fitting = (v for (t, _, m), v in values.items() if (t, m) == (place.task, place.metric))

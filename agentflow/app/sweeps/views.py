@@ -1,4 +1,4 @@
-"""Owns the further views of a sweep: scores with intervals, cost, players' scale, expansions."""
+"""Views of a sweep: scores with intervals, cost, players' scale, expansions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from types import MappingProxyType
 
 from agentflow.agents.registry import stage_of
 from agentflow.app.design.models import cost_function
-from agentflow.app.sweeps.tables import Finished, Swept, layout, listed, read_swept, task_of
+from agentflow.app.sweeps.tables import (
+    FinishedRun,
+    SweepResult,
+    layout_table,
+    read_sweep_result,
+    row_groups,
+    task_of,
+)
 from agentflow.errors import UnknownNameError, UsageError
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import Cell, RunNumbers, Value, curve
@@ -20,22 +27,24 @@ from agentflow.runs import read_calls, read_result
 from agentflow.runs.places import STAGES
 
 LAYOUT = "published"
-"""The view in the layout of the published table."""
+"""Name of the view in the published layout."""
 PLAYERS = "players"
-"""The view over the means of experienced players."""
+"""Name of the view relative to experienced players."""
 CURVE = (0, 1, 2, 4, 8, 12, 16, 20, 30, 40)
-"""Expansions at which strategies are compared, as far as searches go."""
+"""Numbers of expansions at which strategies are compared."""
 INTERVAL = "95 %"
-OWN_SCALE = "Scores are this simulator's, the players' are the game's: the share is no exact one."
+OWN_SCALE = (
+    "Scores come from this simulator, the players' from the game, so the share is approximate."
+)
 
 
-def scores(swept: Swept) -> Table:
-    """Means of both kinds with bootstrap intervals, validity with Wilson's, Best@N, by variant.
+def scores(result: SweepResult) -> Table:
+    """Validity with Wilson intervals, means with bootstrap intervals, and Best@N, by variant.
 
-    Without scipy the bootstrap's are left out, and the notes say so.
+    Without scipy there are no bootstrap intervals, and a note says so.
     """
-    groups = _with_undone(swept)
-    cells = {key: last_cell(swept, runs) for key, runs in groups.items()}
+    groups = _all_variants(result)
+    cells = {key: last_cell(result, runs) for key, runs in groups.items()}
     powers = sorted({n for cell in cells.values() for n in cell.scores.best_at()})
     columns = [
         *(Column("valid", name) for name in ("share", INTERVAL)),
@@ -51,34 +60,34 @@ def scores(swept: Swept) -> Table:
         best = found.best_at()
         values: list[Value] = [
             rate,
-            _between(rate.interval),
+            _format_interval(rate.interval),
             found.mean_valid,
-            _between(found.mean_valid_interval()),
+            _format_interval(found.mean_valid_interval()),
             found.mean_all,
-            _between(found.mean_all_interval()),
+            _format_interval(found.mean_all_interval()),
             found.max,
             found.std,
             *(best.get(n) for n in powers),
         ]
         rows.append(Row(key, tuple(values)))
     return Table(
-        f"{swept.sweep.title}: scores",
+        f"{result.sweep.title}: scores",
         ("task", "model", "variant"),
         tuple(columns),
         tuple(rows),
         notes=(
-            *swept.notes,
-            "Of the last stage. Shares with Wilson's interval, means with the bootstrap's (10,000 "
-            "resamples); Best@N is exact, over all, invalid = 0; std is the population's.",
+            *result.notes,
+            "Last stage only. Shares have Wilson intervals, means bootstrap intervals (10,000 "
+            "resamples); Best@N is exact, over all machines, invalid = 0; std is the population's.",
             *filter(None, [missing_scipy()]),
         ),
     )
 
 
-def usage(swept: Swept) -> Table:
-    """What runs cost, by role and by stage, and how fast machines were simulated."""
+def usage(result: SweepResult) -> Table:
+    """Cost of runs by role and stage, and speed of simulations."""
     rows: list[Row] = []
-    for (task, model, variant), runs in variants(swept).items():
+    for (task, model, variant), runs in variants(result).items():
         whole = _bill(runs)
         speed = _simulated(runs)
         parts = [("all", whole.total), *whole.roles.items(), *whole.stages.items()]
@@ -91,19 +100,19 @@ def usage(swept: Swept) -> Table:
     columns = [Column("", name, percent=name == "share") for name in names]
     columns += [Column("", "rollouts/s"), Column("", "simulated s/s")]
     notes = (
-        *swept.notes,
-        "Tokens as reported by the endpoint; money only where every model has a price; seconds are "
-        "latencies added up; rollouts/s and simulated s/s are per worker.",
+        *result.notes,
+        "Tokens as reported by the endpoint; money only if every model has a price; seconds are "
+        "the sum of latencies; rollouts/s and simulated s/s are per worker.",
     )
     heads = ("task", "model", "variant", "of")
-    return Table(f"{swept.sweep.title}: usage", heads, tuple(columns), tuple(rows), notes=notes)
+    return Table(f"{result.sweep.title}: usage", heads, tuple(columns), tuple(rows), notes=notes)
 
 
-def players(swept: Swept) -> Table:
-    """The best score of each task over the mean of experienced players (published scale)."""
+def players(result: SweepResult) -> Table:
+    """The best score of each task relative to the published mean of experienced players."""
     means = literature.player_means()
     rows = []
-    for (task, model), runs in _by_task(swept).items():
+    for (task, model), runs in _by_task(result).items():
         best = max(
             (_best(run) for run in runs), default=None, key=lambda s: (s is not None, s or 0)
         )
@@ -115,13 +124,13 @@ def players(swept: Swept) -> Table:
         Column("", "players' mean (published)"),
         Column("", "share", percent=True),
     )
-    title = f"{swept.sweep.title}: best score over the experienced players' mean"
-    return Table(title, ("task", "model"), columns, tuple(rows), notes=(*swept.notes, OWN_SCALE))
+    title = f"{result.sweep.title}: best score over the experienced players' mean"
+    return Table(title, ("task", "model"), columns, tuple(rows), notes=(*result.notes, OWN_SCALE))
 
 
-def expansions(swept: Swept) -> Table:
-    """The mean best score of all searches after so many new machines each, by variant."""
-    groups = _with_undone(swept)
+def expansions(result: SweepResult) -> Table:
+    """Mean best score of searches against the number of new machines, by variant."""
+    groups = _all_variants(result)
     counts = [
         n for n in CURVE if any(curve(_numbers(runs), n) is not None for runs in groups.values())
     ]
@@ -130,29 +139,29 @@ def expansions(swept: Swept) -> Table:
         for key, runs in groups.items()
     )
     return Table(
-        f"{swept.sweep.title}: score against expansions",
+        f"{result.sweep.title}: score against expansions",
         ("task", "model", "variant"),
         tuple(Column("new machines per search", str(count)) for count in counts),
         rows,
         notes=(
-            *swept.notes,
+            *result.notes,
             *(() if counts else ("No run of this sweep searches.",)),
-            "Mean over searches of the best score so far, the start included; a search that ended "
-            "earlier keeps its last.",
+            "Mean over searches of the best score so far, including the start; a search that ended "
+            "earlier keeps its last score.",
         ),
     )
 
 
-VIEWS: Mapping[str, Callable[[Swept], Table]] = MappingProxyType(
+VIEWS: Mapping[str, Callable[[SweepResult], Table]] = MappingProxyType(
     {
-        LAYOUT: layout,
+        LAYOUT: layout_table,
         "scores": scores,
         "usage": usage,
         PLAYERS: players,
         "expansions": expansions,
     }
 )
-"""Name -> how a table is made of a sweep."""
+"""Name of a view -> function that makes its table."""
 
 
 def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
@@ -160,80 +169,80 @@ def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
 
     Args:
         path: The sweep's folder.
-        name: Of the view.
-        published: Whether published rows stand under the measured ones.
+        name: Name of the view.
+        published: Whether to add published rows.
 
     Raises:
         UnknownNameError: There is no such view.
-        UsageError: Published rows are asked of a view that has none.
-        RunError: As `read_swept`.
+        UsageError: The view has no published rows.
+        RunError: As `read_sweep_result`.
     """
     if name not in VIEWS:
         raise UnknownNameError("view", name, VIEWS)
     if not published:
-        return VIEWS[name](read_swept(path))
+        return VIEWS[name](read_sweep_result(path))
     if name != LAYOUT:
-        raise UsageError(f"published rows exist in the view {LAYOUT!r} alone, not in {name!r}")
-    return layout(read_swept(path), published=True)
+        raise UsageError(f"only the view {LAYOUT!r} has published rows, not {name!r}")
+    return layout_table(read_sweep_result(path), published=True)
 
 
-def written(path: Path, name: str, form: str, *, published: bool = False) -> str:
-    """A table of a sweep as text in one of the `FORMATS`; see `view`."""
+def format_view(path: Path, name: str, form: str, *, published: bool = False) -> str:
+    """A view of a sweep as text in one of the `FORMATS`; see `view`."""
     return FORMATS[form](view(path, name, published=published))
 
 
-def variants(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:
-    """Task, model and variant -> their runs, in the order of the sweep."""
-    groups: dict[tuple[str, ...], list[Finished]] = {}
-    for run in swept.runs:
-        key = (task_of(run.member), run.model, run.member.variant)
+def variants(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:
+    """Task, model and variant -> finished runs, in the order of the sweep."""
+    groups: dict[tuple[str, ...], list[FinishedRun]] = {}
+    for run in result.finished:
+        key = (task_of(run.planned), run.model, run.planned.variant)
         groups.setdefault(key, []).append(run)
     return groups
 
 
-def _with_undone(swept: Swept) -> dict[tuple[str, ...], list[Finished]]:
-    """As `variants`, and those of which nothing is done, without runs."""
-    groups: dict[tuple[str, ...], list[Finished]] = {}
-    for member, model, runs in listed(swept, lambda one: (task_of(one), one.variant)):
-        groups.setdefault((task_of(member), model, member.variant), []).extend(runs)
+def _all_variants(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:
+    """As `variants`, including those without finished runs."""
+    groups: dict[tuple[str, ...], list[FinishedRun]] = {}
+    for planned, model, runs in row_groups(result, lambda one: (task_of(one), one.variant)):
+        groups.setdefault((task_of(planned), model, planned.variant), []).extend(runs)
     return groups
 
 
-def _by_task(swept: Swept) -> dict[tuple[str, str], list[Finished]]:
-    groups: dict[tuple[str, str], list[Finished]] = {}
-    for run in swept.runs:
-        groups.setdefault((task_of(run.member), run.model), []).append(run)
+def _by_task(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:
+    groups: dict[tuple[str, str], list[FinishedRun]] = {}
+    for run in result.finished:
+        groups.setdefault((task_of(run.planned), run.model), []).append(run)
     return groups
 
 
-def _numbers(runs: Iterable[Finished]) -> tuple[RunNumbers, ...]:
+def _numbers(runs: Iterable[FinishedRun]) -> tuple[RunNumbers, ...]:
     return tuple(run.numbers for run in runs)
 
 
-def last_cell(swept: Swept, runs: Sequence[Finished]) -> Cell:
-    """Of the last stage that any of the runs came to."""
+def last_cell(result: SweepResult, runs: Sequence[FinishedRun]) -> Cell:
+    """The cell of the last stage that any of the runs reached."""
     reached = {item.place.name for run in runs for item in run.numbers.record.candidates}
     last = [stage for stage in STAGES if stage in reached]
-    return Cell(_numbers(runs), last[-1] if last else swept.sweep.table.stage)
+    return Cell(_numbers(runs), last[-1] if last else result.sweep.table.stage)
 
 
-def _best(run: Finished) -> float | None:
+def _best(run: FinishedRun) -> float | None:
     score = read_result(run.path)["score"]
     return None if score is None else float(score)
 
 
-def _between(interval: tuple[float, float] | None) -> str | None:
+def _format_interval(interval: tuple[float, float] | None) -> str | None:
     return None if interval is None else f"{shown(interval[0])} - {shown(interval[1])}"
 
 
-def _bill(runs: Iterable[Finished]) -> Bill:
+def _bill(runs: Iterable[FinishedRun]) -> Bill:
     total = Bill(Spent(), {}, {})
     for run in runs:
-        total += bill(read_calls(run.path), cost_function(run.member.config.model), stage_of)
+        total += bill(read_calls(run.path), cost_function(run.planned.config.model), stage_of)
     return total
 
 
-def _simulated(runs: Iterable[Finished]) -> SimulationSpeed:
+def _simulated(runs: Iterable[FinishedRun]) -> SimulationSpeed:
     total = SimulationSpeed(0, 0.0, 0.0)
     for run in runs:
         result = read_result(run.path)

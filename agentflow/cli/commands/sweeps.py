@@ -15,7 +15,7 @@ from agentflow.cli.root import BaseUrl, Json, ModelName, Quiet, Settings, comman
 if TYPE_CHECKING:
     from agentflow.app.sweeps.estimates import Estimate
     from agentflow.app.sweeps.plan import SweepPlan
-    from agentflow.app.sweeps.run import Outcome
+    from agentflow.app.sweeps.run import SweepOutcome
 
 LISTED = 1000
 """A dry run lists at most this many runs one by one; above it, one line per group of seeds."""
@@ -49,17 +49,17 @@ def sweep(
     as_json: Json = False,
 ) -> None:
     """Run configurations that differ in a few settings; `agentflow table` compares them."""
-    from agentflow.app.sweeps.plan import folder_of, plan_sweep
+    from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
     from agentflow.app.sweeps.run import run_sweep
     from agentflow.cli.display.sweep_live import watch_sweep
 
     options = {"model.name": model, "model.base_url": base_url, "workers": workers}
     plan = plan_sweep(config, settings or (), options, seeds)
-    folder = folder_of(plan, config, out)
+    folder = sweep_folder(plan, config, out)
     if dry_run:
         _print_estimate(plan, folder, as_json)
         return
-    with watch_sweep(len(plan.members), quiet) as watcher:
+    with watch_sweep(len(plan.runs), quiet) as watcher:
         outcome = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
     if as_json:
         print_json(_outcome_json(outcome))
@@ -89,9 +89,9 @@ def table(
     ] = False,
 ) -> None:
     """Compare the runs of a sweep in a table."""
-    from agentflow.app.sweeps.views import written
+    from agentflow.app.sweeps.views import format_view
 
-    text = written(sweep, show, form, published=published)
+    text = format_view(sweep, show, form, published=published)
     print(escape_controls(text, "\n") if form == "text" else text, end="")
 
 
@@ -161,7 +161,7 @@ def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, worker
     )
 
 
-def _outcome_json(outcome: Outcome) -> dict[str, Any]:
+def _outcome_json(outcome: SweepOutcome) -> dict[str, Any]:
     return {
         "sweep": str(outcome.path),
         "done": list(outcome.done),
@@ -169,7 +169,7 @@ def _outcome_json(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _outcome_text(outcome: Outcome) -> str:
+def _outcome_text(outcome: SweepOutcome) -> str:
     runs, folder = len(outcome.done) + len(outcome.failed), quote(str(outcome.path))
     lines = [f"{len(outcome.done)} of {runs} runs done: {outcome.path}"]
     lines += [f"failed: {name}: {reason}" for name, reason in outcome.failed.items()]

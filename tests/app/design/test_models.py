@@ -75,7 +75,7 @@ def test_a_base_url_is_of_use_to_a_role_or_to_whoever_chose_the_embedded_model()
         ),
         (
             "model.key_variable=sk-models-4f1c77d09a",
-            "model.key_variable takes the name of an environment variable, never a key\n",
+            "model.key_variable takes the name of an environment variable, not a key\n",
         ),
         (
             "model.prices={m: {input: 1}}",

@@ -6,24 +6,24 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.sweeps.folder import NAME, document_of, held, read_folder
+from agentflow.app.sweeps.folder import NAME, lock_folder, read_folder, sweep_document
 from agentflow.config.sweep import read_sweep
 from agentflow.errors import RunError
 
 SWEEP = read_sweep({"title": "T", "table": {"metrics": ["valid"]}}, "t.yaml")
-DOCUMENT = document_of("t", SWEEP)
+DOCUMENT = sweep_document("t", SWEEP)
 
 
 def test_nobody_else_begins_or_continues_a_sweep_under_way(tmp_path: Path) -> None:
     folder = tmp_path / "sweep"
     busy = f"^{folder} is in use by another process; wait for it or stop it$"
-    with held(folder, DOCUMENT, resume=False):
+    with lock_folder(folder, DOCUMENT, resume=False):
         before = (folder / NAME).read_bytes()
         for resume in (False, True):
-            with pytest.raises(RunError, match=busy), held(folder, DOCUMENT, resume=resume):
+            with pytest.raises(RunError, match=busy), lock_folder(folder, DOCUMENT, resume=resume):
                 raise AssertionError("two at once")
         assert (folder / NAME).read_bytes() == before
-    with held(folder, DOCUMENT, resume=True):
+    with lock_folder(folder, DOCUMENT, resume=True):
         assert read_folder(folder)[0]["name"] == "t"
 
 
@@ -31,5 +31,5 @@ def test_where_nothing_can_be_written_another_folder_is_asked_for(tmp_path: Path
     (tmp_path / "file").touch()
     folder = tmp_path / "file" / "sweep"
     wanted = f"^cannot write to {folder}: Not a directory; choose another folder with --out$"
-    with pytest.raises(RunError, match=wanted), held(folder, DOCUMENT, resume=False):
+    with pytest.raises(RunError, match=wanted), lock_folder(folder, DOCUMENT, resume=False):
         raise AssertionError("written")

@@ -17,8 +17,8 @@ import pytest
 import yaml
 
 from agentflow.app.design.replay import replay
-from agentflow.app.sweeps.plan import folder_of, plan_sweep
-from agentflow.app.sweeps.run import Outcome, run_sweep
+from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
+from agentflow.app.sweeps.run import SweepOutcome, run_sweep
 from agentflow.env.physics.engines import default_engine
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.runs import Event
@@ -86,13 +86,13 @@ def write(folder: Path, **changes: Any) -> Path:
 
 def carry_out(
     path: Path, out: Path, watcher: Notes | None = None, *, resume: bool = False
-) -> Outcome:
+) -> SweepOutcome:
     plan = plan_sweep(path, (), {})
-    return run_sweep(plan, folder_of(plan, path, out), watcher or Notes(), jobs=2, resume=resume)
+    return run_sweep(plan, sweep_folder(plan, path, out), watcher or Notes(), jobs=2, resume=resume)
 
 
 @pytest.fixture(scope="module")
-def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Notes, Path]:
+def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[SweepOutcome, Notes, Path]:
     folder = tmp_path_factory.mktemp("sweep")
     notes = Notes()
     path = write(folder)
@@ -103,7 +103,7 @@ RUNS = ("one.seed-0", "one.seed-1", "other.seed-0", "other.seed-1")
 
 
 @pytest.mark.slow
-def test_every_run_is_an_ordinary_run(swept: tuple[Outcome, Notes, Path]) -> None:
+def test_every_run_is_an_ordinary_run(swept: tuple[SweepOutcome, Notes, Path]) -> None:
     outcome, notes, _ = swept
     assert (outcome.done, outcome.failed) == (RUNS, {})
     assert outcome.path.name == "tiny"
@@ -113,7 +113,7 @@ def test_every_run_is_an_ordinary_run(swept: tuple[Outcome, Notes, Path]) -> Non
 
 
 @pytest.mark.slow
-def test_machines_and_rollouts_lie_once(swept: tuple[Outcome, Notes, Path]) -> None:
+def test_machines_and_rollouts_lie_once(swept: tuple[SweepOutcome, Notes, Path]) -> None:
     outcome, _, _ = swept
     store = outcome.path / "store"
     assert len(list((store / "rollouts").iterdir())) == 4  # 2 seeds with 2 machines each
@@ -126,7 +126,7 @@ def test_machines_and_rollouts_lie_once(swept: tuple[Outcome, Notes, Path]) -> N
 
 
 @pytest.mark.slow
-def test_a_finished_sweep_is_not_run_again(swept: tuple[Outcome, Notes, Path]) -> None:
+def test_a_finished_sweep_is_not_run_again(swept: tuple[SweepOutcome, Notes, Path]) -> None:
     outcome, _, path = swept
     before = {p: p.stat().st_mtime_ns for p in outcome.path.rglob("*") if p.is_file()}
     notes = Notes()
@@ -139,26 +139,27 @@ def test_a_finished_sweep_is_not_run_again(swept: tuple[Outcome, Notes, Path]) -
 
 @pytest.mark.slow
 def test_a_sweep_is_continued_only_on_request_and_only_as_it_was(
-    swept: tuple[Outcome, Notes, Path], tmp_path: Path
+    swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
 ) -> None:
     outcome, _, path = swept
     with pytest.raises(RunError) as caught:
         carry_out(path, outcome.path.parent)
     assert str(caught.value) == (
-        f"{outcome.path} holds this sweep already: continue it with --resume, or choose another "
+        f"{outcome.path} already holds this sweep: resume it with --resume, or choose another "
         "folder with --out"
     )
     other = write(tmp_path, base={**TINY["base"], "settings": {"trajectories": 3}})
     with pytest.raises(RunError) as caught:
         carry_out(other, outcome.path.parent, resume=True)
     assert str(caught.value) == (
-        f"{outcome.path} was begun with another base.settings.trajectories: continue it as it was "
-        f"begun with agentflow sweep {outcome.path} --resume, or choose another folder with --out"
+        f"{outcome.path} was started with a different base.settings.trajectories: resume it "
+        f"unchanged with agentflow sweep {outcome.path} --resume, or choose another folder with "
+        "--out"
     )
 
 
 def test_unfinished_and_half_begun_runs_are_taken_up(
-    swept: tuple[Outcome, Notes, Path], tmp_path: Path
+    swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
 ) -> None:
     """As a killed process leaves them: without a result; a folder without run.yaml; not begun."""
     outcome, _, path = swept
@@ -194,7 +195,7 @@ def test_unfinished_and_half_begun_runs_are_taken_up(
     ],
 )
 def test_a_sweep_is_not_continued_beside_runs_of_other_conditions(
-    swept: tuple[Outcome, Notes, Path], tmp_path: Path, name: str, value: str, words: str
+    swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path, name: str, value: str, words: str
 ) -> None:
     outcome, _, path = swept
     copy = tmp_path / "tiny"
@@ -212,7 +213,7 @@ def test_a_sweep_is_not_continued_beside_runs_of_other_conditions(
 
 
 def test_a_sweep_is_not_continued_with_another_engine(
-    swept: tuple[Outcome, Notes, Path], tmp_path: Path
+    swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
 ) -> None:
     outcome, _, path = swept
     copy = tmp_path / "tiny"
@@ -268,18 +269,18 @@ def test_a_bug_in_one_run_is_logged_whole_and_the_run_can_go_on(tmp_path: Path) 
 def test_settings_for_all_runs_reach_them_and_their_folder(tmp_path: Path) -> None:
     path = write(tmp_path)
     plan = plan_sweep(path, ["trajectories=5"], {"model.name": "a/b c"}, seeds=3)
-    assert {member.config.settings.trajectories for member in plan.members} == {5}
-    assert {member.config.model.name for member in plan.members} == {"a/b c"}
-    assert [member.config.seed for member in plan.members] == [0, 1, 2] * 2
-    assert folder_of(plan, path, Path("out")) == Path("out/tiny-a-b-c")
+    assert {run.config.settings.trajectories for run in plan.runs} == {5}
+    assert {run.config.model.name for run in plan.runs} == {"a/b c"}
+    assert [run.config.seed for run in plan.runs] == [0, 1, 2] * 2
+    assert sweep_folder(plan, path, Path("out")) == Path("out/tiny-a-b-c")
 
 
 @pytest.mark.parametrize(
     ("settings", "changes", "kind", "message"),
     [
-        (["history=off"], {}, ConfigError, "history is what the sweep varies (condition): it "),
-        (["settings.history=off"], {}, ConfigError, "settings.history is what the sweep varies"),
-        (["seed=3"], {}, ConfigError, "seed is what the sweep varies (seeds): it cannot be set"),
+        (["history=off"], {}, ConfigError, "history is varied by the sweep (condition): it "),
+        (["settings.history=off"], {}, ConfigError, "settings.history is varied by the sweep"),
+        (["seed=3"], {}, ConfigError, "seed is varied by the sweep (seeds): it cannot be set"),
         (
             [],
             {"table": {"metrics": ["meen"]}},
@@ -306,12 +307,12 @@ def test_wrong_sweeps_are_refused_before_anything_is_written(
 
 
 @pytest.mark.slow
-def test_a_begun_sweep_takes_no_other_settings(swept: tuple[Outcome, Notes, Path]) -> None:
+def test_a_begun_sweep_takes_no_other_settings(swept: tuple[SweepOutcome, Notes, Path]) -> None:
     outcome, _, _ = swept
     with pytest.raises(UsageError) as caught:
         plan_sweep(outcome.path, ["trajectories=1"], {})
     assert str(caught.value) == (
-        f"{outcome.path} is continued as it was begun; leave out --model, --base-url, --set "
+        f"{outcome.path} is resumed with its own settings; remove --model, --base-url, --set "
         "and --seeds"
     )
 
@@ -357,6 +358,6 @@ def test_axes_hold_no_credentials(tmp_path: Path, url: str, keys: list[str]) -> 
     with pytest.raises(ConfigError) as caught:
         plan_sweep(path, (), {})
     assert str(caught.value) == (
-        "an axis has a base URL with a user or a query, which would be written down; name the "
+        "an axis has a base URL with a user or a query, which would be written to files; name the "
         "environment variable of the key in model.key_variable instead"
     )

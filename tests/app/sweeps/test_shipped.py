@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.sweeps.plan import folder_of, plan_sweep
+from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
 from agentflow.app.sweeps.run import run_sweep
-from agentflow.app.sweeps.tables import layout, read_swept
+from agentflow.app.sweeps.tables import layout_table, read_sweep_result
 from agentflow.app.sweeps.views import VIEWS, view
 from agentflow.config.run import load
 from agentflow.metrics.published import published
@@ -41,12 +41,12 @@ class Quiet(Notes):
 def test_a_sweep_runs_and_has_the_published_table(path: Path, tmp_path: Path) -> None:
     plan = plan_sweep(path, reduced(path), {}, seeds=1)
     notes = Quiet()
-    outcome = run_sweep(plan, folder_of(plan, path, tmp_path), notes, jobs=2, resume=False)
+    outcome = run_sweep(plan, sweep_folder(plan, path, tmp_path), notes, jobs=2, resume=False)
     assert outcome.failed == {}
-    assert len(outcome.done) == len(plan.members)
-    swept = read_swept(outcome.path)
-    table = layout(swept, published=True)
-    models = {run.model for run in swept.runs}
+    assert len(outcome.done) == len(plan.runs)
+    swept = read_sweep_result(outcome.path)
+    table = layout_table(swept, published=True)
+    models = {run.model for run in swept.finished}
     assert models <= {"procedural (no language model)", "none (random edits)"}
     assert all(any(value is not None for value in row.values) for row in table.rows)
     sources = {source.table for source in plan.sweep.table.published}

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 import yaml
 
-from agentflow.app.sweeps.folder import document_of, held
+from agentflow.app.sweeps.folder import lock_folder, sweep_document
 from agentflow.app.sweeps.plan import plan_sweep
-from agentflow.app.sweeps.tables import layout, read_swept
-from agentflow.app.sweeps.views import VIEWS, view, written
+from agentflow.app.sweeps.tables import layout_table, read_sweep_result
+from agentflow.app.sweeps.views import VIEWS, format_view, view
 from agentflow.errors import RunError, UnknownNameError, UsageError
 from agentflow.metrics.tables import Row, Table
 from agentflow.metrics.validity import Rate
@@ -59,7 +59,7 @@ def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Pa
     file.write_text(yaml.safe_dump({"title": "Hand", "table": table, **document}))
     plan = plan_sweep(file, (), {})
     path = folder / "hand"
-    with held(path, document_of(plan.name, plan.sweep), resume=False):
+    with lock_folder(path, sweep_document(plan.name, plan.sweep), resume=False):
         for name, events in runs.items():
             run = RunDirectory.create(path / "runs", name, {})
             for event in events:
@@ -99,7 +99,7 @@ def compared(folder: Path) -> Path:
 
 
 def test_axes_are_columns_and_seeds_are_pooled(tmp_path: Path) -> None:
-    table = layout(read_swept(compared(tmp_path)))
+    table = layout_table(read_sweep_result(compared(tmp_path)))
     assert [(c.group, c.name) for c in table.columns] == [
         (group, name) for group in ("baseline", "no_inspector") for name in ("valid", "mean", "max")
     ]
@@ -120,8 +120,8 @@ def test_what_is_not_done_keeps_its_columns_and_rows(tmp_path: Path) -> None:
         axes={"task": ["throwing", "movement"], **CONDITION},
         table={"stage": "initial", "metrics": ["valid", "mean"]},
     )
-    swept = read_swept(path)
-    table = layout(swept)
+    swept = read_sweep_result(path)
+    table = layout_table(swept)
     assert [c.full for c in table.columns] == [
         *("baseline valid", "baseline mean", "no_inspector valid", "no_inspector mean"),
     ]
@@ -130,17 +130,17 @@ def test_what_is_not_done_keeps_its_columns_and_rows(tmp_path: Path) -> None:
         ("movement", MODEL): (None, None, None, None),
     }
     assert table.notes[0] == "1 run; 1 seed."
-    lines = written(path, "published", "csv").splitlines()
+    lines = format_view(path, "published", "csv").splitlines()
     assert [line.split(",")[-4:] for line in lines[1:3]] == [["2/2", "3.0", "", ""], [""] * 4]
-    rows = written(path, "scores", "text").splitlines()
+    rows = format_view(path, "scores", "text").splitlines()
     undone = [row.split() for row in rows if row.startswith(("movement", "throwing"))][1:]
     assert [row[-2:] for row in undone] == [["-", "-"]] * 3
 
 
 def test_published_rows_stand_apart_and_measured_ones_stay_as_they_are(tmp_path: Path) -> None:
-    swept = read_swept(compared(tmp_path))
-    table = layout(swept, published=True)
-    assert table.rows == layout(swept).rows
+    swept = read_sweep_result(compared(tmp_path))
+    table = layout_table(swept, published=True)
+    assert table.rows == layout_table(swept).rows
     assert len(table.published) == 8
     assert table.published[0] == Row(
         ("throwing", "Gemini 2.5 Pro"), ("5", "8.18", "11.07", "5", "5.67", "9.37")
@@ -163,7 +163,7 @@ def test_stages_are_columns_and_other_axes_are_rows(tmp_path: Path) -> None:
         axes={"task": ["movement"], "workflow": ["hierarchical", "random-dsl"]},
         table={"conditions": "stages", "metrics": ["valid", "mean"]},
     )
-    table = layout(read_swept(path))
+    table = layout_table(read_sweep_result(path))
     assert [c.group for c in table.columns[::2]] == ["initial", "blind_refinement", "env_feedback"]
     assert values(table) == {
         ("movement", f"{MODEL}, hierarchical"): (Rate(1, 1), 2.0, Rate(0, 1), None, None, None),
@@ -192,7 +192,7 @@ def test_one_tree_is_cut_after_several_rounds(tmp_path: Path) -> None:
             "published": [{"table": "mcts_depth"}],
         },
     )
-    table = layout(read_swept(path), published=True)
+    table = layout_table(read_sweep_result(path), published=True)
     assert [c.group for c in table.columns] == ["rounds_1", "rounds_2", "rounds_5"]
     assert values(table) == {("throwing", MODEL): (3.0, 7.0, None)}
     assert table.published[0].values == (None, "15.04", "15.73")
@@ -213,7 +213,7 @@ def test_tasks_as_columns_may_have_metrics_of_their_own(tmp_path: Path) -> None:
             "published": [{"table": "additional_tasks", "conditions": {"hierarchical": ""}}],
         },
     )
-    table = layout(read_swept(path), published=True)
+    table = layout_table(read_sweep_result(path), published=True)
     assert [(c.group, c.name) for c in table.columns] == [
         ("delivery", "mean"),
         ("gearing", "valid"),
@@ -306,30 +306,28 @@ def test_every_view_has_every_form(tmp_path: Path) -> None:
     path = compared(tmp_path)
     starts = {"text": "Hand", "md": "**Hand", "csv": "source,", "latex": "% Hand", "json": "{"}
     for name, (form, start) in product(VIEWS, starts.items()):
-        assert written(path, name, form).startswith(start), (name, form)
+        assert format_view(path, name, form).startswith(start), (name, form)
 
 
 def test_what_is_no_sweep_or_has_nothing_done_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match=r"is no sweep: it has no readable sweep.yaml"):
-        read_swept(tmp_path)
+    with pytest.raises(RunError, match=r"is not a sweep folder: it has no readable sweep.yaml"):
+        read_sweep_result(tmp_path)
     path = sweep(tmp_path, {})
-    with pytest.raises(RunError, match=r"; carry it out with agentflow sweep .*hand --resume"):
-        read_swept(path)
+    with pytest.raises(RunError, match=r"; run it with agentflow sweep .*hand --resume"):
+        read_sweep_result(path)
     (path / "sweep.yaml").write_text("[")
     with pytest.raises(RunError, match=r"sweep.yaml is damaged: expected a mapping with schema"):
-        read_swept(path)
+        read_sweep_result(path)
     (path / "sweep.yaml").write_text("{schema: 7, name: x, sweep: {}}")
     with pytest.raises(RunError, match=r"hand has schema 7, this version reads 1"):
-        read_swept(path)
+        read_sweep_result(path)
 
 
 def test_published_rows_are_in_one_view(tmp_path: Path) -> None:
     path = compared(tmp_path)
     with pytest.raises(UsageError) as caught:
         view(path, "scores", published=True)
-    assert str(caught.value) == (
-        "published rows exist in the view 'published' alone, not in 'scores'"
-    )
+    assert str(caught.value) == ("only the view 'published' has published rows, not 'scores'")
     with pytest.raises(UnknownNameError, match="unknown view 'score'; known: scores"):
         view(path, "score")
 
@@ -339,4 +337,4 @@ def test_calls_are_only_read_for_usage(tmp_path: Path) -> None:
     path = compared(tmp_path)
     for tape in path.rglob("calls.jsonl"):
         tape.unlink()
-    assert layout(read_swept(path)).rows
+    assert layout_table(read_sweep_result(path)).rows

@@ -145,7 +145,7 @@ def test_an_own_level_is_a_file(tmp_path: Path) -> None:
     [
         ("family: [", "is not YAML: "),
         ("title: x\ngood: 1\n", ": family: is missing"),
-        ("title: x\ngood: 1\ngood: 2\n", "is not YAML: line 3: the key 'good' stands there twice"),
+        ("title: x\ngood: 1\ngood: 2\n", "is not YAML: line 3: the key 'good' is duplicated"),
         ("titel: x\n", ": unknown key 'titel'; known: title, "),
         (
             "family: throwing\ntitle: x\ngood: 1\nparameters: {window: true}\n",
