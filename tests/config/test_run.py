@@ -103,7 +103,7 @@ def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
         load(tmp_path / "tab.yaml")
     (tmp_path / "twice.yaml").write_text("settings:\n  search: {rounds: 1}\n  search: {}\n")
     with pytest.raises(
-        ConfigError, match=r"twice.yaml is not YAML: line 3: the key 'search' stand"
+        ConfigError, match=r"twice.yaml is not YAML: line 3: the key 'search' is duplicated"
     ):
         load(tmp_path / "twice.yaml")
     (tmp_path / "ring.yaml").write_text("task: movement\nknobs: {window: &a [*a]}\n")
