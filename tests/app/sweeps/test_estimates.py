@@ -12,7 +12,8 @@ from agentflow.app.design.plan import RunPlan
 from agentflow.app.sweeps.estimates import Estimate, estimate, total
 from agentflow.config.run import build, load
 from agentflow.metrics.usage import bill
-from agentflow.runs import read_calls, read_result
+from agentflow.runs import read_calls, read_events, read_result
+from agentflow.workflows.hierarchical import STRUCTURES
 
 ROOT = Path(__file__).parents[3]
 RECORDED = ROOT / "runs/recorded-throwing"
@@ -24,9 +25,12 @@ def of(**document: Any) -> Estimate:
 
 def test_the_recorded_run_takes_what_is_estimated() -> None:
     """Its first attempts were all valid and its machines all different."""
-    found = estimate(RunPlan.of(build(load(ROOT / "configs/small.yaml"))))
-    result = read_result(RECORDED)
-    assert (found.calls, found.rollouts) == (result["calls"], result["rollouts"])
+    config = build(load(ROOT / "configs/small.yaml"))
+    found, result = estimate(RunPlan.of(config)), read_result(RECORDED)
+    (blueprint,) = (event for event in read_events(RECORDED) if event.kind == "blueprint")
+    more = STRUCTURES - len(blueprint.data["build_order"])
+    calls = result["calls"] + more * config.settings.candidates
+    assert (found.calls, found.rollouts) == (calls, result["rollouts"])
 
 
 def test_tokens_of_a_call_are_those_of_the_recorded_run() -> None:
