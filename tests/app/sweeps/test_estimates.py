@@ -29,7 +29,8 @@ def test_the_recorded_run_takes_what_is_estimated() -> None:
     found, result = estimate(RunPlan.of(config)), read_result(RECORDED)
     (blueprint,) = (event for event in read_events(RECORDED) if event.kind == "blueprint")
     more = STRUCTURES - len(blueprint.data["build_order"])
-    calls = result["calls"] + more * config.settings.candidates
+    settings = config.settings
+    calls = result["calls"] + more * settings.candidates * settings.trajectories
     assert (found.calls, found.rollouts) == (calls, result["rollouts"])
 
 
