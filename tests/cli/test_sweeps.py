@@ -65,7 +65,7 @@ def test_when_no_run_reaches_its_endpoint_the_status_says_so(tmp_path: Path) -> 
 def test_a_sweep_is_not_begun_twice(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder)]) == 2
     assert capsys.readouterr().err == (
-        f"agentflow: {folder / 'mixed'} holds this sweep already: continue it with --resume, or "
+        f"agentflow: {folder / 'mixed'} already holds this sweep: resume it with --resume, or "
         "choose another folder with --out\n"
     )
 
