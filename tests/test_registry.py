@@ -1,0 +1,71 @@
+"""Registries: what is in the documentation, and how a wrong thing from outside is refused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentflow.agents.base import Role
+from agentflow.agents.designer import Designer
+from agentflow.agents.registry import ROLES
+from agentflow.app.pages.registry import PAGES
+from agentflow.env.physics.engines import ENGINES
+from agentflow.env.tasks.discovery import FAMILIES
+from agentflow.errors import UnknownNameError
+from agentflow.metrics.cells import METRICS
+from agentflow.prompts import compact
+from agentflow.prompts.registry import PROMPT_SETS
+from agentflow.registry import Registry, instance_of, is_callable, package_with, subclass_of
+from agentflow.search.registry import STRATEGIES
+from agentflow.workflows.registry import WORKFLOWS
+
+DOCS = Path(__file__).parent.parent / "docs"
+DOCUMENTED = [
+    ("tasks.md", FAMILIES),
+    ("prompts-and-roles.md", ROLES),
+    ("prompts-and-roles.md", PROMPT_SETS),
+    ("search.md", STRATEGIES),
+    ("search.md", WORKFLOWS),
+    ("sweeps.md", METRICS),
+]
+EVERY = (ENGINES, FAMILIES, METRICS, PAGES, PROMPT_SETS, ROLES, STRATEGIES, WORKFLOWS)
+
+
+@pytest.mark.parametrize(("page", "registry"), DOCUMENTED)
+def test_the_documentation_names_everything(page: str, registry: Registry[Any]) -> None:
+    text = (DOCS / page).read_text(encoding="utf-8").lower().replace("-", "_")
+    words = set(re.findall(r"\w+", text))
+    assert [name for name in registry.ours if name.replace("-", "_") not in words] == []
+
+
+@pytest.mark.parametrize("registry", EVERY, ids=lambda registry: registry.kind)
+def test_everything_of_ours_loads_and_unknown_names_are_refused(registry: Registry[Any]) -> None:
+    assert all(registry[name] is not None for name in registry.ours)
+    assert tuple(registry)[: len(registry.ours)] == registry.ours
+    assert registry.ours[0] in registry
+    assert "nobody" not in registry
+    with pytest.raises(UnknownNameError, match=rf"^unknown {registry.kind} 'nobody'; known: "):
+        registry["nobody"]
+
+
+@pytest.mark.parametrize(
+    ("check", "right", "wrong", "problem"),
+    [
+        (is_callable, len, 3, "is not a function"),
+        (instance_of(int), 3, "3", "is not an instance of builtins.int"),
+        (
+            subclass_of("agentflow.agents.base:Role", named_by="name"),
+            Designer,
+            len,
+            "is not a subclass of agentflow.agents.base.Role",
+        ),
+        (subclass_of(Role, named_by="name"), Designer, Role, "calls itself None"),
+        (package_with("set.yaml"), compact, re, "is not a package with a file set.yaml"),
+    ],
+)
+def test_checks(check: Any, right: Any, wrong: Any, problem: str) -> None:
+    assert check("designer", right) == ""
+    assert check("designer", wrong) == problem
