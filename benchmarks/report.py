@@ -28,7 +28,8 @@ from agentflow.config.run import build
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.edits.random import random_machine
 from agentflow.report.page import page
-from agentflow.runs import read_events
+from agentflow.runs.events import read_typed_events
+from agentflow.runs.record import RunRecord
 from tests.report.browser import chromium
 
 BLOCKS = 60
@@ -55,7 +56,7 @@ def main() -> None:
         run = given.run or candidates(folder)
         begun = time.monotonic()
         file = report(run, folder / "run.html", films=200, workers=2, say=lambda *_: None)
-        machines = {e.data["machine"] for e in read_events(run) if e.kind == "evaluation"}
+        machines = RunRecord.of(read_typed_events(run)).machines
         print(f"machines in the run   {len(machines)}")
         print(f"time to write         {time.monotonic() - begun:.1f} s")
         print(f"size                  {file.stat().st_size / 1e6:.2f} MB")

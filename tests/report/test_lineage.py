@@ -132,3 +132,9 @@ def test_what_the_computer_failed_at_has_no_score_and_is_not_best() -> None:
 
 def test_no_events_make_no_tree() -> None:
     assert Lineage.of([]).finish(None) == ()
+
+
+def test_a_machine_whose_evaluation_is_lost_has_no_score() -> None:
+    place = Place("env_feedback", trajectory=1, round=1)
+    (node,) = Lineage.of([EditEvent(place, None, "a", kept=True)]).finish(None)
+    assert (node.machine, node.score, node.valid, node.status) == ("a", None, False, "")

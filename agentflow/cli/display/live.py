@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from agentflow.cli.display.text import escape_controls, number
-from agentflow.runs import Event, Listener
+from agentflow.runs import Event, Listener, Notify
 from agentflow.runs.events import (
     AttemptEvent,
     CallsEvent,
@@ -33,8 +33,6 @@ from agentflow.runs.events import (
 )
 from agentflow.runs.record import RunRecord
 
-Notify = Callable[[str], None]
-"""Takes one line of text for the user."""
 BARS = "▁▂▃▄▅▆▇█"
 
 
@@ -53,11 +51,11 @@ def watch(quiet: bool) -> Iterator[tuple[Listener | None, Notify]]:
             yield progress.note, lambda line: console.print(Text(escape_controls(line)))
             live.transient = True  # the result follows; a failed run leaves its view
     else:
-        yield _print_event, lambda line: _print(f"agentflow: {line}")
+        yield _print_event, lambda line: print_line(f"agentflow: {line}")
 
 
-def _print(line: str) -> None:
-    """Print to stderr; a run goes on even if stderr is closed."""
+def print_line(line: str) -> None:
+    """Print to stderr; a closed stderr is ignored."""
     with suppress(OSError, ValueError):
         print(escape_controls(line), file=sys.stderr, flush=True)
 
@@ -150,7 +148,7 @@ def _first_line(text: str) -> str:
 
 def _print_event(event: Event) -> None:
     if line := _line(typed(event)):
-        _print(line)
+        print_line(line)
 
 
 def _line(event: RunEvent | Event) -> str:

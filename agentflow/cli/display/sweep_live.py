@@ -5,10 +5,9 @@ Everything goes to stderr; stdout is for the result.
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from agentflow.app.sweeps.run import Watcher
+from agentflow.cli.display.live import print_line
 from agentflow.cli.display.text import escape_controls, number
 from agentflow.runs import Event
 from agentflow.runs.events import typed
@@ -62,11 +62,11 @@ class Lines:
 
     def failed(self, run: str, reason: str) -> None:
         """Print the reason, even if quiet."""
-        _print(f"agentflow: {run}: failed: {reason}")
+        print_line(f"agentflow: {run}: failed: {reason}")
 
     def _tell(self, line: str) -> None:
         if not self._quiet:
-            _print(line)
+            print_line(line)
 
 
 @dataclass
@@ -154,9 +154,3 @@ class View:
 def _in_short(result: Mapping[str, Any]) -> str:
     score = number(result["score"])
     return f"done, score {score}, {result['calls']} calls, {result['seconds']:.0f} s"
-
-
-def _print(line: str) -> None:
-    """Print to stderr; a sweep goes on even if stderr is closed."""
-    with suppress(OSError, ValueError):
-        print(escape_controls(line), file=sys.stderr, flush=True)
