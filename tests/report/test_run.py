@@ -29,6 +29,7 @@ def attempt(code: str, problem: str = "", **data: object) -> AttemptEvent:
 
 def test_a_finished_run() -> None:
     result = read_result(RECORDED)
+    calls = result["calls"]
     story = RunStory.read(RECORDED, result, None)
     data = story.to_json(unpriced, priced=False)
     assert data["run"] == {
@@ -38,7 +39,7 @@ def test_a_finished_run() -> None:
         "score": result["score"],
         "sentence": "the best machine, found in the stage "
         + result["best_stage"].replace("_", " "),
-        "about": "procedural (no language model): 19 calls, 8 machines simulated",
+        "about": f"procedural (no language model): {calls} calls, 8 machines simulated",
         "prices": False,
     }
     first = next(iter(story.machines.values()))
@@ -47,13 +48,13 @@ def test_a_finished_run() -> None:
     assert len(data["progress"]) == 8
     assert max(point["score"] for point in data["progress"]) == result["score"]
     last = data["progress"][-1]
-    assert (last["expansions"], last["calls"], last["tokens"]) == (2, 19, 0)
+    assert (last["expansions"], last["calls"], last["tokens"]) == (2, calls, 0)
     assert [row["name"] for row in data["stages"]] == [
         "initial",
         "blind_refinement",
         "env_feedback",
     ]
-    assert data["usage"][-1]["calls"] == 19
+    assert data["usage"][-1]["calls"] == calls
     assert data["usage"][0] == {
         "role": "meta_designer",
         "calls": 1,
@@ -72,7 +73,7 @@ def test_calls_are_kept_whole_and_what_comes_again_once() -> None:
     story = RunStory.read(RECORDED, None, None)
     packed = story.to_json(unpriced, priced=False)["calls"]
     said = json.loads(zlib.decompress(base64.b64decode(packed)))
-    assert len(said["calls"]) == 19
+    assert len(said["calls"]) == read_result(RECORDED)["calls"]
     designers = [call for call in said["calls"] if call["label"].startswith("designer")]
     systems = {tuple(call["messages"][0]) for call in designers}
     assert len(systems) == 1
@@ -106,7 +107,7 @@ def test_an_unfinished_run_names_its_model_as_a_finished_one(tmp_path: Path) -> 
     copytree(RECORDED, run)
     (run / "result.json").unlink()
     data = RunStory.read(run, None, None).to_json(lambda _model, _usage: 0.0, priced=True)
-    assert data["run"]["about"].startswith("procedural (no language model): 19 calls")
+    assert data["run"]["about"].startswith("procedural (no language model): ")
     assert data["facts"][1] == ("Continue it", "agentflow design --resume 'my runs/one'")
 
 
