@@ -23,7 +23,14 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from agentflow.app.design.run import design
 from agentflow.app.pages.films import Shapes
-from agentflow.app.pages.runs import FINE, Shown, asked, exhibits, report, write
+from agentflow.app.pages.runs import (
+    FINE,
+    ReportedMachine,
+    film_machines,
+    report,
+    task_summary,
+    write_page,
+)
 from agentflow.config.run import build
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.edits.random import random_machine
@@ -100,10 +107,10 @@ def large_machine(folder: Path) -> Path:
     task, chance = get_task("movement"), random.Random(4)
     machine = random_machine(chance, task.brief, size=(BLOCKS, BLOCKS))
     shapes = Shapes()
-    shown = {"0": Shown(machine, task, 0, None, FINE)}
-    machines = asyncio.run(exhibits(shown, shapes, 1, lambda *_: None))
+    shown = {"0": ReportedMachine(machine, task, 0, None, FINE)}
+    machines = asyncio.run(film_machines(shown, shapes, 1, lambda *_: None))
     card = {"machine": "0", "task": "movement", "about": "", "run": "", "why": ""}
-    card |= {"asked": asked(build({"task": "movement"})), "score": None, "picture": None}
+    card |= {"asked": task_summary(build({"task": "movement"})), "score": None, "picture": None}
     data = {
         "kind": "gallery",
         "title": "Large",
@@ -112,7 +119,7 @@ def large_machine(folder: Path) -> Path:
         "cards": [card],
     }
     file = folder / "large.html"
-    write(file, page("large", data))
+    write_page(file, page("large", data))
     return file
 
 

@@ -1,7 +1,4 @@
-"""Owns how a machine and its rollout become what a report's page shows: solids, motion, events.
-
-Which machines a page shows is its own module's; the packing of motion is report/film.py's.
-"""
+"""Data of a machine and its rollout for a page: solids, motion, events."""
 
 from __future__ import annotations
 
@@ -26,34 +23,34 @@ GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
     ("source", (0.80, 0.33, 0.20, 1.0)),
     ("target", (0.13, 0.50, 0.66, 1.0)),
 )
-"""What given blocks are called and how they are coloured: those with a motor, and the others."""
+"""Name and colour of given blocks: those with a motor, and the others."""
 STALLED = "motor_stalled"
 THINNED = 3
-"""One of so many samples is kept of the trials that are not shown first."""
+"""Trials that are not shown first keep one in this many samples."""
 MOST_TRACES = 4
 NO_PLACE = (0.0, 0.0, 0.0)
 MOST_EVENTS = 40
-"""Events of one film that are listed."""
+"""Most events listed for one film."""
 Row = list[Any]
 
 
 class Shapes:
-    """The solids of all machines of a page, each kept once: block types share theirs."""
+    """The distinct solids of all machines on a page; blocks of one type share theirs."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], int] = {}
 
     @property
     def rows(self) -> list[Row]:
-        """Every solid as the page reads it, in the order of its numbers."""
+        """Every solid in page format, in order of number."""
         return [list(row) for row in self._known]
 
     def number(self, solid: Thing) -> int:
-        """The number of a solid of a block's own frame."""
+        """The number of a solid given in its block's frame."""
         return self._known.setdefault(tuple(_row(solid)), len(self._known))
 
 
-def exhibit(
+def machine_data(
     machine: Machine,
     rollout: Rollout | None,
     shapes: Shapes,
@@ -62,17 +59,17 @@ def exhibit(
     given: Machine = LONE_ROOT,
     played: Sequence[Rollout] = (),
 ) -> dict[str, Any]:
-    """A machine as the page shows it: at work where there is a trace, else as built.
+    """Data of a machine for a page: in motion if there is a trace, else as built.
 
     Args:
         machine: File-valid.
-        rollout: What came of it; None when it was not simulated.
-        shapes: Takes in the machine's solids.
+        rollout: Its rollout; None if it was not simulated.
+        shapes: Collects the machine's solids.
         remark: Shown below the film.
-        given: What its task gave it to begin with, which is told apart by colours.
-        played: All its trials in order, where each has a film of its own.
+        given: Blocks given by the task, which get their own colours.
+        played: All trials in order, if each gets its own film.
     """
-    figures, marked = MachineSolids(machine), _marked(given)
+    figures, marked = MachineSolids(machine), _given_marks(given)
     solids = [
         [
             shapes.number(replace(solid, color=marked.get(block, ("", solid.color))[1]))
@@ -88,14 +85,14 @@ def exhibit(
         "feedback": rollout.feedback.text if rollout is not None else "",
         "remark": remark,
         "trials": _trials(machine, figures, rollout, played),
-        **_filmed(machine, figures, rollout),
+        **_film_data(machine, figures, rollout),
     }
 
 
-def _filmed(
+def _film_data(
     machine: Machine, figures: MachineSolids, rollout: Rollout | None, every: int = 1
 ) -> dict[str, Any]:
-    """What one rollout shows: what stood around, what moved how, what happened."""
+    """Data of one rollout: scene, motion, events."""
     trace = rollout.trace if rollout is not None else None
     scene = rollout.scene if rollout is not None and rollout.scene is not None else Scene()
     moving = trace.things if trace is not None else ()
@@ -107,7 +104,7 @@ def _filmed(
         "wind": _wind(scene),
         "traces": _traces(machine, columns),
         "connections": [block for block, _ in trace.connections] if trace is not None else [],
-        "gone": _gone(trace, machine) if trace is not None else {},
+        "gone": _loss_times(trace, machine) if trace is not None else {},
         "breaks": {item.block: item.time for item in reversed(rollout.broken)} if rollout else {},
         "events": _events(rollout, machine) if rollout is not None else [],
         "film": pack_motion(_motion(figures, trace, machine, every)),
@@ -117,9 +114,9 @@ def _filmed(
 def _trials(
     machine: Machine, figures: MachineSolids, whole: Rollout | None, played: Sequence[Rollout]
 ) -> list[dict[str, Any]]:
-    """Every trial for the page to choose from; the one that the whole shows has no second film.
+    """Data of every trial; the one that `whole` shows has no second film.
 
-    None where a trial was not played to its end, so that the whole has no outcomes.
+    Empty if a trial did not finish, so that `whole` has no outcomes.
     """
     if whole is None or SHOWN_TRIAL not in whole.terms:
         return []
@@ -133,12 +130,12 @@ def _trials(
             "outcome": whole.terms[f"outcome_{number}"],
             "shown": shown,
         }
-        found.append(told | (_filmed(machine, figures, rollout, THINNED) if own else {}))
+        found.append(told | (_film_data(machine, figures, rollout, THINNED) if own else {}))
     return found
 
 
-def _marked(given: Machine) -> dict[int, tuple[str, Color]]:
-    """Given block -> what it is and its colour; the root is no such block."""
+def _given_marks(given: Machine) -> dict[int, tuple[str, Color]]:
+    """Given block -> its name and colour; the root is not one."""
     return {
         step.id: GIVEN[0] if library()[step.type].non_static else GIVEN[1]
         for step in given
@@ -147,7 +144,7 @@ def _marked(given: Machine) -> dict[int, tuple[str, Color]]:
 
 
 def _wind(scene: Scene) -> str:
-    """The wind in words; "" where the air is still."""
+    """The wind in words; "" if there is none."""
     parts = [
         f"{abs(speed):g} m/s towards {axis}{'+' if speed > 0 else '-'}"
         for axis, speed in zip("xyz", scene.wind, strict=True)
@@ -157,7 +154,7 @@ def _wind(scene: Scene) -> str:
 
 
 def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]]:
-    """Bodies that leave a trace: the root, the boulder, what moves in the scene."""
+    """Bodies whose paths are drawn: the root, the boulder, moving things of the scene."""
     hero = tracked_block(machine)
     boulder = {"boulder": hero} if hero else {}
     named = {"root block": 0, **boulder, **columns}
@@ -165,9 +162,9 @@ def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]
 
 
 def _motion(figures: MachineSolids, trace: Trace | None, machine: Machine, every: int) -> Motion:
-    """Blocks, then moving things, in one of so many samples.
+    """Motion of blocks, then of moving things, with one in `every` samples.
 
-    Two-ended blocks stretch between others and are left at rest.
+    Two-ended blocks are drawn between their ends and do not move here.
     """
     if trace is None:
         rest = figures.rest
@@ -185,14 +182,14 @@ def _motion(figures: MachineSolids, trace: Trace | None, machine: Machine, every
 
 
 def _row(solid: Thing) -> Row:
-    """Kind, size, position, rotation, colour: what the page makes a solid from."""
+    """Kind, size, position, rotation and colour of a solid."""
     size = (solid.size[0],) * 3 if solid.shape == "sphere" else solid.size
     numbers = (*size, *solid.position, *solid.rotation, *solid.color[:3])
     return [solid.shape, *(round(float(value), 4) + 0.0 for value in numbers)]
 
 
 def _local(thing: Thing, columns: dict[str, int]) -> Thing:
-    """A thing where it stands; one that moves, in its own frame."""
+    """A static thing as it is; a moving one in its own frame."""
     if thing.name not in columns:
         return thing
     return Thing(thing.name, thing.shape, thing.size, NO_PLACE, color=thing.color)
@@ -207,32 +204,34 @@ def _rod(block: int, machine: Machine, figures: MachineSolids) -> dict[str, Any]
     }
 
 
-def _gone(trace: Trace, machine: Machine) -> dict[int, float]:
-    """When two-ended blocks let go."""
+def _loss_times(trace: Trace, machine: Machine) -> dict[int, float]:
+    """Two-ended block -> time at which it broke off."""
     lost = {step.id: np.flatnonzero(~trace.alive[:, step.id]) for step in machine if step.two_ended}
     return {block: float(trace.times[at[0]]) for block, at in lost.items() if len(at)}
 
 
 def _events(rollout: Rollout, machine: Machine) -> list[dict[str, Any]]:
-    """What broke and what else happened, in order."""
+    """Breaks and other events, in order of time."""
     found = [
-        {"time": item.time, "kind": "broke", "text": _broke(item, machine)}
+        {"time": item.time, "kind": "broke", "text": _break_text(item, machine)}
         for item in rollout.broken
     ]
-    found += [{"time": item.time, "kind": "told", "text": _told(item)} for item in rollout.events]
+    found += [
+        {"time": item.time, "kind": "told", "text": _event_text(item)} for item in rollout.events
+    ]
     return sorted(found, key=lambda item: float(str(item["time"])))[:MOST_EVENTS]
 
 
-def _told(event: RolloutEvent) -> str:
-    """An event in words; of a stalled motor the record says only which one, and when."""
+def _event_text(event: RolloutEvent) -> str:
+    """An event in words. The text of a stalled motor only names the motor."""
     text = event.text or event.kind.replace("_", " ")
     return f"motor stands still: {text}" if event.kind == STALLED else text
 
 
-def _broke(item: Broken, machine: Machine) -> str:
-    name, partner = _named(item.block, machine), _named(item.partner, machine)
+def _break_text(item: Broken, machine: Machine) -> str:
+    name, partner = _block_name(item.block, machine), _block_name(item.partner, machine)
     return f"{name} broke off {partner} at load {item.load:.2f}"
 
 
-def _named(block: int, machine: Machine) -> str:
+def _block_name(block: int, machine: Machine) -> str:
     return f"block {block} ({library()[machine[block].type].name})"

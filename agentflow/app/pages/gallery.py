@@ -1,4 +1,4 @@
-"""Owns galleries: the machines that runs have found, on one page with their films."""
+"""Galleries: the best machines of several runs on one page, with films."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from agentflow.app.design.results import read_finished
 from agentflow.app.pages.films import Shapes
 from agentflow.app.pages.runs import (
     FINE,
-    Say,
-    Shown,
-    asked,
-    best_of,
-    exhibits,
-    kept_rollout,
-    ready,
-    write,
+    Progress,
+    ReportedMachine,
+    best_digest,
+    film_machines,
+    recorded_rollout,
+    require_writable,
+    task_summary,
+    write_page,
 )
 from agentflow.config.run import build
 from agentflow.env.drawing.stills import png_url
@@ -33,39 +33,41 @@ THUMBNAIL = (320, 240)
 
 
 @dataclass(frozen=True)
-class Hung:
-    """One finished run of a gallery."""
+class GalleryItem:
+    """One finished run in a gallery."""
 
     path: Path
     task: str
     about: str
     asked: dict[str, Any]
-    """What the task asks, as pages show it."""
+    """From `task_summary`."""
     score: float | None
     why: str
-    """Why it found no machine; "" where it did."""
-    shown: Shown | None
-    """Its machine; None where it found none."""
+    """Why it found no machine; "" if it found one."""
+    shown: ReportedMachine | None
+    """Its best machine."""
 
 
-def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Say) -> Path:
-    """Write one page of the machines that runs have found, by task, the best ones first.
+def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Progress) -> Path:
+    """Write one page with the best machine of each run, by task, best first.
 
     Args:
-        folders: Run directories, or folders that hold some; unfinished runs are left out.
+        folders: Run directories, or folders that contain some; unfinished runs are skipped.
         out: The file.
-        workers: Processes that simulate them.
-        say: Told of the progress.
+        workers: Processes that simulate machines.
+        say: Receives progress.
 
     Raises:
         RunError: There is no finished run, or one is damaged.
         UsageError: The file cannot be written, or the page's bundle is missing.
     """
-    ready(out)
-    runs = _ordered([_hung(path) for folder in folders for path in _finished_runs(folder)])
+    require_writable(out)
+    runs = _sort_by_task(
+        [_gallery_item(path) for folder in folders for path in _finished_runs(folder)]
+    )
     shapes = Shapes()
     chosen = {str(place): run.shown for place, run in enumerate(runs) if run.shown is not None}
-    machines = asyncio.run(exhibits(chosen, shapes, workers, say))
+    machines = asyncio.run(film_machines(chosen, shapes, workers, say))
     data = {
         "kind": "gallery",
         "title": "Machines",
@@ -73,19 +75,21 @@ def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Say) -> Pa
         "machines": machines,
         "cards": [_card(str(place), run) for place, run in enumerate(runs)],
     }
-    write(out, page("Machines · agentflow", data))
+    write_page(out, page("Machines · agentflow", data))
     return out
 
 
 def _finished_runs(folder: Path) -> Iterator[Path]:
     found = [path for path in find_runs(folder) if state_of(path) == "done"]
     if not found:
-        raise RunError(f"{folder} holds no finished run: expected a run directory, or runs in it")
+        raise RunError(
+            f"{folder} holds no finished run: expected a run directory or a folder with runs"
+        )
     yield from found
 
 
-def _ordered(runs: Sequence[Hung]) -> list[Hung]:
-    """The runs of a task together, tasks as they come first, the best runs before the others."""
+def _sort_by_task(runs: Sequence[GalleryItem]) -> list[GalleryItem]:
+    """Runs grouped by task in order of first appearance, best first."""
     tasks = list(dict.fromkeys(run.task for run in runs))
     worst = float("-inf")
     return sorted(
@@ -94,28 +98,28 @@ def _ordered(runs: Sequence[Hung]) -> list[Hung]:
     )
 
 
-def _hung(path: Path) -> Hung:
+def _gallery_item(path: Path) -> GalleryItem:
     document, result = read_document(path), read_finished(path)
     config = build(document.get("config"))
-    digest = best_of(result)
+    digest = best_digest(result)
     about = f"{config.workflow}, {result['model']}, seed {config.seed}"
     shown = None
     if digest is not None:
         machine = read_machine(result["machine"], library()).machine
         assert machine is not None, "it has a content hash"
-        shown = Shown(
+        shown = ReportedMachine(
             machine=machine,
             task=get_task(config.task, config.knobs),
             seed=config.seed,
             score=result["score"],
             interval=FINE,
-            kept=kept_rollout(path, document, digest),
+            recorded=recorded_rollout(path, document, digest),
         )
     why = "" if shown is not None else str(result.get("reason") or "no valid machine was found")
-    return Hung(path, config.task, about, asked(config), result["score"], why, shown)
+    return GalleryItem(path, config.task, about, task_summary(config), result["score"], why, shown)
 
 
-def _card(key: str, run: Hung) -> dict[str, Any]:
+def _card(key: str, run: GalleryItem) -> dict[str, Any]:
     picture = None
     if run.shown is not None:
         picture = png_url(run.shown.machine, view="three-quarter", size=THUMBNAIL)

@@ -1,4 +1,4 @@
-"""Owns the pictures, films and three-dimensional files of a run or a machine file."""
+"""Pictures, films and 3D files of a run or a machine file."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from agentflow.runs import read_document
 
 STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"
 SAMPLES = {GIF: 10, MP4: 20, GLB: 20}
-"""Samples per second of what moves."""
+"""Samples per second of moving formats."""
 NAMES = {STILL: "picture", GIF: "film", MP4: "film", GLB: "model"}
 SIZES = {GIF: (480, 360), MP4: (640, 480)}
 
 
 def render_run(path: Path, out: Path | None = None, view: str = "three-quarter") -> dict[str, str]:
-    """Draw and film what a finished run found: `out`, or best.png and best.gif in its folder.
+    """Draw and film the best machine of a finished run: `out`, or best.png and best.gif.
 
     Raises:
         RunError: The run is unfinished, or found no valid machine.
@@ -43,10 +43,10 @@ def render_run(path: Path, out: Path | None = None, view: str = "three-quarter")
 
 
 def render_file(source: str, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
-    """Draw or film the machine of a file; the ending of `out` says which, without one both.
+    """Draw or film the machine of a file, depending on the suffix of `out`; both without one.
 
     Raises:
-        UsageError: The machine cannot be built; names the first problem.
+        UsageError: The machine cannot be built; the message names the first problem.
     """
     report = check(read_any(machine_text(source), blocks=tuple(library())))
     if report.machine is None or not report.machine_valid:
@@ -56,7 +56,7 @@ def render_file(source: str, task: Task, seed: int, out: Path, view: str) -> dic
 
 def _render(machine: Machine, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
     if not out.name:
-        raise UsageError(f"--out takes the name of a file, not {str(out)!r}")
+        raise UsageError(f"--out takes a file name, not {str(out)!r}")
     files = [out] if out.suffix else [out.with_suffix(GIF), out.with_suffix(STILL)]
     try:
         for file in files:
@@ -82,7 +82,7 @@ def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> No
 
 
 def _rollout(machine: Machine, task: Task, seed: int, interval: float) -> Rollout:
-    """The machine at work, which any rollout with the same seed repeats."""
+    """A rollout of the machine; repeatable with the same seed."""
     rollout = simulate(machine, task, seed=seed, interval=interval)
     if rollout.trace is None:
         why = "; ".join(str(problem["message"]) for problem in rollout.problems)

@@ -1,4 +1,4 @@
-"""Owns reports of runs: what was recorded is read, simulated again, and put on a page."""
+"""Reports of runs: records read, machines simulated again, results put on a page."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.models import cost_function
+from agentflow.app.design.plan import engine_change
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import recorded_machine
-from agentflow.app.pages.films import Shapes, exhibit
+from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.config.run import PROCEDURAL, DesignConfig, build
 from agentflow.env.archive import load_npz
 from agentflow.env.constants import constants
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import SHOWN_TRIAL, joined
@@ -29,59 +31,70 @@ from agentflow.report.run import RunStory
 from agentflow.runs import read_document
 
 FINE, COARSE = 1 / 30, 0.1
-"""Seconds between the samples of a film: of the best machines, and of the others."""
+"""Seconds between samples of films: of the best machines, and of the others."""
 BEST = 8
-"""Machines with fine films."""
-Say = Callable[[int, int], None]
-"""Told after every rollout: how many are done, of how many."""
+"""Number of machines with fine films."""
+Progress = Callable[[int, int], None]
+"""Receives the numbers of finished and of all rollouts."""
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A machine of a run that a page shows."""
+class RecordedRollout:
+    """A rollout that today's physics no longer gives."""
+
+    file: Path
+    change: str
+    """What has changed, in words."""
+
+
+@dataclass(frozen=True)
+class ReportedMachine:
+    """A machine on a page."""
 
     machine: Machine
     task: Task
     seed: int
     score: float | None
-    """As recorded."""
+    """The recorded score."""
     interval: float | None
-    """Seconds between the samples of its film; None shows it as built."""
-    kept: Path | None = None
-    """The recorded rollout, where that is to be shown instead of one of today."""
+    """Seconds between samples of its film; None shows it as built."""
+    recorded: RecordedRollout | None = None
+    """Shown instead of a new rollout, if physics has changed."""
 
 
-def report(path: Path, out: Path, *, films: int, workers: int, say: Say) -> Path:
+def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) -> Path:
     """Write the page of a run, finished or not.
 
     Args:
         path: Run directory.
         out: The file.
-        films: Machines with a film, the best ones first; the others are shown as built.
-        workers: Processes that simulate them.
-        say: Told of the progress.
+        films: Number of machines with a film, best first; the others are shown as built.
+        workers: Processes that simulate machines.
+        say: Receives progress.
 
     Raises:
         RunError: The run is damaged.
         UsageError: The file cannot be written, or the page's bundle is missing.
     """
     document = read_document(path)
-    ready(out)
+    require_writable(out)
     config = build(document.get("config"))
     result = read_finished(path) if (path / "result.json").exists() else None
-    story = RunStory.read(path, result, best_of(result))
+    story = RunStory.read(path, result, best_digest(result))
     priced = bool(config.model.prices) or config.model.name == PROCEDURAL
     data = story.to_json(cost_function(config.model), priced)
-    data["failures"] = count_failures(path)["kinds"]  # now: a run under way goes on meanwhile
+    data["failures"] = count_failures(path)["kinds"]  # last: the run may be in progress
     shapes = Shapes()
-    machines = asyncio.run(exhibits(_chosen(path, story, config, films), shapes, workers, say))
-    data |= {"machines": machines, "shapes": shapes.rows, "task": asked(config)}
-    write(out, page(f"{config.task} · agentflow", data))
+    machines = asyncio.run(
+        film_machines(_machines_to_report(path, story, config, films), shapes, workers, say)
+    )
+    data |= {"machines": machines, "shapes": shapes.rows, "task": task_summary(config)}
+    write_page(out, page(f"{config.task} · agentflow", data))
     return out
 
 
-def asked(config: DesignConfig) -> dict[str, Any]:
-    """What the machines were to do, as their designers were told."""
+def task_summary(config: DesignConfig) -> dict[str, Any]:
+    """What the task asks for, in the words of the prompts."""
     brief = get_task(config.task, config.knobs).brief
     return {
         "title": get_level(config.task).file.title,
@@ -91,8 +104,8 @@ def asked(config: DesignConfig) -> dict[str, Any]:
     }
 
 
-def ready(out: Path) -> None:
-    """See that a page can be made and written, before work is done for it.
+def require_writable(out: Path) -> None:
+    """Check that a page can be made and written, before the work starts.
 
     Raises:
         UsageError: The bundle is missing, or the file cannot be written.
@@ -103,38 +116,44 @@ def ready(out: Path) -> None:
         raise UsageError(f"cannot write {out}: {why}")
 
 
-def best_of(result: Mapping[str, Any] | None) -> str | None:
-    """Content hash of the machine that a run gave; None when it gave none."""
+def best_digest(result: Mapping[str, Any] | None) -> str | None:
+    """Content hash of the best machine of a run; None if there is none."""
     if result is None or not result["valid"]:
         return None
     machine = read_machine(result["machine"], library()).machine
     return machine.digest if machine is not None else None
 
 
-async def exhibits(
-    chosen: Mapping[str, Shown], shapes: Shapes, workers: int, say: Say
+async def film_machines(
+    chosen: Mapping[str, ReportedMachine], shapes: Shapes, workers: int, say: Progress
 ) -> dict[str, dict[str, Any]]:
-    """The machines as a page shows them, each simulated as its run did; by the same keys."""
+    """Data of machines for a page, simulated as in their runs, by the same keys."""
     done = 0
     filmed = [key for key, item in chosen.items() if item.interval is not None]
 
-    async def shown(key: str, item: Shown) -> tuple[str, dict[str, Any]]:
+    async def shown(key: str, item: ReportedMachine) -> tuple[str, dict[str, Any]]:
         nonlocal done
-        played = await _played(item, pool)
-        rollout = _kept(item) if item.kept is not None else joined(played) if played else None
+        played = await _simulate_trials(item, pool)
+        rollout = (
+            _load_recorded(item)
+            if item.recorded is not None
+            else joined(played)
+            if played
+            else None
+        )
         if key in filmed:
             done += 1
             say(done, len(filmed))
         trials = played if item.interval == FINE else ()
         given, remark = item.task.brief.given, _remark(item, rollout)
-        return key, exhibit(item.machine, rollout, shapes, remark, given=given, played=trials)
+        return key, machine_data(item.machine, rollout, shapes, remark, given=given, played=trials)
 
     async with RolloutPool(max(1, min(workers, len(filmed)))) as pool:
         found = dict(await asyncio.gather(*(shown(key, item) for key, item in chosen.items())))
     return {key: found[key] for key in chosen}
 
 
-def write(out: Path, text: str) -> None:
+def write_page(out: Path, text: str) -> None:
     """Write a page.
 
     Raises:
@@ -147,33 +166,42 @@ def write(out: Path, text: str) -> None:
         raise UsageError(f"cannot write {out}: {error.strerror}") from None
 
 
-def _chosen(path: Path, story: RunStory, config: DesignConfig, films: int) -> dict[str, Shown]:
-    """Every machine of the tree, the best ones first."""
+def _machines_to_report(
+    path: Path, story: RunStory, config: DesignConfig, films: int
+) -> dict[str, ReportedMachine]:
+    """Every machine of the search tree, best first."""
     task = get_task(config.task, config.knobs)
     found = {}
     for place, (digest, node) in enumerate(story.machines.items()):
         interval = None if place >= films else FINE if place < BEST else COARSE
-        found[digest] = Shown(
+        found[digest] = ReportedMachine(
             machine=recorded_machine(path, digest),
             task=task,
             seed=config.seed,
             score=node.score,
             interval=interval,
-            kept=kept_rollout(path, story.document, digest),
+            recorded=recorded_rollout(path, story.document, digest),
         )
     return found
 
 
-def kept_rollout(path: Path, document: Mapping[str, Any], digest: str) -> Path | None:
+def recorded_rollout(
+    path: Path, document: Mapping[str, Any], digest: str
+) -> RecordedRollout | None:
     """The recorded rollout of a machine, if there is one and physics has changed since."""
     file = path / "rollouts" / f"{digest}.npz"
-    changed = document.get("constants") != constants().digest
-    return file if changed and file.exists() else None
+    engine = str(default_engine().identity)
+    changes = []
+    if document.get("constants") != constants().digest:
+        changes.append("the physical constants have changed")
+    if document.get("engine", engine) != engine:
+        changes.append(f"the engine has changed ({engine_change(document['engine'], engine)})")
+    return RecordedRollout(file, " and ".join(changes)) if changes and file.exists() else None
 
 
-async def _played(item: Shown, pool: RolloutPool) -> Sequence[Rollout]:
-    """Its trials, simulated again; none where none is to be."""
-    if item.kept is not None or item.interval is None:
+async def _simulate_trials(item: ReportedMachine, pool: RolloutPool) -> Sequence[Rollout]:
+    """The trials, simulated again; none if the machine is shown as built or recorded."""
+    if item.recorded is not None or item.interval is None:
         return ()
     trials = item.task.trials(item.seed)
     runs = (
@@ -182,14 +210,11 @@ async def _played(item: Shown, pool: RolloutPool) -> Sequence[Rollout]:
     return await asyncio.gather(*runs)
 
 
-def _kept(item: Shown) -> Rollout | None:
-    """The recorded rollout, with what stood around the machine in the trial that it shows.
-
-    None where its file cannot be read.
-    """
-    assert item.kept is not None
+def _load_recorded(item: ReportedMachine) -> Rollout | None:
+    """The recorded rollout with the scene of the trial that it shows; None if unreadable."""
+    assert item.recorded is not None
     try:
-        rollout = load_npz(item.kept)
+        rollout = load_npz(item.recorded.file)
     except UsageError:
         return None
     number = rollout.terms.get(SHOWN_TRIAL)
@@ -198,27 +223,27 @@ def _kept(item: Shown) -> Rollout | None:
     return replace(rollout, scene=shown.scene(item.machine))
 
 
-def _remark(item: Shown, rollout: Rollout | None) -> str:
-    if rollout is None and item.kept is not None:
+def _remark(item: ReportedMachine, rollout: Rollout | None) -> str:
+    if rollout is None and item.recorded is not None:
         return "Shown as built: its recorded rollout cannot be read."
     if rollout is None:
-        return "Shown as built: this page has films of better machines only."
-    if item.kept is not None:
-        return "As recorded: the physical constants have changed since."
+        return "Shown as built: this page only has films of better machines."
+    if item.recorded is not None:
+        return f"As recorded: {item.recorded.change} since."
     if rollout.trace is None:
         return f"Shown as built: its simulation ended as {rollout.status}."
-    told = []
+    notes = []
     if SHOWN_TRIAL in rollout.terms and item.interval != FINE:
-        told.append(_trial(rollout))
+        notes.append(_describe_trial(rollout))
     if rollout.score != item.score and item.score is not None:
-        told.append(
-            f"Simulated again with today's physics: {rollout.score:.2f}, "
-            f"recorded were {item.score:.2f}."
+        notes.append(
+            f"Simulated again with current physics: {rollout.score:.2f}; "
+            f"the recorded score is {item.score:.2f}."
         )
-    return " ".join(told)
+    return " ".join(notes)
 
 
-def _trial(rollout: Rollout) -> str:
-    """Which trial a film of many shows."""
+def _describe_trial(rollout: Rollout) -> str:
+    """Which of several trials a film shows."""
     number, count = int(rollout.terms[SHOWN_TRIAL] or 1), int(rollout.terms["trials"] or 1)
     return f"Trial {number} of {count}: {rollout.terms[f'outcome_{number}']}."

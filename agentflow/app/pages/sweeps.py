@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.pages.runs import ready, write
+from agentflow.app.pages.runs import require_writable, write_page
 from agentflow.app.sweeps.tables import SweepResult, layout_table, read_sweep_result
 from agentflow.app.sweeps.views import LAYOUT, PLAYERS, VIEWS, last_cell, variants
 from agentflow.metrics.scores import Scores
@@ -25,7 +25,7 @@ def sweep_report(path: Path, out: Path, **_: Any) -> Path:
         RunError: No run of the sweep is finished, or it is damaged.
         UsageError: The file cannot be written, or the page's bundle is missing.
     """
-    ready(out)
+    require_writable(out)
     result = read_sweep_result(path)
     views = {name: make(result) for name, make in VIEWS.items() if name != LAYOUT}
     if not any(row.values[-1] is not None for row in views[PLAYERS].rows):
@@ -34,7 +34,7 @@ def sweep_report(path: Path, out: Path, **_: Any) -> Path:
     data = sweep_data(
         result.sweep.title, result.sweep.about, _spreads(result), tables, _runs(result)
     )
-    write(out, page(f"{result.sweep.title} · agentflow", data))
+    write_page(out, page(f"{result.sweep.title} · agentflow", data))
     return out
 
 

@@ -1,4 +1,4 @@
-"""Owns how levels are drawn for a person: a picture of one, a page with all of them."""
+"""Drawings of levels: a picture of one, a page of several."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from agentflow.files import write_atomically
 
 
 def picture_name(name: str) -> str:
-    """The file of a level's picture: "throwing/3" or "own/level.yaml" -> "throwing-3.png"."""
+    """File name of a level's picture: "throwing/3" -> "throwing-3.png", "a/b.yaml" -> "b.png"."""
     if name.endswith((".yaml", ".yml")):
         return f"{Path(name).stem}.png"
     return name.replace("/", "-") + ".png"
 
 
 def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
-    """Draw a level from above and from the right, with metres on the axes.
+    """Draw a level from above and from the right, with axes in metres.
 
     Raises:
-        UsageError: No such level or knob, or the file cannot be written.
+        UsageError: There is no such level or knob, or the file cannot be written.
     """
     if file.suffix.lower() != ".png":
-        raise UsageError(f"a picture is a .png file, not {file.name!r}")
+        raise UsageError(f"the picture must be a .png file, not {file.name!r}")
     task = find_task(name, settings)
     views = level_plans(task)
     pen = PngPen(place_plans(views)[1])
@@ -46,16 +46,16 @@ def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
 
 
 def draw_all(folder: Path) -> list[Path]:
-    """The pictures of every level, into a folder."""
+    """Draw every level into a folder."""
     names = [item["name"] for item in task_list()]
     return [draw_task(name, (), folder / picture_name(name)) for name in names]
 
 
 def write_page(names: Iterable[str], file: Path) -> Path:
-    """One self-contained HTML page of levels; it follows the reader's light or dark theme.
+    """Write a self-contained HTML page of levels, for light and dark themes.
 
     Raises:
-        UsageError: No such level, or the file cannot be written.
+        UsageError: There is no such level, or the file cannot be written.
     """
     import jinja2
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from agentflow.app.pages.films import Shapes, exhibit
+from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.gallery import gallery
-from agentflow.app.pages.runs import best_of, report
+from agentflow.app.pages.runs import best_digest, report
 from agentflow.cli import main
 from agentflow.env.rollout import RolloutEvent
 from agentflow.env.simulation.simulate import simulate
@@ -47,7 +47,7 @@ def test_machines_without_a_film_are_shown_as_built(tmp_path: Path) -> None:
     data = data_of(out)
     assert {m["film"]["samples"] for m in data["machines"].values()} == {1}
     assert {m["remark"] for m in data["machines"].values()} == {
-        "Shown as built: this page has films of better machines only."
+        "Shown as built: this page only has films of better machines."
     }
     assert len(data["machines"]) == 8
     assert len(data["shapes"]) < 40
@@ -91,7 +91,7 @@ def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> N
         assert (
             machines[digest]["remark"] == "As recorded: the physical constants have changed since."
         )
-    best = machines[best_of(read_result(run))]
+    best = machines[best_digest(read_result(run))]
     assert best["traces"] == [
         {"body": 0, "name": "root block"},
         {"body": best["hero"], "name": "boulder"},
@@ -116,7 +116,7 @@ def test_another_score_today_is_said(tmp_path: Path) -> None:
 def test_what_breaks_is_told_with_time_and_place() -> None:
     task, broken = get_task("throwing"), machine(BREAKS)
     rollout = simulate(broken, task, seed=0)
-    shown = exhibit(broken, rollout, Shapes(), "remark")
+    shown = machine_data(broken, rollout, Shapes(), "remark")
     first = rollout.broken[0]
     assert shown["breaks"][first.block] == first.time
     event = next(item for item in shown["events"] if item["kind"] == "broke")
@@ -140,7 +140,7 @@ def test_each_trial_has_a_film_to_choose_but_one() -> None:
         "shown_trial": 2.0,
     }
     whole = replace(rollout, terms=told, events=(stalled,))
-    shown = exhibit(item, whole, Shapes(), played=(rollout, rollout))
+    shown = machine_data(item, whole, Shapes(), played=(rollout, rollout))
     (first, second) = shown["trials"]
     assert (first["number"], first["outcome"], first["shown"]) == (1, "success", False)
     assert second == {"number": 2, "success": False, "outcome": "failed", "shown": True}
@@ -149,27 +149,27 @@ def test_each_trial_has_a_film_to_choose_but_one() -> None:
     assert [event["text"] for event in shown["events"]] == [
         "motor stands still: block 3 (Powered Wheel) 1.0-2.0 s"
     ]
-    assert exhibit(item, rollout, Shapes(), played=(rollout, rollout))["trials"] == []
+    assert machine_data(item, rollout, Shapes(), played=(rollout, rollout))["trials"] == []
 
 
 @pytest.mark.slow
 def test_given_cogs_and_wind_are_named() -> None:
     given = get_task("gearing").brief.given
     shapes = Shapes()
-    shown = exhibit(given, None, shapes, given=given)
+    shown = machine_data(given, None, shapes, given=given)
     assert [name for name, _ in shown["given"]] == ["source", "target"]
     colors = [shapes.rows[shown["solids"][block][0]][-3:] for block in (1, 2)]
     assert colors == [color for _, color in shown["given"]]
     windy = get_task("throwing", {"wind": {"speed": -8, "cross": 2.5}})
     rollout = replace(simulate(machine(HOLDS), windy, seed=0), scene=windy.scene())
-    filmed = exhibit(machine(HOLDS), rollout, Shapes())
+    filmed = machine_data(machine(HOLDS), rollout, Shapes())
     assert filmed["wind"] == "2.5 m/s towards x+ and 8 m/s towards z+"
     assert shown["wind"] == ""
 
 
 def test_block_types_share_their_solids() -> None:
     shapes = Shapes()
-    shown = [exhibit(machine(name), None, shapes) for name in (BREAKS, BREAKS, HOLDS)]
+    shown = [machine_data(machine(name), None, shapes) for name in (BREAKS, BREAKS, HOLDS)]
     assert shown[0]["solids"] == shown[1]["solids"]
     used = {number for item in shown for numbers in item["solids"] for number in numbers}
     assert used == set(range(len(shapes.rows)))
@@ -226,7 +226,7 @@ def test_a_gallery_needs_a_finished_run(tmp_path: Path) -> None:
     with pytest.raises(RunError) as caught:
         gallery([tmp_path], tmp_path / "g.html", workers=1, say=quiet)
     assert str(caught.value) == (
-        f"{tmp_path} holds no finished run: expected a run directory, or runs in it"
+        f"{tmp_path} holds no finished run: expected a run directory or a folder with runs"
     )
 
 

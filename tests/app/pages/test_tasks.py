@@ -61,7 +61,7 @@ def test_an_own_level_is_shown_like_any_other(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_drawn_is_said(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"^a picture is a .png file, not 'a.gif'$"):
+    with pytest.raises(UsageError, match=r"^the picture must be a .png file, not 'a.gif'$"):
         draw_task("throwing", (), tmp_path / "a.gif")
     (tmp_path / "file").touch()
     with pytest.raises(UsageError, match=r"^cannot write .*: (Not a directory|File exists)$"):
