@@ -34,21 +34,21 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     whole run; by default every stage has one per trajectory, as published.
     """
     settings = run.settings
-    chances = {t: run.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
+    rngs = {t: run.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
     total = _rollouts(settings)
     run.begin_stage(INITIAL)
-    drawn = [_draw(run.brief, t, chances[t]) for t in list(chances)[:total]]
+    drawn = [_draw(run.brief, t, rngs[t]) for t in list(rngs)[:total]]
     initial = run.end_stage(INITIAL, await simulate(run, INITIAL, drawn))
     left = total - initial.rollouts
     if run.is_over(initial) or left <= 0:
         return run.result()
     run.begin_stage(BLIND)
-    blind = run.end_stage(BLIND, await _blind(run, initial.survivors[:left], chances))
+    blind = run.end_stage(BLIND, await _edit_each(run, initial.survivors[:left], rngs))
     left -= blind.rollouts
     if run.is_over(blind) or left <= 0:
         return run.result()
     run.begin_stage(FEEDBACK)
-    run.end_stage(FEEDBACK, await _climb(run, _better_of(initial, blind), chances, left))
+    run.end_stage(FEEDBACK, await _climb(run, _better_of(initial, blind), rngs, left))
     return run.result()
 
 
@@ -56,21 +56,21 @@ def _rollouts(settings: WorkflowSettings) -> int:
     return settings.rollouts or 3 * settings.trajectories
 
 
-def _draw(brief: Brief, trajectory: int, chance: random.Random) -> Candidate:
+def _draw(brief: Brief, trajectory: int, rng: random.Random) -> Candidate:
     try:
-        return Candidate(trajectory, random_machine(chance, brief), first=VALID)
+        return Candidate(trajectory, random_machine(rng, brief), first=VALID)
     except UsageError as error:
         return Candidate(trajectory, reason=str(error))
 
 
-async def _blind(
-    run: WorkflowContext, candidates: Sequence[Candidate], chances: dict[int, random.Random]
+async def _edit_each(
+    run: WorkflowContext, candidates: Sequence[Candidate], rngs: dict[int, random.Random]
 ) -> list[Candidate]:
     """Edit each machine once, whatever its score."""
     edited = []
     for candidate in candidates:
         assert candidate.machine is not None
-        machine = _edit(run, candidate.machine, chances[candidate.trajectory])
+        machine = _edit(run, candidate.machine, rngs[candidate.trajectory])
         reason = "" if machine else "no edit is legal"
         first = VALID if machine else FirstAttempt()
         edit = EditRecord("a random edit", "Success", before=candidate.score) if machine else None
@@ -78,9 +78,9 @@ async def _blind(
     return await simulate(run, BLIND, edited)
 
 
-def _edit(run: WorkflowContext, machine: Machine, chance: random.Random) -> Machine | None:
+def _edit(run: WorkflowContext, machine: Machine, rng: random.Random) -> Machine | None:
     try:
-        return random_edit(machine, chance, run.brief)
+        return random_edit(machine, rng, run.brief)
     except UsageError:
         return None
 
@@ -102,7 +102,7 @@ class _Climber:
     """One trajectory's climb: the best machine so far and the machines tried."""
 
     best: Candidate
-    chance: random.Random
+    rng: random.Random
     seen: set[Machine]
     search_cost: SearchCost
 
@@ -110,7 +110,7 @@ class _Climber:
         """A machine one edit away from the best that was not tried yet; None if none is found."""
         assert self.best.machine is not None
         for _ in range(MAX_REPEATS):
-            machine = _edit(run, self.best.machine, self.chance)
+            machine = _edit(run, self.best.machine, self.rng)
             if machine is None:
                 return None
             if machine not in self.seen:
@@ -122,12 +122,12 @@ class _Climber:
 async def _climb(
     run: WorkflowContext,
     starts: Sequence[Candidate],
-    chances: dict[int, random.Random],
+    rngs: dict[int, random.Random],
     rollouts: int,
 ) -> list[Candidate]:
     """Edit each trajectory's best machine, keeping improvements, until the rollouts are used up."""
     climbers = [
-        _Climber(start, chances[start.trajectory], {start.machine}, SearchCost())
+        _Climber(start, rngs[start.trajectory], {start.machine}, SearchCost())
         for start in starts
         if start.machine is not None
     ]

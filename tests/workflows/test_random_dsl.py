@@ -117,6 +117,6 @@ async def test_a_task_that_no_random_machine_meets_is_a_result() -> None:
     result = await WORKFLOWS["random-dsl"](task, lambda _: None, Shelf(), numbers, Notes())  # type: ignore
     assert result.best is None
     assert result.reason == (
-        "no valid machine: found no valid machine of 5 to 20 blocks that the task allows; "
+        "no valid machine: found no valid machine of 5 to 20 blocks for this task; "
         "allowed types: 1, 2, 15, 63"
     )
