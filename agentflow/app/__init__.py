@@ -1,1 +1,1 @@
-"""The only place that wires everything: one module per thing that a user can do."""
+"""Wires everything together: one folder or module per thing that a user can do."""

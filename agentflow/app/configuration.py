@@ -1,4 +1,4 @@
-"""Owns how a configuration is shown: every key resolved, and where its value came from."""
+"""Resolved configurations, with the source of each value."""
 
 from __future__ import annotations
 
@@ -16,43 +16,43 @@ from agentflow.config.run import load, override
 
 DEFAULT, SETTING, ENVIRONMENT = "default", "--set", "environment"
 COLUMN = 52
-"""Where the comments begin that say where a value came from."""
+"""Column of the comments that name the source of each value."""
 
 
-def resolved(path: Path | None, settings: Iterable[str]) -> dict[str, Any]:
-    """The configuration of a run: `config`, and `from`: dotted key -> where its value came from.
+def resolve_config(path: Path | None, settings: Iterable[str]) -> dict[str, Any]:
+    """The configuration of a run: `config`, and `from`: dotted key -> source of its value.
 
     Args:
         path: The YAML file, if any.
-        settings: `a.b=value` each.
+        settings: Strings `a.b=value`.
 
     Raises:
-        UsageError: A key, a name or a value is wrong, as it would be for a run.
+        UsageError: A key, name or value is wrong.
     """
     given = list(settings)
     plan = RunPlan.of(load_config(path, given, {}))
     config = config_json(plan.config)
     whole, layers = _layers(path, given)
     origins = {
-        ".".join(keys): _origin(keys, layers) if _holds(whole, keys) else DEFAULT
+        ".".join(keys): _source(keys, layers) if _sets(whole, keys) else DEFAULT
         for keys, _ in _leaves(config)
     }
     return {"config": config, "from": origins}
 
 
-def as_yaml(found: Mapping[str, Any]) -> str:
-    """What `resolved` gives, as a configuration file that says of every line whence it is."""
+def annotated_yaml(found: Mapping[str, Any]) -> str:
+    """The result of `resolve_config` as a configuration file with a comment on each source."""
     return "\n".join(_lines(found["config"], (), found["from"]))
 
 
 def _layers(
     path: Path | None, settings: list[str]
 ) -> tuple[Mapping[str, Any], list[tuple[str, Mapping[str, Any]]]]:
-    """What was given in all, and name and document of each source; what counts most, first."""
+    """All given values, and the name and document of each source, strongest first."""
     file = load(path) if path is not None else {}
-    laid = override(file, settings)
-    filled = fill_from_environment(laid, os.environ)
-    before = {keys for keys, _ in _leaves(laid)}
+    merged = override(file, settings)
+    filled = fill_from_environment(merged, os.environ)
+    before = {keys for keys, _ in _leaves(merged)}
     added = [keys for keys, _ in _leaves(filled) if keys not in before]
     environment = {"model": {keys[-1]: True for keys in added}} if added else {}
     return filled, [
@@ -62,12 +62,12 @@ def _layers(
     ]
 
 
-def _origin(keys: tuple[str, ...], layers: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
-    return next((name for name, document in layers if _holds(document, keys)), DEFAULT)
+def _source(keys: tuple[str, ...], layers: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
+    return next((name for name, document in layers if _sets(document, keys)), DEFAULT)
 
 
-def _holds(document: Mapping[str, Any], keys: tuple[str, ...]) -> bool:
-    """Whether a document gives a value for a key, or for a group around it as a whole."""
+def _sets(document: Mapping[str, Any], keys: tuple[str, ...]) -> bool:
+    """Whether a document sets a key, or a group that contains it."""
     value: Any = document
     for key in keys:
         if not isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Owns the examination of a configured endpoint, for `agentflow doctor`."""
+"""Checking a configured endpoint, for `agentflow doctor`."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.doctor import Diagnosis, diagnose
 
 _IDLE_S, _TOTAL_S = 60.0, 120.0
-"""Nobody waits longer than this for one tiny answer, whatever a run would wait."""
+"""Longest waits for one small reply, shorter than a run's."""
 
 
-def examine(config: DesignConfig, role: str) -> Diagnosis:
-    """Send one tiny question to who answers for a role.
+def check_endpoint(config: DesignConfig, role: str) -> Diagnosis:
+    """Send one small request to the model of a role.
 
     Raises:
         UnknownNameError: There is no such role.
-        ConfigError: No endpoint is configured for it, or base URL or key cannot be used.
+        ConfigError: It has no endpoint, or base URL or key cannot be used.
     """
     found = choose_models(config.model)
     if role not in found:
         raise UnknownNameError("role", role, found)
     if found[role].procedural:
         raise ConfigError(
-            "the procedural model has no endpoint to examine; name a model with --model or "
+            "the procedural model has no endpoint to check; name a model with --model or "
             "AGENTFLOW_MODEL"
         )
     http = config.model.endpoint.http

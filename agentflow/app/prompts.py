@@ -1,4 +1,4 @@
-"""Owns how prompt sets are shown: the list, one rendered prompt, the difference of two sets."""
+"""Prompt sets for users: the list, one rendered prompt, the difference of two sets."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.prompts.render import PromptSet, token_estimate
 
 
-def set_list() -> list[dict[str, Any]]:
-    """Every shipped prompt set: name, content hash, roles, what it is for."""
+def list_prompt_sets() -> list[dict[str, Any]]:
+    """Every prompt set: name, content hash, roles, purpose."""
     sets = [PromptSet(name) for name in PROMPT_SETS]
     return [
         {"name": item.name, "digest": item.digest, "roles": item.roles, "about": item.about}
@@ -25,22 +25,22 @@ def set_list() -> list[dict[str, Any]]:
     ]
 
 
-def rendered(name: str, role: str, brief: Brief, source: str | None = None) -> dict[str, Any]:
-    """One prompt as a model gets it, with its length.
+def render_prompt(name: str, role: str, brief: Brief, source: str | None = None) -> dict[str, Any]:
+    """One prompt as a model receives it, with its length.
 
     Args:
-        name: of the prompt set.
-        role: whose prompt.
-        brief: the task.
-        source: a machine as text, for the roles that are told one; None takes a small one.
+        name: Name of the prompt set.
+        role: Role that uses the prompt.
+        brief: The task.
+        source: A machine as text, for roles that receive one; None takes a small one.
 
     Raises:
-        UnknownNameError: No such set or role.
+        UnknownNameError: There is no such set or role.
         UsageError: The text holds no machine.
     """
-    asked, prompts = ROLES[role](), PromptSet(name)
-    given = asked.sample(brief, _machine(brief, source))
-    system, user = prompts.render(asked.name, asked.variables(given))
+    asker, prompts = ROLES[role](), PromptSet(name)
+    given = asker.sample(brief, _machine(brief, source))
+    system, user = prompts.render(asker.name, asker.variables(given))
     return {
         "set": name,
         "digest": prompts.digest,
@@ -52,8 +52,8 @@ def rendered(name: str, role: str, brief: Brief, source: str | None = None) -> d
     }
 
 
-def difference(first: str, second: str) -> str:
-    """The templates of two sets compared line by line; "" where they are equal."""
+def compare_prompt_sets(first: str, second: str) -> str:
+    """Unified diff of the templates of two sets; "" if they are equal."""
     one, other = PromptSet(first), PromptSet(second)
     lines: list[str] = []
     for template in sorted({*one.templates, *other.templates}):
@@ -70,8 +70,8 @@ def difference(first: str, second: str) -> str:
 def _machine(brief: Brief, source: str | None) -> Machine:
     if source is None:
         kind = EXAMPLE if EXAMPLE in brief.blocks else ROOT.type
-        hung = (Step(1, kind, 0, 4),) if kind else ()
-        return Machine((ROOT, *hung))
+        blocks = (Step(1, kind, 0, 4),) if kind else ()
+        return Machine((ROOT, *blocks))
     report = check(read_for(brief, source), brief)
     if report.machine is None:
         raise UsageError(f"no machine to show: {report.problems[0].message}")

@@ -1,4 +1,4 @@
-"""Owns how tasks are looked up and shown: the list, and one level with everything about it."""
+"""Tasks for users: the list of levels, and one level in full."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from agentflow.machine.brief import LONE_ROOT
 
 
 def find_task(name: str, settings: Iterable[str] = ()) -> Task:
-    """A task with `knob=value` settings laid over its level.
+    """A task with `knob=value` settings applied to its level.
 
     Raises:
-        UnknownNameError: No such task.
-        ConfigError: No such knob, or out of range.
+        UnknownNameError: There is no such task.
+        ConfigError: A knob is unknown or out of range.
     """
     return get_task(name, dict(map(split_setting, settings)))
 
 
-def task_list() -> list[dict[str, Any]]:
-    """Every level: name, title, objective, window, block list, what a good score is."""
+def list_tasks() -> list[dict[str, Any]]:
+    """Every level: name, title, objective, window, block list, and what a good score is."""
     items = []
     for name in task_names():
         level, task = get_level(name), get_task(name)
@@ -45,11 +45,12 @@ def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:
     """One level: scene, schedule, score, block list, and every knob with its range.
 
     Args:
-        name: as for `registry.get_level`.
-        settings: `knob=value` laid over the level.
+        name: Name of a level, or path of a YAML file.
+        settings: Strings `knob=value`.
 
     Raises:
-        UnknownNameError, ConfigError: As `find_task` does.
+        UnknownNameError: There is no such task.
+        ConfigError: A knob is unknown or out of range.
     """
     task, file = find_task(name, settings), get_level(name).file
     brief = task.brief

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agentflow.app.configuration import as_yaml, resolved
+from agentflow.app.configuration import annotated_yaml, resolve_config
 from agentflow.config.run import DesignConfig, build, load
 from agentflow.errors import ConfigError
 from agentflow.runs import RunDirectory
@@ -20,13 +20,13 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def origins(path: Path | None = None, *settings: str) -> dict[str, str]:
-    found = resolved(path, settings)["from"]
+    found = resolve_config(path, settings)["from"]
     return {key: origin for key, origin in found.items() if origin != "default"}
 
 
 def test_without_anything_all_is_default() -> None:
     assert origins() == {}
-    assert resolved(None, ())["config"] == DesignConfig().model_dump(mode="json")
+    assert resolve_config(None, ())["config"] == DesignConfig().model_dump(mode="json")
 
 
 def test_file_setting_and_environment_are_told_apart(
@@ -48,7 +48,7 @@ def test_file_setting_and_environment_are_told_apart(
     }
     assert origins(file, "seed=2", "model.name=other")["model.name"] == "--set"
     assert origins(file, "seed=2")["seed"] == "--set"
-    assert "secret" not in as_yaml(resolved(file, ()))
+    assert "secret" not in annotated_yaml(resolve_config(file, ()))
 
 
 def test_lists_and_empty_groups_have_one_origin() -> None:
@@ -57,8 +57,8 @@ def test_lists_and_empty_groups_have_one_origin() -> None:
 
 
 def test_what_is_printed_is_a_configuration() -> None:
-    found = resolved(None, ("seed=7", "rationales=['a # b', \"c\\nd\"]", "wall.height=0"))
-    text = as_yaml(found)
+    found = resolve_config(None, ("seed=7", "rationales=['a # b', \"c\\nd\"]", "wall.height=0"))
+    text = annotated_yaml(found)
     assert yaml.safe_load(text) == found["config"]
     assert build(yaml.safe_load(text)).seed == 7
     for line in text.splitlines():
@@ -69,9 +69,9 @@ def test_what_a_run_would_refuse_is_refused() -> None:
     with pytest.raises(
         ConfigError, match=r"unknown knob 'sed' .*; did you mean the configuration key 'seed'"
     ):
-        resolved(None, ("sed=1",))
+        resolve_config(None, ("sed=1",))
     with pytest.raises(ConfigError, match=r"known: settings.search.rounds, "):
-        resolved(None, ("search.round=1",))
+        resolve_config(None, ("search.round=1",))
 
 
 def test_a_run_can_be_begun_again_from_its_run_yaml_alone(tmp_path: Path) -> None:

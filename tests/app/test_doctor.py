@@ -140,7 +140,7 @@ def test_a_roles_own_endpoint_gets_its_own_key_or_none(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "the procedural model has no endpoint to examine; name a model with --model or"),
+        ([], "the procedural model has no endpoint to check; name a model with --model or"),
         (["--model", "m", "--role", "referee"], "unknown role 'referee'; known: refiner, "),
         (["--model", "m", "--base-url", "localhost"], "the base URL must look like http://"),
     ],

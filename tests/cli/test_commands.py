@@ -181,7 +181,7 @@ WRONG = [
         2,
         "--query and --save need a single machine; remove --jsonl",
     ),
-    (["check", "/dev/zero"], 2, "/dev/zero is larger than 64 MB; no machine is"),
+    (["check", "/dev/zero"], 2, "/dev/zero is larger than 64 MB; expected a machine"),
     (["design", "--base-url", ""], 2, "model.base_url: must not be empty"),
     (["design", "--set", "model=5"], 2, "model: expected a group of keys, not 5"),
     (

@@ -171,7 +171,7 @@ def test_every_line_gets_an_outcome() -> None:
         "parent, face_id"
     )
     assert outcomes[4]["steps"][0]["reason"] == (
-        'the line is no JSON object like {"machine": [...], "script": "Remove 3"}'
+        'expected a JSON object like {"machine": [...], "script": "Remove 3"}'
     )
 
 
@@ -238,7 +238,10 @@ def guid(text: str) -> str:
 WRONG = [
     (["convert", "foreign.bsg", "x.json", "--strict"], "foreign.bsg cannot be converted: block 1 "),
     (["convert", "bad.json", "x.bsg"], "bad.json cannot be converted: block 0 has no 'type' (and "),
-    (["convert", "car.json", "x.obj"], "cannot write x.obj: the endings are .coords.json, .json, "),
+    (
+        ["convert", "car.json", "x.obj"],
+        "cannot write x.obj: use one of the suffixes .coords.json, .json, ",
+    ),
     (["convert", "car.json", "no/x.json"], "cannot write no/x.json: No such file or directory"),
     (["convert", "bomb.bsg", "x.json"], "bomb.bsg holds no machine: the XML declares a document "),
     (
@@ -248,7 +251,7 @@ WRONG = [
     (["check", "foo.bsg"], "foo.bsg holds no machine: this is not a Besiege machine file: it has "),
     (
         ["convert", "lone.bsg", "x.json"],
-        "lone.bsg cannot be converted: nothing would be left of it but the Starting Block: block ",
+        "lone.bsg cannot be converted: only its Starting Block would remain: block ",
     ),
     (
         ["render", ".", "--task", "movement"],

@@ -1,1 +1,1 @@
-"""A run: carried out, resumed, repeated; who answers, what it costs and keeps."""
+"""Design runs: start, resume, replay."""

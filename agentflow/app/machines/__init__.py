@@ -1,1 +1,1 @@
-"""Single machines from files: checked, edited, converted, simulated."""
+"""Machine files: check, edit, convert, simulate."""

@@ -1,4 +1,4 @@
-"""Owns conversion: a machine file of one form to a file of another."""
+"""Converting machine files between formats."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from agentflow.machine.formats.detect import read_any
 
 
 def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
-    """Read a machine in any form and write it in the form that the ending of `out` says.
+    """Read a machine in any format and write it in the format given by the suffix of `out`.
 
-    Blocks outside the library, scaled or turned off the grid, and those that hang on nothing are
-    left out and named. All types of the library are taken over, extended ones too.
+    Blocks that are not in the library, scaled, off the grid or unconnected are reported and
+    skipped. All types of the library are supported, including extended ones.
 
     Args:
-        source: file, or `-` for standard input.
-        out: file to write, `.json` (tree), `.coords.json`, `.bsg` or `.glb` (only to look at).
-        strict: refuse a machine when a block must be left out or a parent is ambiguous.
+        source: File, or `-` for standard input.
+        out: File to write: `.json` (tree), `.coords.json`, `.bsg` or `.glb` (for viewing only).
+        strict: Refuse machines with skipped blocks or ambiguous parents.
 
     Raises:
-        UsageError: The source is no machine, nothing but its Starting Block could be taken over,
-            it is refused, or `out` cannot be written.
+        UsageError: The source is not a machine, only its Starting Block is supported, it is
+            refused, or `out` cannot be written.
     """
     write = _writer(out)
     reading = read_any(machine_text(source), blocks=tuple(library()))
@@ -41,16 +41,16 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
         problems = tuple(sorted((*problems, *reading.loose), key=lambda problem: problem.blocks))
     machine = reading.machine
     if machine is None or (strict and problems):
-        raise UsageError(f"{source} cannot be converted: {_told(problems)}")
+        raise UsageError(f"{source} cannot be converted: {_summarize(problems)}")
     if len(machine) == 1 and problems:
         raise UsageError(
-            f"{source} cannot be converted: nothing would be left of it but the Starting Block: "
-            f"{_told(problems)}"
+            f"{source} cannot be converted: only its Starting Block would remain: "
+            f"{_summarize(problems)}"
         )
     if write in OF_THE_GAME and plate_of(machine[0].type):
         raise UsageError(
-            f"{source} cannot be converted: it is built on a plate, which is no block of the game; "
-            f"the endings for it are .json and .glb"
+            f"{source} cannot be converted: it is built on a plate, which is not a block of the "
+            "game; convert it to .json or .glb"
         )
     data = write(machine)
     try:
@@ -66,8 +66,8 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     }
 
 
-def _told(problems: tuple[Problem, ...]) -> str:
-    """The first problem, one that a number cannot be read before others, and how many there are."""
+def _summarize(problems: tuple[Problem, ...]) -> str:
+    """The first problem, unreadable numbers before others, and the number of further ones."""
     problems = tuple(sorted(problems, key=lambda problem: problem.code != "not_a_number"))
     rest = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return problems[0].message + rest
@@ -84,13 +84,13 @@ WRITERS: Mapping[str, Callable[[Machine], bytes]] = {
     ".bsg": lambda machine: to_bsg(machine).encode(),
     ".glb": machine_glb,
 }
-"""Ending of a file -> what it holds; the first that fits counts."""
+"""Suffix of a file -> function that makes its content; the first match counts."""
 OF_THE_GAME = (WRITERS[".coords.json"], WRITERS[".bsg"])
-"""Those that begin with the Starting Block."""
+"""Formats in which a machine begins with the Starting Block."""
 
 
 def _writer(out: Path) -> Callable[[Machine], bytes]:
     for ending, write in WRITERS.items():
         if out.name.lower().endswith(ending):
             return write
-    raise UsageError(f"cannot write {out}: the endings are {', '.join(WRITERS)}")
+    raise UsageError(f"cannot write {out}: use one of the suffixes {', '.join(WRITERS)}")

@@ -1,11 +1,11 @@
-"""Owns how scripts of edits are carried out on machines from files and lines (spec 1.12)."""
+"""Applying edit scripts to machines from files and lines."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from agentflow.app.machines.files import line_value, machine_text, read_text
+from agentflow.app.machines.files import machine_text, parse_line, read_text
 from agentflow.errors import UsageError
 from agentflow.machine import Brief, Report, StepVerdict, apply_script, check
 from agentflow.machine.formats.detect import read_for
@@ -14,42 +14,42 @@ FORM = '{"machine": [...], "script": "Remove 3"}'
 
 
 def edit_file(source: str, script: str, brief: Brief | None) -> dict[str, Any]:
-    """Edit a machine file; `-` is standard input, for one of the two.
+    """Apply a script to a machine file; one of the two may be `-`, standard input.
 
     Raises:
-        UsageError: A file cannot be read, or the machine is not file-valid; names the problem.
+        UsageError: A file cannot be read, or the machine is invalid; the message says why.
     """
     if source == script == "-":
         raise UsageError("machine and script cannot both come from standard input; give --script")
-    report = _report(machine_text(source), brief)
+    report = _check(machine_text(source), brief)
     if report.machine is None:
         raise UsageError(f"{source} cannot be edited: {report.problems[0].message}")
     return apply_script(report.machine, read_text(script), brief).to_json()
 
 
 def edit_lines(lines: Iterable[str], brief: Brief | None) -> Iterator[dict[str, Any]]:
-    """One outcome per line, in order, also for a line that is no JSON or holds no machine."""
+    """One outcome per line, in order, even for lines that are not JSON or hold no machine."""
     for line in lines:
-        yield _edit_line(line_value(line), brief)
+        yield _edit_line(parse_line(line), brief)
 
 
 def _edit_line(given: object, brief: Brief | None) -> dict[str, Any]:
     machine = given.get("machine") if isinstance(given, dict) else None
     script = given.get("script") if isinstance(given, dict) else None
     if machine is None or not isinstance(script, str):
-        return _refused(machine, f"the line is no JSON object like {FORM}")
-    report = _report(machine, brief)
+        return _failure(machine, f"expected a JSON object like {FORM}")
+    report = _check(machine, brief)
     if report.machine is None:
-        return _refused(machine, f"the machine cannot be edited: {report.problems[0].message}")
+        return _failure(machine, f"the machine cannot be edited: {report.problems[0].message}")
     return apply_script(report.machine, script, brief).to_json()
 
 
-def _report(source: object, brief: Brief | None) -> Report:
+def _check(source: object, brief: Brief | None) -> Report:
     return check(read_for(brief, source), brief)
 
 
-def _refused(machine: object, reason: str) -> dict[str, Any]:
-    """The outcome of a line whose script was not begun."""
+def _failure(machine: object, reason: str) -> dict[str, Any]:
+    """The outcome of a line whose script was not applied."""
     verdict = StepVerdict("", "Error", "bad_format", reason)
     return {
         "outcome": "failure",

@@ -1,4 +1,4 @@
-"""Owns what is done with machines without physics: read them, check them, show the library."""
+"""Reading and checking machines without physics, and showing the block library."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from typing import Any, AnyStr, TextIO
 
 from agentflow.errors import UsageError
 from agentflow.machine import BlockType, Brief, library, place
-from agentflow.machine import check as judge
+from agentflow.machine import check as check_machine
 from agentflow.machine.formats.detect import Form, read_any, read_for
 
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 LARGEST = 64 * 2**20
-"""Bytes (characters of standard input) of one text; an endless file is refused, not read."""
+"""Most bytes of one text (characters for standard input), so that endless files are refused."""
 NO_MACHINE = ("not_json", "not_xml", "not_a_machine")
-"""Codes of problems that say that a text is something else."""
+"""Codes of problems that mean a text is not a machine."""
 
 
 def read_text(source: str) -> str:
-    """The text of a file, or of standard input for `-`; UTF-8, or UTF-16 with its mark.
+    """The text of a file, or of standard input for `-`; UTF-8, or UTF-16 with a byte order mark.
 
     Raises:
-        UsageError: There is no such file, it is no text, or it is far too large.
+        UsageError: There is no such file, or it is not text or too large.
     """
     if source == "-":
-        return _bounded(_standard_input().read(LARGEST + 1), "standard input")
+        return _limit_size(_standard_input().read(LARGEST + 1), "standard input")
     try:
         with Path(source).open("rb") as file:
-            data = _bounded(file.read(LARGEST + 1), source)
+            data = _limit_size(file.read(LARGEST + 1), source)
         return data.decode("utf-16" if data.startswith(UTF_16_MARKS) else "utf-8-sig")
     except OSError as error:
         raise UsageError(f"cannot read {source}: {error.strerror}") from None
@@ -39,14 +39,14 @@ def read_text(source: str) -> str:
         raise UsageError(f"{source} is not a text file") from None
 
 
-def _bounded(data: AnyStr, source: str) -> AnyStr:
+def _limit_size(data: AnyStr, source: str) -> AnyStr:
     if len(data) > LARGEST:
-        raise UsageError(f"{source} is larger than {LARGEST // 2**20} MB; no machine is")
+        raise UsageError(f"{source} is larger than {LARGEST // 2**20} MB; expected a machine")
     return data
 
 
 def read_lines(source: str) -> Iterator[str]:
-    """The lines of a file or of standard input, one at a time, blank ones too.
+    """The lines of a file or of standard input, one at a time, including blank ones.
 
     Raises:
         UsageError: There is no such file.
@@ -62,7 +62,7 @@ def read_lines(source: str) -> Iterator[str]:
 
 
 def _standard_input() -> TextIO:
-    """Standard input as UTF-8; what is none of it is replaced."""
+    """Standard input as UTF-8; invalid bytes are replaced."""
     if sys.stdin is None:
         raise UsageError("standard input is closed; name a file")
     if isinstance(sys.stdin, io.TextIOWrapper):
@@ -71,12 +71,12 @@ def _standard_input() -> TextIO:
 
 
 def machine_text(source: str) -> str:
-    """The text of one machine, in any form; a text that holds none at all is an error.
+    """The text of one machine in any format.
 
-    A file that ends in .bsg is to hold that form; any other holds what it looks like.
+    A .bsg file must have that format; the format of other files is detected.
 
     Raises:
-        UsageError: It holds none; names the file.
+        UsageError: The file holds no machine.
     """
     text = read_text(source)
     form: Form = "bsg" if source.lower().endswith(".bsg") else "auto"
@@ -90,8 +90,8 @@ def machine_text(source: str) -> str:
 def check(
     source: object, brief: Brief | None, geometry: bool, form: Form = "auto"
 ) -> dict[str, Any]:
-    """The validity report of spec 1.12; `source` is any model text or JSON data."""
-    report = judge(read_for(brief, source, form), brief)
+    """The validity report as data; `source` is any model text or JSON data."""
+    report = check_machine(read_for(brief, source, form), brief)
     answer: dict[str, Any] = report.to_json()
     if geometry:
         machine = report.machine
@@ -99,30 +99,30 @@ def check(
     return answer
 
 
-def warnings(text: str, brief: Brief | None, form: Form = "auto") -> list[str]:
-    """What a check has to say of a machine that does not make it invalid."""
-    report = judge(read_for(brief, text, form), brief)
+def check_warnings(text: str, brief: Brief | None, form: Form = "auto") -> list[str]:
+    """Messages of a check that do not make a machine invalid."""
+    report = check_machine(read_for(brief, text, form), brief)
     return [warning.message for warning in report.warnings]
 
 
 def check_lines(
     lines: Iterable[str], brief: Brief | None, geometry: bool, form: Form = "auto"
 ) -> Iterator[dict[str, Any]]:
-    """One report per line, in order; a line that is no JSON is judged as model text."""
+    """One report per line, in order; a line that is not JSON is checked as model text."""
     for line in lines:
-        yield check(line_value(line), brief, geometry, form)
+        yield check(parse_line(line), brief, geometry, form)
 
 
-def line_value(line: str) -> object:
-    """A line of a `.jsonl` file: JSON data, or the line itself where it is none."""
+def parse_line(line: str) -> object:
+    """A line of a `.jsonl` file: JSON data, or the line itself if it is not JSON."""
     try:
         return json.loads(line)
     except (ValueError, RecursionError):
         return line
 
 
-def block_list() -> list[dict[str, Any]]:
-    """Every block type of the library as data, ascending."""
+def list_blocks() -> list[dict[str, Any]]:
+    """Every block type of the library as data, in ascending order."""
     return [block_json(block) for block in library().values()]
 
 
@@ -130,7 +130,7 @@ def find_block(name: str) -> dict[str, Any]:
     """One block type by id or name.
 
     Raises:
-        UnknownNameError: There is none; lists the nearest.
+        UnknownNameError: There is no such type; lists similar ones.
     """
     return block_json(library().find(name))
 

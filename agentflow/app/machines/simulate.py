@@ -1,4 +1,4 @@
-"""Owns single rollouts for a user: one machine or many, with queries, and kept states."""
+"""Simulating machines from files: one or many, with queries and saved states."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Sequen
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.machines.files import line_value
+from agentflow.app.machines.files import parse_line
 from agentflow.env.archive import rollout_json, save_npz
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.query import answer_queries
@@ -32,20 +32,20 @@ def simulate_text(
     queries: Sequence[str] = (),
     save: Path | None = None,
 ) -> dict[str, Any]:
-    """Simulate one machine given as text or data; the result object of spec 2.6.
+    """Simulate one machine given as text or data; the result as data.
 
     Raises:
-        UsageError: A query is no JSON, or the states cannot be saved. (A machine that was not
-            simulated has no states; its result says so.)
+        UsageError: A query is not JSON, or the states cannot be saved. (A machine that was not
+            simulated has no states.)
     """
-    asked = [_query(item) for item in queries]
+    parsed = [_parse_query(item) for item in queries]
     report = check(read_for(task.brief, text), task.brief)
     if report.machine is None:
         return rollout_json(invalid(report.problems))
     rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate)
     result = rollout_json(rollout)
-    if asked:
-        result["answers"] = answer_queries(report.machine, rollout, asked).data
+    if parsed:
+        result["answers"] = answer_queries(report.machine, rollout, parsed).data
     if save is not None and rollout.trace is not None:
         try:
             with write_atomically(save) as part:
@@ -64,13 +64,13 @@ async def simulate_lines(
     power: bool,
     workers: int,
 ) -> AsyncIterator[dict[str, Any]]:
-    """Simulate one machine per line, as lines come; one result per line, in order.
+    """Simulate one machine per line, as lines arrive; one result per line, in order.
 
-    Holds a few rollouts per worker at a time, however many lines there are.
+    Holds only a few rollouts per worker at a time.
     """
 
     async def result(line: str) -> dict[str, Any]:
-        report = check(read_for(task.brief, line_value(line)), task.brief)
+        report = check(read_for(task.brief, parse_line(line)), task.brief)
         if report.machine is None:
             return rollout_json(invalid(report.problems))
         rollout = await pool.run(report.machine, task, seed=seed, power=power, rate=rate)
@@ -97,7 +97,7 @@ def _feed(
     begin: Callable[[str | Exception | None], Coroutine[Any, Any, None]],
     loop: asyncio.AbstractEventLoop,
 ) -> None:
-    """Read lines, which may block for long, in a thread that nobody has to wait for."""
+    """Read lines, which may block, in a daemon thread."""
 
     def hand_over(item: str | Exception | None) -> None:
         asyncio.run_coroutine_threadsafe(begin(item), loop).result()
@@ -105,13 +105,13 @@ def _feed(
     try:
         for line in lines:
             hand_over(line)
-    except Exception as problem:  # noqa: BLE001 - handed over to the consumer, which raises it
+    except Exception as problem:  # noqa: BLE001 - passed to the consumer, which raises it
         hand_over(problem)
     else:
         hand_over(None)
 
 
-def _query(text: str) -> object:
+def _parse_query(text: str) -> object:
     try:
         return json.loads(text)
     except (ValueError, RecursionError):

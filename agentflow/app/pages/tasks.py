@@ -8,7 +8,7 @@ from typing import Any
 
 from PIL import Image
 
-from agentflow.app.tasks import find_task, task_json, task_list
+from agentflow.app.tasks import find_task, list_tasks, task_json
 from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, place_plans
 from agentflow.env.drawing.plans import level_plans
 from agentflow.env.tasks.base import Task
@@ -47,7 +47,7 @@ def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
 
 def draw_all(folder: Path) -> list[Path]:
     """Draw every level into a folder."""
-    names = [item["name"] for item in task_list()]
+    names = [item["name"] for item in list_tasks()]
     return [draw_task(name, (), folder / picture_name(name)) for name in names]
 
 

@@ -127,11 +127,11 @@ def doctor(
 ) -> None:
     """Send one small request to a model endpoint and report what works."""
     from agentflow.app.design.config import load_config
-    from agentflow.app.doctor import examine
+    from agentflow.app.doctor import check_endpoint
     from agentflow.cli.display.show import show_diagnosis
 
     options = {"model.name": model, "model.base_url": base_url}
-    found = examine(load_config(config, settings or (), options), role).model_dump()
+    found = check_endpoint(load_config(config, settings or (), options), role).model_dump()
     print_json(found) if as_json else show_diagnosis(found)
     if found["problem"]:
         raise EndpointError(found["problem"])

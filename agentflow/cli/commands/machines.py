@@ -49,7 +49,7 @@ def check(
     if as_json:
         print_json(report)
     else:
-        show_report(report, machines.warnings(text, brief, form))
+        show_report(report, machines.check_warnings(text, brief, form))
 
 
 def _brief(task: str | None, knobs: list[str] | None) -> Any:
@@ -212,11 +212,11 @@ def blocks(
     as_json: Json = False,
 ) -> None:
     """List all blocks, or show one block and its faces."""
-    from agentflow.app.machines.files import block_list, find_block
+    from agentflow.app.machines.files import find_block, list_blocks
     from agentflow.cli.display.show import show_block, show_blocks
 
     if name is None:
-        found = block_list()
+        found = list_blocks()
         print_json(found) if as_json else show_blocks(found)
     else:
         block = find_block(name)

@@ -24,9 +24,9 @@ Set = Annotated[str, typer.Argument(help="Prompt set.")]
 @prompts.command("list", epilog="Example: agentflow prompts list")
 def list_(as_json: Json = False) -> None:
     """List the prompt sets and their content hashes."""
-    from agentflow.app.prompts import set_list
+    from agentflow.app.prompts import list_prompt_sets
 
-    found = set_list()
+    found = list_prompt_sets()
     if as_json:
         print_json(found)
         return
@@ -52,11 +52,11 @@ def show(
 ) -> None:
     """Print a prompt as a model gets it, with an estimate of its tokens."""
     from agentflow.app.machines.files import machine_text
-    from agentflow.app.prompts import rendered
+    from agentflow.app.prompts import render_prompt
     from agentflow.app.tasks import find_task
 
     text = None if machine is None else machine_text(machine)
-    found = rendered(name, role, find_task(task, knobs or ()).brief, text)
+    found = render_prompt(name, role, find_task(task, knobs or ()).brief, text)
     if as_json:
         print_json(found)
         return
@@ -70,6 +70,6 @@ def show(
 @prompts.command(epilog="Example: agentflow prompts diff default compact")
 def diff(first: Set, second: Set) -> None:
     """Compare the templates of two prompt sets."""
-    from agentflow.app.prompts import difference
+    from agentflow.app.prompts import compare_prompt_sets
 
-    print(difference(first, second) or "identical")
+    print(compare_prompt_sets(first, second) or "identical")

@@ -26,13 +26,13 @@ def show_config(config: Config = None, settings: Settings = None, as_json: Json 
 
     Sources: default, file, --set, environment. The output is itself a configuration file.
     """
-    from agentflow.app.configuration import as_yaml, resolved
+    from agentflow.app.configuration import annotated_yaml, resolve_config
 
-    found = resolved(config, settings or ())
+    found = resolve_config(config, settings or ())
     if as_json:
         print_json(found)
     else:
-        print(as_yaml(found))
+        print(annotated_yaml(found))
 
 
 @commands.command(epilog="Example: agentflow runs runs")

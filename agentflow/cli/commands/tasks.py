@@ -45,7 +45,7 @@ def _draw(
     name: str | None, knobs: list[str], picture: Path | None, out: Path | None, html: Path | None
 ) -> None:
     from agentflow.app.pages import tasks as taskpages
-    from agentflow.app.tasks import task_list
+    from agentflow.app.tasks import list_tasks
 
     if name is not None and picture:
         print(taskpages.draw_task(name, knobs, picture))
@@ -55,16 +55,16 @@ def _draw(
         for path in taskpages.draw_all(out):
             print(path)
     if html:
-        names = [item["name"] for item in task_list()] if name is None else [name]
+        names = [item["name"] for item in list_tasks()] if name is None else [name]
         print(taskpages.write_page(names, html))
 
 
 def _show(name: str | None, knobs: list[str], as_json: bool) -> None:
-    from agentflow.app.tasks import task_json, task_list
+    from agentflow.app.tasks import list_tasks, task_json
     from agentflow.cli.display.show_tasks import show_task, show_tasks
 
     if name is None:
-        found = task_list()
+        found = list_tasks()
         print_json(found) if as_json else show_tasks(found)
     else:
         level = task_json(name, knobs)

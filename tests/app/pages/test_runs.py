@@ -109,7 +109,8 @@ def test_another_score_today_is_said(tmp_path: Path) -> None:
     out = report(run, tmp_path / "r.html", films=9, workers=1, say=quiet)
     shown = data_of(out)["machines"][machine(HOLDS).digest]
     assert re.fullmatch(
-        r"Simulated again with today's physics: [0-9.]+, recorded were 12\.50\.", shown["remark"]
+        r"Simulated again with current physics: [0-9.]+; the recorded score is 12\.50\.",
+        shown["remark"],
     )
 
 
