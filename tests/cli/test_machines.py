@@ -209,8 +209,8 @@ def test_a_plate_is_no_block_of_the_game(ending: str, capsys: pytest.CaptureFixt
     Path("train.json").write_text('[{"type": 9000, "id": 0, "parent": -1, "face_id": -1}]')
     assert main(["convert", "train.json", f"made{ending}"]) == 2
     assert capsys.readouterr().err == (
-        "agentflow: train.json cannot be converted: it is built on a plate, which is not a block of "
-        "the game; convert it to .json or .glb\n"
+        "agentflow: train.json cannot be converted: it is built on a plate, which is not a block "
+        "of the game; convert it to .json or .glb\n"
     )
     assert not Path(f"made{ending}").exists()
     assert main(["convert", "train.json", "made.json"]) == 0
