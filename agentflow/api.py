@@ -349,12 +349,12 @@ def _prepare(
     machine: MachineLike, task: str, knobs: Mapping[str, object] | None
 ) -> tuple[Task, Machine | Rollout]:
     """The task, and the machine, or the rollout of an invalid one."""
-    from agentflow.env.simulation.refusals import invalid
+    from agentflow.env.simulation.refusals import invalid_rollout
     from agentflow.env.tasks.registry import get_task
 
     level = get_task(task, knobs)
     report = _check(machine, level.brief)
-    return level, invalid(report.problems) if report.machine is None else report.machine
+    return level, invalid_rollout(report.problems) if report.machine is None else report.machine
 
 
 def _check(machine: MachineLike, brief: Brief | None) -> Report:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
-from agentflow.env.simulation.refusals import invalid
+from agentflow.env.simulation.refusals import invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
@@ -56,7 +56,7 @@ def reward(
     """
     level, report = _check_reply(task, text, knobs)
     if report.machine is None:
-        return _reward(report, invalid(report.problems))
+        return _reward(report, invalid_rollout(report.problems))
     return _reward(report, simulate(report.machine, level, seed=seed))
 
 
@@ -75,7 +75,7 @@ async def reward_async(
     """
     level, report = _check_reply(task, text, knobs)
     if report.machine is None:
-        return _reward(report, invalid(report.problems))
+        return _reward(report, invalid_rollout(report.problems))
     return _reward(report, await pool.run(report.machine, level, seed=seed))
 
 

@@ -1,4 +1,4 @@
-"""Owns rollouts outside memory: the JSON result of spec 2.6, and .npz files."""
+"""Rollouts as JSON data and as .npz files."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ UNREADABLE = (
     TokenError,
     zlib.error,
 )
-"""What NumPy raises of a file that is empty, cut short, damaged or none of ours."""
+"""What NumPy raises for a file that is empty, truncated, damaged or in another format."""
 UNLIKE_OURS = (KeyError, TypeError, ValueError, AttributeError)
-"""What the content of a readable file raises that is none of ours."""
+"""What unexpected content of a readable file raises."""
 
 
 def rollout_json(rollout: Rollout) -> dict[str, Any]:
-    """A rollout as JSON data with exactly the keys of spec 2.6; null what was not simulated."""
+    """A rollout as JSON data; null for what was not simulated."""
     simulated = rollout.status != "invalid"
     return {
         "status": rollout.status,
@@ -62,8 +62,8 @@ def save_npz(rollout: Rollout, path: Path) -> None:
     """Write a rollout: `states`, a record per sample whose fields are the trace's arrays, and
     `result`, the rest as JSON text.
 
-    One array of records, not compressed: twelve compressed ones took three times as long to write
-    and twice as long to read, and the files were a quarter smaller.
+    One array of records, not compressed: twelve compressed arrays took three times as long to write
+    and twice as long to read, for files a quarter smaller.
 
     Raises:
         OSError: The file cannot be written.
@@ -92,7 +92,7 @@ def load_npz(path: Path) -> Rollout:
     """Read what `save_npz` wrote.
 
     Raises:
-        UsageError: The file is not there or is none of ours.
+        UsageError: The file does not exist or is not a saved rollout.
     """
     try:
         with path.open("rb") as raw, np.load(raw) as file:
@@ -107,11 +107,15 @@ def load_npz(path: Path) -> Rollout:
 
 
 def _foreign(path: Path, error: Exception) -> UsageError:
-    return UsageError(f"{path} is no saved rollout: {error}")
+    return UsageError(f"{path} is not a saved rollout: {error}")
 
 
 def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
-    """The rollout of these parts; what is missing or is something else raises UNLIKE_OURS."""
+    """The rollout of these parts.
+
+    Raises:
+        UNLIKE_OURS: Something is missing or has an unexpected type.
+    """
     trace = None
     if states is not None:
         named = result.pop("trace")

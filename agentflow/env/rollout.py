@@ -1,4 +1,4 @@
-"""Owns what a rollout yields: the recorded states, what broke, what happened, the result.
+"""The result of a rollout: recorded states, breakages, events, score and feedback.
 
 Arrays are float64 in the game frame; T samples, N blocks (index = block id), E connections,
 L two-ended blocks, M scene things.
@@ -58,7 +58,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Broken:
-    """One connection that gave way."""
+    """One connection that broke."""
 
     block: int
     type: int
@@ -71,7 +71,7 @@ class Broken:
 
 @dataclass(frozen=True)
 class RolloutEvent:
-    """Something worth telling a designer, beside breakages."""
+    """Something that designers are told of, other than breakages."""
 
     time: float
     kind: str
@@ -81,7 +81,7 @@ class RolloutEvent:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a task says of a trace."""
+    """A task's score of a trace."""
 
     score: float
     terms: Mapping[str, float | bool | str | None]
@@ -91,7 +91,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Feedback:
-    """What designers are told after a rollout: the same content as text and as data."""
+    """Feedback to designers after a rollout: the same content as text and as data."""
 
     text: str
     data: Mapping[str, Any]
@@ -99,17 +99,17 @@ class Feedback:
 
 @dataclass(frozen=True)
 class Rollout:
-    """The outcome of trying one machine at one task.
+    """The result of simulating one machine in one task.
 
     `diverged` is the machine's fault and scores 0; `timeout` and `crashed` are the computer's and
-    have score None; `invalid` was never simulated and scores 0.
+    have score None; `invalid` machines are not simulated and score 0.
     """
 
     status: Status
     score: float | None
     terms: Mapping[str, float | bool | str | None]
     problems: tuple[Mapping[str, Any], ...]
-    """Why it is invalid: code, blocks, message of each problem (spec 1.12)."""
+    """Why it is invalid: code, blocks and message of each problem."""
     broken: tuple[Broken, ...]
     events: tuple[RolloutEvent, ...]
     feedback: Feedback
@@ -121,6 +121,6 @@ class Rollout:
     constants: str | None
     """Hash of the physical constants."""
     scene: Scene | None = None
-    """What stood around the machine of the trace; not kept in files."""
+    """Scene of the trace; not saved in files."""
     engine: str | None = None
     """Name and library version of the physics engine; None if nothing was simulated."""

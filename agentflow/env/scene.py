@@ -1,4 +1,4 @@
-"""Owns the vocabulary of a scene: what the world holds besides the machine.
+"""Scenes: what the world contains besides the machine.
 
 Game frame throughout: left-handed, x right, y up, z forward; metres, kilograms, seconds.
 """
@@ -18,7 +18,7 @@ IDENTITY: Quat = (0.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Thing:
-    """One object of a scene. `mass` 0 stands still for ever; anything else moves.
+    """One object of a scene. With `mass` 0 it never moves.
 
     `size` is the full extent along the thing's own x, y, z; a sphere's diameter is `size[0]`; a
     cylinder's and a cone's axis is y.
@@ -32,20 +32,20 @@ class Thing:
     rotation: Quat = IDENTITY
     mass: float = 0.0
     friction: float | None = None
-    """None: as the physical constants have it; so is the ground's."""
+    """None: the value of the physical constants, which is also the ground's."""
     restitution: float | None = None
-    """The same."""
+    """None: as for friction."""
     balance: Vec3 = (0.0, 0.0, 0.0)
-    """From its centre to its centre of mass, along its own axes, m. Where that is not 0 its inertia
-    about its centre of mass is that of an even box of its size about the middle."""
+    """From its centre to its centre of mass, along its own axes, m. If not 0, its inertia about its
+    centre of mass is that of a uniform box of its size about the middle."""
     color: tuple[float, float, float, float] = (0.55, 0.57, 0.6, 1.0)
 
 
 @dataclass(frozen=True)
 class Start:
-    """How the machine is put down: on the plane through (0, height, 0), turned with it.
+    """Where the machine starts: on a plane through (0, height, 0), rotated with the plane.
 
-    The centre of its bounding box lies over x = z = 0 before it is turned, its lowest point on the
+    Before rotation the centre of its bounding box is over x = z = 0 and its lowest point on the
     plane.
     """
 
@@ -54,7 +54,7 @@ class Start:
     pitch: float = 0.0
     """Degrees by which the plane's z+ end is raised."""
     yaw: float = 0.0
-    """Degrees by which the machine is turned on the plane, its front towards x+."""
+    """Degrees by which the machine is rotated on the plane, its front towards x+."""
 
     @property
     def rotation(self) -> Quat:
@@ -68,7 +68,7 @@ class Gust:
     """One wave in the strength of the wind."""
 
     share: float
-    """How much it adds to and takes from the mean wind, as a share of it."""
+    """Amplitude, as a share of the mean wind."""
     period: float
     """s."""
     phase: float
@@ -77,19 +77,19 @@ class Gust:
 
 @dataclass(frozen=True)
 class Scene:
-    """Flat ground at y = 0 and what stands on it; wind blows everywhere at one velocity."""
+    """Flat ground at y = 0, things on it, and wind that is the same everywhere."""
 
     things: tuple[Thing, ...] = ()
     wind: Vec3 = (0.0, 0.0, 0.0)
-    """Mean velocity of the air, m/s; until t = 0 it blows steadily."""
+    """Mean velocity of the air, m/s; steady until t = 0."""
     gusts: tuple[Gust, ...] = ()
-    """How the wind's strength changes from t = 0 on; its direction does not."""
+    """Changes in the wind's strength from t = 0 on; its direction stays."""
     start: Start = field(default_factory=Start)
     friction: float | None = None
-    """Of the ground; None: as the physical constants have it."""
+    """Of the ground; None: the value of the physical constants."""
 
     def strength(self, time: float) -> float:
-        """Share of the mean wind that blows at a time, s since t = 0."""
+        """Strength of the wind at a time (s since t = 0), as a share of the mean wind."""
         return 1.0 + sum(
             gust.share * sin(2 * pi * time / gust.period + gust.phase) for gust in self.gusts
         )

@@ -289,11 +289,11 @@ def test_a_file_from_before_engines_were_recorded_is_read(thrown: Rollout, tmp_p
 def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "other.npz"
     path.write_text("no archive")
-    with pytest.raises(UsageError, match="is no saved rollout"):
+    with pytest.raises(UsageError, match="is not a saved rollout"):
         load_npz(path)
     for result in ("{}", "[]", '{"feedback": "", "feedback_data": {}, "events": 1, "broken": []}'):
         np.savez(path, result=np.array(result))
-        with pytest.raises(UsageError, match="is no saved rollout"):
+        with pytest.raises(UsageError, match="is not a saved rollout"):
             load_npz(path)
 
 
@@ -317,5 +317,5 @@ def test_a_rollout_without_its_states_is_refused(thrown: Rollout, tmp_path: Path
     for other in (None, np.zeros(3), np.zeros(3, [("times", float)]), np.array([{}], object)):
         arrays = {} if other is None else {"states": other}
         np.savez(path, result=result, **arrays)
-        with pytest.raises(UsageError, match="is no saved rollout"):
+        with pytest.raises(UsageError, match="is not a saved rollout"):
             load_npz(path)

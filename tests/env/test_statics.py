@@ -45,7 +45,7 @@ def loads(world: World, assembly: Assembly) -> Mapping[tuple[int, int], Array]:
     """(6,) of each connection by its two blocks."""
     shared = world.reactions.copy()
     for loop in load_loops(assembly.joints, skeleton(len(assembly.parts), assembly.joints)):
-        shared[loop.joints] = loop.shared(shared)
+        shared[loop.joints] = loop.share(shared)
     return {(j.block, j.partner): shared[i] for i, j in enumerate(assembly.joints)}
 
 
@@ -183,7 +183,7 @@ def test_every_part_of_a_braced_machine_is_in_balance(engine: Engine, cut: tuple
     plan = skeleton(len(assembly.parts), assembly.joints, gone)
     assert len(plan.idle) == 4 - len(gone)
     for loop in load_loops(assembly.joints, plan):
-        shared[loop.joints] = loop.shared(shared)
+        shared[loop.joints] = loop.share(shared)
     for i, part in enumerate(assembly.parts):
         if part.block < 5:  # stands on the ground
             continue

@@ -13,7 +13,7 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Feedback, Rollout
 from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.simulation.trials import joined
+from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.families.jumping import Jumping, JumpingKnobs
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.tree import Machine
@@ -49,12 +49,12 @@ def stopped(status: str) -> Rollout:
 
 def test_a_single_rollout_stays_as_it_is() -> None:
     only = trial(1, False)
-    assert joined([only]) is only
+    assert combine_trials([only]) is only
 
 
 def test_successes_are_counted_and_the_first_failure_is_shown() -> None:
     played = [trial(1, True), trial(2, False, 0.5), trial(3, False, 0.25), trial(4, True)]
-    whole = joined(played)
+    whole = combine_trials(played)
     assert (whole.status, whole.score, whole.sim_seconds, whole.wall_seconds) == ("ok", 2, 4, 2)
     assert whole.trace is played[1].trace
     assert dict(whole.terms) == {
@@ -85,31 +85,31 @@ def test_successes_are_counted_and_the_first_failure_is_shown() -> None:
 
 def test_the_first_trial_is_shown_when_all_succeed() -> None:
     played = [trial(1, True), trial(2, True)]
-    whole = joined(played)
+    whole = combine_trials(played)
     assert (whole.score, whole.terms["shown_trial"], whole.terms["closest_miss"]) == (2, 1, None)
     assert whole.trace is played[0].trace
 
 
 def test_the_digest_is_over_all_trials_in_their_order() -> None:
     one, two, three = trial(1, True), trial(2, True), trial(3, True)
-    digests = {joined(each).digest for each in ([one, two], [two, one], [one, three])}
+    digests = {combine_trials(each).digest for each in ([one, two], [two, one], [one, three])}
     assert len(digests) == 3
-    assert joined([one, two]).digest == joined([one, two]).digest
+    assert combine_trials([one, two]).digest == combine_trials([one, two]).digest
 
 
 def test_a_trial_that_diverges_is_a_failed_one() -> None:
-    whole = joined([trial(1, True), stopped("diverged"), trial(3, True)])
+    whole = combine_trials([trial(1, True), stopped("diverged"), trial(3, True)])
     assert (whole.status, whole.score, whole.terms["trial_2"]) == ("ok", 2.0, False)
     assert whole.terms["outcome_2"] == "the simulation diverged"
     assert "Trial 2: the simulation diverged\n" in whole.feedback.text
-    everywhere = joined([stopped("diverged"), stopped("diverged")])
+    everywhere = combine_trials([stopped("diverged"), stopped("diverged")])
     assert (everywhere.status, everywhere.score) == ("diverged", 0.0)
 
 
 @pytest.mark.parametrize("status", ["timeout", "crashed", "invalid"])
 def test_what_stops_one_trial_stops_all(status: str) -> None:
     cut = stopped(status)
-    assert joined([trial(1, True), cut, stopped("timeout")]) is cut
+    assert combine_trials([trial(1, True), cut, stopped("timeout")]) is cut
 
 
 def test_trials_are_the_seeds_and_within_their_limits() -> None:
@@ -132,7 +132,7 @@ def test_trials_are_the_seeds_and_within_their_limits() -> None:
 def test_the_whole_is_what_its_trials_are_in_any_order() -> None:
     whole = simulate(LONE_ROOT, TASK, seed=3)
     alone = [simulate(LONE_ROOT, one) for one in reversed(TASK.trials(3))]
-    again = joined(alone[::-1])
+    again = combine_trials(alone[::-1])
     assert (whole.score, whole.status) == (0.0, "ok")
     assert whole.digest == again.digest
     assert whole.feedback == again.feedback

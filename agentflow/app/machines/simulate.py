@@ -13,7 +13,7 @@ from agentflow.app.machines.files import parse_line
 from agentflow.env.archive import rollout_json, save_npz
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.query import answer_queries
-from agentflow.env.simulation.refusals import invalid
+from agentflow.env.simulation.refusals import invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
@@ -41,7 +41,7 @@ def simulate_text(
     parsed = [_parse_query(item) for item in queries]
     report = check(read_for(task.brief, text), task.brief)
     if report.machine is None:
-        return rollout_json(invalid(report.problems))
+        return rollout_json(invalid_rollout(report.problems))
     rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate)
     result = rollout_json(rollout)
     if parsed:
@@ -72,7 +72,7 @@ async def simulate_lines(
     async def result(line: str) -> dict[str, Any]:
         report = check(read_for(task.brief, parse_line(line)), task.brief)
         if report.machine is None:
-            return rollout_json(invalid(report.problems))
+            return rollout_json(invalid_rollout(report.problems))
         rollout = await pool.run(report.machine, task, seed=seed, power=power, rate=rate)
         return rollout_json(rollout)
 

@@ -20,7 +20,7 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
-from agentflow.env.simulation.trials import SHOWN_TRIAL, joined
+from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import UsageError
@@ -137,7 +137,7 @@ async def film_machines(
         rollout = (
             _load_recorded(item)
             if item.recorded is not None
-            else joined(played)
+            else combine_trials(played)
             if played
             else None
         )

@@ -1,6 +1,6 @@
-"""Owns the rows: which rigid cluster has which, and where every part sits in its cluster.
+"""Which row of a table belongs to which rigid cluster, and where each part sits in its cluster.
 
-A row is what an engine reads per cluster and per moving thing (see `physics.rows`).
+An engine reads one row per rigid cluster and per moving thing; `physics.rows` defines a row.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Handle = tuple[int, int]
 
 @dataclass(frozen=True)
 class Built:
-    """A connected component that stands in an engine's world."""
+    """A piece of the machine as a body in an engine's world."""
 
     uid: int
     """Body number in the engine."""
@@ -38,11 +38,11 @@ class Built:
 
 @dataclass(frozen=True)
 class RowLayout:
-    """One skeleton's rows: clusters in the order of their bodies, then the moving things."""
+    """The rows of one skeleton: clusters in the order of their bodies, then the moving things."""
 
     locations: PartLocations
     handles: tuple[Handle, ...]
-    """Body and link that stand for each row."""
+    """Body and link whose motion each row holds."""
     leading: tuple[int, ...]
     """Leading part of each cluster's row."""
     things: tuple[str, ...]
@@ -50,7 +50,7 @@ class RowLayout:
     thing_arms: Array
     """(M, 3) from the centre of mass of each, where its row is, to its centre; engine frame, m."""
     bodies: tuple[tuple[int, tuple[int, ...]], ...]
-    """Of each body: its number, and the links that lead clusters, in row order."""
+    """Number of each body, and those of its links that lead clusters, in row order."""
 
     @property
     def thing_rows(self) -> slice:
@@ -65,11 +65,11 @@ def lay_out(
     moving: Sequence[Thing],
     numbers: Mapping[str, int],
 ) -> RowLayout:
-    """Give every cluster and every moving thing its row.
+    """Assign a row to every cluster and every moving thing.
 
     Args:
         assembly: The machine.
-        plan: Its present skeleton.
+        plan: Its current skeleton.
         built: The bodies, in the skeleton's order.
         moving: Things that can move.
         numbers: Body number of each thing.
@@ -104,12 +104,12 @@ def lay_out(
     )
 
 
-def hubs(assembly: Assembly, plan: Skeleton, locations: PartLocations) -> PartLocations:
+def drag_locations(assembly: Assembly, plan: Skeleton, locations: PartLocations) -> PartLocations:
     """`locations` as drag may see them, which then acts on fewer clusters.
 
-    What turns about its own centre without drag of its own against turning, as a wheel does,
-    drags at a point of its axle: the cluster that holds the axle has that point as well, and
-    feels the same.
+    A wheel turns about its own centre, so if turning itself meets no drag, the wheel's drag acts
+    at a point of its axle. The cluster that holds the axle contains that point as well; assigning
+    the wheel's drag to that cluster gives the same motion.
     """
     row, offset = locations.row.copy(), locations.offset.copy()
     parts = assembly.parts

@@ -40,7 +40,7 @@ class LoadLoop:
     matrix: Array
     """(6 T, 6 K): what each of those numbers adds to what each connection bears."""
 
-    def shared(self, reactions: Array) -> Array:
+    def share(self, reactions: Array) -> Array:
         """(K, 6) what each connection bears, from the (J, 6) reactions of the tree."""
         terms = self.matrix * reactions.ravel()[self.sources][:, None]
         return np.asarray(np.add.reduce(terms, axis=0)).reshape(-1, 6)

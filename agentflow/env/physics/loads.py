@@ -103,7 +103,7 @@ class Loads:
         if self._plan.loops:
             reactions = reactions.copy()
             for loop in self._plan.loops:
-                reactions[loop.joints] = loop.shared(reactions)
+                reactions[loop.joints] = loop.share(reactions)
         level, before, spare = self._before, self._level, self._spare
         self._level, self._before = level, before
         np.multiply(reactions, self._take, level)
@@ -117,7 +117,7 @@ class Loads:
         share = np.sqrt(self._squares().max(axis=1))
         if not np.maximum.reduce(share) >= 1.0:
             return {}
-        gone = self._giving(share)
+        gone = self._breaking_now(share)
         relieved = self._relieved(gone)
         level[relieved] = before[relieved]
         self.release(gone)
@@ -129,7 +129,7 @@ class Loads:
         self._broken[list(joints)] = True
         self._plan = self._make_plan()
 
-    def _giving(self, share: Array) -> list[int]:
+    def _breaking_now(self, share: Array) -> list[int]:
         """The overloaded joints that give way now."""
         over = sorted(np.flatnonzero(share >= 1.0).tolist(), key=lambda i: (-share[i], i))
         first: dict[int, int] = {}

@@ -1,7 +1,4 @@
-"""Owns what is read off the rows, in the game frame: poses, states, momentum.
-
-Serves any engine whose frame is right-handed with z up.
-"""
+"""Poses, states and momentum of a machine from the rows of its clusters, in the game frame."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ from agentflow.env.physics.frames import (
 )
 from agentflow.env.physics.layout import RowLayout
 from agentflow.env.physics.model import Assembly, Joint, Part, State
-from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, WIDTH, Row, carried
+from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, WIDTH, Row, move_rows
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import compose, conjugate, cross, matrices, turn, turn_back
 from agentflow.env.scene import Quat, Vec3
@@ -28,14 +25,14 @@ from agentflow.machine.geometry.vectors import add, dot, product, rotate_vector,
 
 
 class Readings:
-    """Reads one layout's rows."""
+    """Reads the rows of one layout."""
 
     def __init__(self, assembly: Assembly, layout: RowLayout) -> None:
         self._assembly, self._layout = assembly, layout
         carriers = [parts[0] for parts in assembly.blocks]
         self._row = layout.locations.row[carriers]
         self.row_of: list[int] = self._row.tolist()
-        """Row that carries each block."""
+        """Row of the cluster that each block belongs to."""
         leading = [assembly.parts[layout.leading[row]].centre for row in self.row_of]
         self._centre_at = _arms(assembly.centres, leading)
         self._origin_at = _arms(assembly.origins, leading)
@@ -49,7 +46,7 @@ class Readings:
     def parts(self, rows: Array) -> Array:
         """(P, 13) one row per part, engine frame."""
         locations = self._layout.locations
-        return carried(rows[locations.row], locations.offset)
+        return move_rows(rows[locations.row], locations.offset)
 
     def state(self, rows: Array) -> State:
         """Everything that a record holds."""
@@ -57,7 +54,7 @@ class Readings:
         return State(**{name: values[0] for name, values in vars(one).items()})
 
     def states(self, tables: Array) -> State:
-        """The same of (T, C, 13) rows at several times, with a leading axis of times."""
+        """States at several times from (T, C, 13) rows, with a leading axis of times."""
         count = len(tables)
         blocks = tables[:, self._row].reshape(-1, WIDTH)
         clusters = matrices(tables.reshape(-1, WIDTH)[:, ROTATION]).reshape(count, -1, 3, 3)
@@ -73,7 +70,7 @@ class Readings:
         velocity = by_time(swap_all(blocks[:, VELOCITY] + cross(blocks[:, SPIN], arms)))
         rest = np.tile(self._rest, (count, 1))
         ends = tables[:, self._end_row].reshape(-1, WIDTH)
-        ends = carried(ends, np.tile(self._end_arms, (count, 1)))
+        ends = move_rows(ends, np.tile(self._end_arms, (count, 1)))
         one, other = by_time(ends[0::2]), by_time(ends[1::2])
         halves = swap_all((one + other)[:, :, POSITION] * 0.5)
         position[:, self._spanning] = middle[:, self._spanning] = halves
@@ -99,30 +96,30 @@ class Readings:
         arms = self._layout.thing_arms
         if not arms.any():
             return rows
-        moved = carried(rows.reshape(-1, WIDTH), np.tile(arms, (len(tables), 1)))
+        moved = move_rows(rows.reshape(-1, WIDTH), np.tile(arms, (len(tables), 1)))
         return moved.reshape(rows.shape)
 
     def centres(self, rows: Array) -> Array:
-        """(N, 3) block centres, m: the same as in `state`, for those who need nothing else."""
+        """(N, 3) block centres, m, as in `state` but without the rest."""
         blocks = rows[self._row]
         centres = blocks[:, POSITION] + turn(matrices(blocks[:, ROTATION]), self._centre_arms)
         if self._spanning:
-            ends = carried(rows[self._end_row], self._end_arms)
+            ends = move_rows(rows[self._end_row], self._end_arms)
             centres[self._spanning] = (ends[0::2] + ends[1::2])[:, POSITION] * 0.5
         return swap_all(centres)
 
     def centre(self, row: Row, block: int) -> Vec3:
-        """Centre of a block, from the row that carries it."""
+        """Centre of a block, from the row of its cluster."""
         x, y, z, a, b, c, w, *_ = row
         return swap(add((x, y, z), rotate_vector((a, b, c, w), self._centre_at[block])))
 
     def origin(self, row: Row, block: int) -> Vec3:
-        """Building point of a block, from the row that carries it."""
+        """Building point of a block, from the row of its cluster."""
         x, y, z, a, b, c, w, *_ = row
         return swap(add((x, y, z), rotate_vector((a, b, c, w), self._origin_at[block])))
 
     def rotation(self, row: Row, block: int) -> Quat:
-        """Orientation of a block, from the row that carries it."""
+        """Orientation of a block, from the row of its cluster."""
         return product(swap_quaternion(row[ROTATION]), self._assembly.rotations[block])
 
     def momentum(self, rows: Array) -> Mapping[str, Array]:
@@ -143,12 +140,12 @@ class Readings:
 
 
 def _arms(points: Sequence[Vec3], leading: Sequence[Vec3]) -> list[Vec3]:
-    """From the leading centres to points at rest, engine frame."""
+    """Vectors from the leading centres to points, at rest, engine frame."""
     return [swap(subtract(point, lead)) for point, lead in zip(points, leading, strict=True)]
 
 
 def relative_motion(parent: Array, child: Array) -> tuple[Quat, Vec3]:
-    """Orientation and spin of a child row against its parent's, in the joint's frame."""
+    """Orientation and spin of a child row relative to its parent's, in the joint's frame."""
     rotation = compose(conjugate(parent[None, ROTATION]), child[None, ROTATION])
     spin = turn_back(matrices(child[None, ROTATION]), (child[SPIN] - parent[SPIN])[None])
     x, y, z, w = rotation[0].tolist()
@@ -157,7 +154,9 @@ def relative_motion(parent: Array, child: Array) -> tuple[Quat, Vec3]:
 
 
 def joint_motion(joint: Joint, parts: Sequence[Part], rows: Array) -> tuple[float, float]:
-    """Position and velocity of a revolute or prismatic joint that no tree had: it closed a loop.
+    """Position and velocity of a revolute or prismatic joint, from the motion of its parts.
+
+    For joints that closed a loop: engines know the positions of joints in trees.
 
     Args:
         joint: The joint.
@@ -169,7 +168,7 @@ def joint_motion(joint: Joint, parts: Sequence[Part], rows: Array) -> tuple[floa
         (x, y, z, w), spin = relative_motion(rows[joint.a], rows[joint.b])
         return 2.0 * atan2(dot((x, y, z), axis), w), dot(spin, axis)
     ends = [
-        carried(rows[None, i], np.array([swap(subtract(joint.pivot, parts[i].centre))]))
+        move_rows(rows[None, i], np.array([swap(subtract(joint.pivot, parts[i].centre))]))
         for i in (joint.a, joint.b)
     ]
     base, apart = matrices(rows[None, joint.a, ROTATION]), ends[1] - ends[0]

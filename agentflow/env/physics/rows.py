@@ -19,7 +19,7 @@ Row = tuple[float, ...]
 """One such row as plain numbers."""
 
 
-def carried(rows: Array, offsets: Array) -> Array:
+def move_rows(rows: Array, offsets: Array) -> Array:
     """Rows moved to points that lie `offsets` (at rest) away in the same rigid clusters."""
     moved: Array = rows.copy()
     arms = turn(matrices(rows[:, ROTATION]), offsets)

@@ -1,7 +1,7 @@
-"""Owns the choice of spanning trees: which joints carry a machine, which only close loops.
+"""Spanning trees of joints: which joints carry the machine and which close loops.
 
-An engine that simulates trees asks here at every build and split. Rigid joints are taken first, so
-a moving joint that rigid ones bridge is locked, as it would be in the real machine.
+Rigid joints are taken first, so a moving joint that rigid ones bridge is locked, as it would be in
+the real machine.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from agentflow.env.physics.model import Joint
 
 @dataclass(frozen=True)
 class Link:
-    """A part as it hangs in a tree."""
+    """A part and the joint that connects it to its parent in the tree."""
 
     part: int
     parent: int
     """Part index of the parent."""
     joint: int
-    """Index of the joint that carries it."""
+    """Index of that joint."""
     reversed: bool
-    """Whether the part is the joint's `a`, so that positions count the other way."""
+    """Whether the part is the joint's `a`, which reverses the sign of joint positions."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class Piece:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """How the parts hang together."""
+    """How the parts are connected."""
 
     pieces: tuple[Piece, ...]
-    """By lowest part index, which is also the root."""
+    """In order of their roots; each root is the lowest part index of its piece."""
     cluster: tuple[int, ...]
     """Rigid cluster of each part, named by its lowest part index."""
     locked: tuple[int, ...]
@@ -46,7 +46,7 @@ class Skeleton:
     loops: tuple[int, ...]
     """Moving joints that close a loop between clusters."""
     idle: tuple[int, ...]
-    """Rigid joints that close a loop within a cluster; they share load."""
+    """Rigid joints that close a loop within a cluster and share its load."""
 
 
 class _Sets:
@@ -62,7 +62,7 @@ class _Sets:
         return part
 
     def join(self, a: int, b: int) -> bool:
-        """Unite two sets; False when they were one already."""
+        """Unite two sets; False if they already were one."""
         a, b = self.find(a), self.find(b)
         if a == b:
             return False
@@ -71,11 +71,11 @@ class _Sets:
 
 
 def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) -> Skeleton:
-    """Spanning trees over the parts by the joints that still hold.
+    """Spanning trees over the parts, from the joints that are not broken.
 
     Args:
         count: Number of parts.
-        joints: All joints; earlier ones are preferred, and motors to joints without.
+        joints: All joints; earlier ones are preferred, and motors are preferred to other joints.
         broken: Indices of joints that no longer hold.
     """
     sets = _Sets(count)

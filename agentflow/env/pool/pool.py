@@ -1,6 +1,6 @@
-"""Owns the worker processes that run rollouts: start, ask, replace, close.
+"""A pool of worker processes that run rollouts.
 
-A worker is a fresh interpreter at the other end of a socket; what it does there is worker.py's.
+Each worker is a fresh interpreter at the other end of a pipe.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ from typing import Protocol
 
 from agentflow.env.pool.worker import Job
 from agentflow.env.rollout import Feedback, Rollout, Status
-from agentflow.env.simulation.trials import joined
+from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
 
 GRACE = 30.0
-"""Seconds beyond a rollout's own wall-time limit after which a worker counts as hung."""
+"""Seconds beyond a rollout's wall-time limit after which its worker counts as hung."""
 ATTEMPTS = 2
-"""How often a rollout may take its worker down before it is recorded as crashed."""
+"""How many workers a rollout may crash before it is recorded as crashed."""
 _CHILD = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 from agentflow.env.pool.worker import serve
 serve(int(sys.argv[1]))
 """
-"""Interrupts are the parent's to handle; a terminal sends them to the whole group."""
+"""Ignores interrupts, which a terminal sends to all processes: the parent handles them."""
 _ALONE = {"OPENBLAS_NUM_THREADS": "1"}
-"""Physics uses no BLAS; its threads would only cost start time and memory."""
+"""Physics uses no BLAS; its threads would only cost start-up time and memory."""
 
 
 class Simulator(Protocol):
-    """Runs rollouts: a pool of worker processes, or one that remembers earlier ones."""
+    """Runs rollouts: a pool of worker processes, or a store in front of one."""
 
     async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:
         """The rollout of a machine at a task."""
@@ -46,7 +46,7 @@ class Simulator(Protocol):
 class RolloutPool:
     """Runs rollouts in `workers` processes; results do not depend on which worker ran them.
 
-    Use as an async context manager; leaving it ends every worker, also in mid-rollout.
+    Use as an async context manager; on exit it ends every worker, even during a rollout.
     """
 
     def __init__(self, workers: int, grace: float = GRACE) -> None:
@@ -77,7 +77,7 @@ class RolloutPool:
         self.close()
 
     def close(self) -> None:
-        """End every worker and wait until it is gone; rollouts under way end with an error."""
+        """End every worker and wait for its exit; rollouts in progress raise an error."""
         self._closed = True
         for worker in self._workers:
             worker.kill()
@@ -97,24 +97,24 @@ class RolloutPool:
         interval: float | None = None,
         wall_limit: float = 60.0,
     ) -> Rollout:
-        """`simulate` in the next free workers, one trial in each; arguments as there.
+        """Run `simulate` in the next free workers, one trial in each; same arguments.
 
         Returns:
-            What `simulate` would return; status `crashed` when a trial took two workers down,
-            `timeout` when its worker hung.
+            What `simulate` would return; status `crashed` if a trial crashed two workers, `timeout`
+            if its worker hung.
 
         Raises:
             UsageError: As `simulate` does.
-            RuntimeError: `simulate` raised anything else, which is a bug; with its traceback.
+            RuntimeError: `simulate` raised anything else, which is a bug; includes the traceback.
         """
         jobs = [
             Job(machine, trial, seed, rate, power, interval, wall_limit)
             for trial in task.trials(seed)
         ]
-        return joined(await asyncio.gather(*map(self._play, jobs)))
+        return combine_trials(await asyncio.gather(*map(self._play, jobs)))
 
     async def _play(self, job: Job) -> Rollout:
-        """One trial, once more if it took its worker down."""
+        """Run one trial, and again if its worker died."""
         for _ in range(ATTEMPTS):
             try:
                 return await self._ask(job)
@@ -127,7 +127,7 @@ class RolloutPool:
 
     async def _ask(self, job: Job) -> Rollout:
         worker = await self._idle.get()
-        while not worker.alive and not self._closed:  # it died idle, which is no rollout's fault
+        while not worker.alive and not self._closed:  # it died while idle
             self._replace(worker)
             worker = await self._idle.get()
         loop = asyncio.get_running_loop()
@@ -135,7 +135,7 @@ class RolloutPool:
             reply = await loop.run_in_executor(
                 self._threads, worker.ask, job, job.wall_limit + self._grace
             )
-        except BaseException:  # died, hung or cancelled: whatever it does now, nobody waits for it
+        except BaseException:  # died, hung or cancelled
             self._replace(worker)
             raise
         self._idle.put_nowait(worker)
@@ -180,7 +180,7 @@ class _Worker:
         return self._process.poll() is None
 
     def ask(self, job: Job, patience: float) -> Rollout | UsageError | str:
-        """Send a job and wait for the rollout, or for the traceback of what went wrong."""
+        """Send a job and wait for the rollout, or the traceback of an error."""
         self.connection.send(job)
         if not self.connection.poll(patience):
             raise TimeoutError
@@ -188,13 +188,13 @@ class _Worker:
         return reply
 
     def kill(self) -> None:
-        """End the process and wait until it is gone; a pending `ask` then sees the end."""
+        """End the process and wait for its exit; a pending `ask` then gets an EOFError."""
         self._process.kill()
         self._process.wait()
 
 
 def _without_score(status: Status, why: str) -> Rollout:
-    """A rollout that the computer, not the machine, failed."""
+    """A rollout that failed because of the computer, not the machine."""
     return Rollout(
         status=status,
         score=None,

@@ -1,7 +1,4 @@
-"""Owns the rollouts of one run while it lasts: in memory as long as they are few, else in a file.
-
-Which of them outlive the run, and how files that are kept look, is others' to say.
-"""
+"""The rollouts of a run in progress: in memory while few, otherwise in a temporary file."""
 
 from __future__ import annotations
 
@@ -15,28 +12,28 @@ from agentflow.env.rollout import Rollout
 from agentflow.errors import RunError
 
 IN_MEMORY = 32 * 2**20
-"""Bytes of rollouts that stay in memory; chosen: some 400 of machines of 20 blocks."""
+"""Bytes of rollouts kept in memory: about 400 rollouts of 20-block machines."""
 
 
 class Rollouts(Mapping[str, Rollout]):
-    """Rollouts by key, in the order in which they came.
+    """Rollouts by key, in order of arrival.
 
-    The file is a temporary one without a name: it is gone with this process, however that ends.
+    The temporary file has no name, so it disappears with this process however that ends.
     """
 
     def __init__(self, in_memory: int = IN_MEMORY) -> None:
-        """At most `in_memory` bytes, not 0, stay in memory; of more than that, none do."""
+        """Keep rollouts in memory up to `in_memory` bytes in all (not 0), then all in a file."""
         self._file = tempfile.SpooledTemporaryFile(in_memory)  # noqa: SIM115 - closed below
         weakref.finalize(self, self._file.close)
         self._places: dict[str, int] = {}
         self._lost: RunError | None = None
-        """Why nothing can be put in or taken out any more."""
+        """Why rollouts can no longer be stored or read."""
 
     def put(self, key: str, rollout: Rollout) -> None:
-        """Remember a rollout.
+        """Store a rollout.
 
         Raises:
-            RunError: There is no room for temporary files, or was none before.
+            RunError: There is no space for temporary files, now or earlier.
         """
         self._demand_file()
         try:
@@ -44,11 +41,11 @@ class Rollouts(Mapping[str, Rollout]):
             pickle.dump(rollout, self._file)
             self._file.flush()
         except OSError as error:
-            with suppress(OSError):  # what could not be written cannot be now either
+            with suppress(OSError):  # closing tries to write again
                 self._file.close()
             self._lost = RunError(
                 f"cannot write a temporary file: {error.strerror or error}; "
-                "let TMPDIR name a folder with room"
+                "set TMPDIR to a directory with free space"
             )
             raise self._lost from None
         self._places[key] = place

@@ -1,7 +1,4 @@
-"""Owns what the runs of a sweep have in common on disk: machines and rollouts by content.
-
-When something is simulated is the laboratory's; which runs share a store is the sweep's.
-"""
+"""A folder of machines and rollouts by content, shared by the runs of a sweep."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ from agentflow.machine.tree import Machine
 
 
 def rollout_key(machine: Machine, task: Task, seed: int) -> str:
-    """Hash of everything that decides a rollout: the same key, the same bits."""
+    """Hash of everything that decides a rollout: equal keys mean equal bits."""
     return f"{machine.digest}-{_setting(task, seed)}"
 
 
@@ -46,16 +43,16 @@ def _setting(task: Task, seed: int) -> str:
 
 
 class Store:
-    """A simulator that remembers: machines and rollouts under one folder, each once.
+    """A simulator that keeps each machine and rollout once, in one folder.
 
-    One process writes at a time.
+    Only one process may write at a time.
     """
 
     def __init__(self, path: Path, pool: Simulator) -> None:
-        """Use or make the folder; what it does not hold is simulated in the pool.
+        """Open or create the folder; rollouts that it lacks are simulated in the pool.
 
         Raises:
-            RunError: It cannot be made.
+            RunError: The folder cannot be created.
         """
         self._machines, self._rollouts = path / "machines", path / "rollouts"
         self._pool = pool
@@ -68,10 +65,10 @@ class Store:
             raise RunError(f"cannot write to {path}: {error.strerror}") from None
 
     async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:
-        """The rollout, simulated and kept when there is none that can be read.
+        """The kept rollout, or a new one, which is then kept.
 
-        Asked for twice at one moment, it is simulated once. What the computer failed at is not
-        kept.
+        Concurrent calls for one rollout simulate it once. Rollouts without a score, which failed
+        because of the computer, are not kept.
 
         Raises:
             UsageError: It cannot be written.
@@ -80,8 +77,8 @@ class Store:
         async with self._busy.setdefault(key, asyncio.Lock()):
             path = self._rollouts / f"{key}.npz"
             if key in self._kept:
-                # Not beside the event loop: a thread costs more than these files, and NumPy parses
-                # their headers with `ast`, which CPython 3.11 does not do in two threads at once
+                # Not in a thread: that costs more than reading these files, and NumPy parses their
+                # headers with `ast`, which in CPython 3.11 is not thread-safe
                 # (https://github.com/python/cpython/issues/106905).
                 with suppress(UsageError):
                     return load_npz(path)
@@ -93,9 +90,9 @@ class Store:
             return rollout
 
     def share(self, run: Path, task: Task, seed: int) -> None:
-        """Let the machines and rollouts of a finished run and those kept here be the same files.
+        """Make the machines and rollouts of a finished run and those kept here the same files.
 
-        A rollout that is not kept here is one that the computer failed at: no other run's business.
+        Rollouts that are not kept here, which failed because of the computer, are skipped.
         """
         for file in (run / "machines").glob("[!.]*.json"):
             _unite(file, self._machines / file.name)
@@ -114,7 +111,7 @@ def _save(rollout: Rollout, path: Path) -> None:
 
 
 def _unite(file: Path, kept: Path) -> None:
-    """Make two paths one file; the one kept wins. Left as they are where links are impossible."""
+    """Hard-link two paths to one file, the kept one; do nothing where links are impossible."""
     with suppress(OSError):
         try:
             os.link(file, kept)

@@ -1,7 +1,7 @@
-"""Owns what a worker process does: answer jobs with rollouts until the other end closes.
+"""A worker process: answers jobs with rollouts until the other end closes.
 
-It keeps its engine between rollouts and ends by itself, so that no parent, however it ends, leaves
-one behind. Starting and asking it is pool.py's, which it does not load: every worker would pay.
+It keeps its engine between rollouts, and ends by itself when its parent ends. It does not import
+pool.py, which would cost every worker start-up time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from agentflow.machine.tree import Machine
 
 @dataclass(frozen=True)
 class Job:
-    """One trial to run; travels to the worker by pickle."""
+    """One trial to run; pickled to the worker."""
 
     machine: Machine
     task: Task
@@ -31,7 +31,7 @@ class Job:
 
 
 def serve(descriptor: int) -> None:
-    """A worker's life: answer jobs until the other end closes."""
+    """Answer jobs until the other end closes."""
     with Connection(descriptor) as connection:
         while True:
             try:
@@ -50,9 +50,9 @@ def serve(descriptor: int) -> None:
                 )
             except UsageError as error:
                 reply = error
-            except Exception:  # noqa: BLE001 - handed over to the parent, which raises it
+            except Exception:  # noqa: BLE001 - the parent raises it
                 reply = traceback.format_exc()
             try:
                 connection.send(reply)
-            except (BrokenPipeError, ConnectionResetError):  # whoever asked was killed meanwhile
+            except (BrokenPipeError, ConnectionResetError):  # the parent has been killed
                 return

@@ -21,7 +21,7 @@ from agentflow.machine.tree import Machine
 
 
 class Play:
-    """One trial under way."""
+    """One trial in progress."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class Play:
         self._fastest = physics["speed_limit"]
         self._still = physics["rest_speed"], physics["rest_spin"]
         self._look = max(1, round(physics["rest_interval"] * rate))
-        """Steps from one look at every part's speed to the next."""
+        """Steps between looks at the speed of every part."""
         self._assembly = assemble(machine, place(machine), self._value)
         self._scene = task.scene(machine)
         self._world = engine.build(self._assembly, self._scene, rate)
@@ -62,13 +62,13 @@ class Play:
         self._broken: list[tuple[int, int, float]] = []
         """Step, joint and load of each breakage."""
         self._released: list[int] = []
-        """Joints that decouplers have let go."""
+        """Joints that decouplers have released."""
         self._giving: tuple[int, ...] = ()
-        """Joints that gave way in the last step."""
+        """Joints that broke in the last step."""
         self._events: list[RolloutEvent] = []
 
     def to_the_end(self) -> Rollout:
-        """Settle, run the window, ask the referee."""
+        """Settle, run the window and score it."""
         status = self._settle()
         if status == "ok":
             self._start()
@@ -76,7 +76,7 @@ class Play:
         return self._result(status)
 
     def _settle(self) -> Status:
-        """Power off, until everything rests."""
+        """Step with power off until everything rests."""
         value = self._value
         least, most = value["settle_least"] * self._rate, value["settle_most"] * self._rate
         settling = Settling(self._machine, self._world, self._rate, value)
@@ -95,7 +95,7 @@ class Play:
                 return "ok"
 
     def _start(self) -> None:
-        """t = 0: the referee takes its bearings, the first sample is taken."""
+        """t = 0: start the referee and take the first sample."""
         self._zero = self._steps
         for i in self._loads.locked:
             joint = self._assembly.joints[i]
@@ -106,7 +106,7 @@ class Play:
         self._sample()
 
     def _window(self) -> Status:
-        """The scored part."""
+        """Run the scored window."""
         rest = 0
         due = self._schedule()
         last = round(self._task.window * self._rate)
@@ -130,14 +130,14 @@ class Play:
         return "ok"
 
     def _schedule(self) -> list[tuple[int, str, float]]:
-        """Step since t = 0, entry and level of each switch, in order; nothing with power off."""
+        """Step since t = 0, entry and level of each switch, in order; none with power off."""
         if not self._power:
             return []
         switches = self._task.schedule.switches()
         return [(round(time * self._rate), entry, level) for time, entry, level in switches]
 
     def _switch(self, entry: str, level: float) -> None:
-        """Do what the schedule asks for; decouplers let go of their parents."""
+        """Apply a switch of the schedule; decouplers release their parents."""
         if entry != "decouplers":
             self._world.switch(entry, level)
             return
@@ -158,7 +158,7 @@ class Play:
             )
 
     def _step(self) -> Status:
-        """One step. What it breaks comes apart before the next, so contacts can still be seen."""
+        """Take one step. What breaks is split before the next, so that contacts are still seen."""
         if self._giving:
             self._world.split(self._giving)
         self._world.step()
@@ -184,7 +184,7 @@ class Play:
         return self._steps - self._zero
 
     def _resting(self) -> bool:
-        """Whether everything is slow; most of the time a quick look tells that not all is."""
+        """Whether everything is slow; most of the time a quick look rules that out."""
         return self._slow(self._speeds) and self._slow(self._world.speeds())
 
     def _slow(self, speeds: tuple[float, float]) -> bool:
@@ -230,7 +230,7 @@ class Play:
     def _judge(
         self, status: Status, trace: Trace | None, broken: tuple[Broken, ...]
     ) -> tuple[Verdict, Feedback]:
-        """Score and words: the task's after a whole window, else why there is none."""
+        """Score and feedback: the task's after a whole window, otherwise why the trial ended."""
         if status == "ok" and trace is not None:
             verdict = self._referee.verdict(trace)
             if self._power:

@@ -1,4 +1,4 @@
-"""Owns the recording of a rollout: samples become a trace, a trace becomes a digest."""
+"""Recording a rollout: samples become a trace, and a trace becomes a digest."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from agentflow.env.rollout import Array, Broken, Trace
 
 
 class Recorder:
-    """Collects samples."""
+    """Collects the samples of one rollout."""
 
     def __init__(self, assembly: Assembly, connections: Sequence[int], things: tuple[str, ...]):
         """Start an empty record.
 
         Args:
-            assembly: What is recorded.
+            assembly: The machine.
             connections: Joint indices of the breakable joints.
             things: Names of the moving things.
         """
@@ -33,18 +33,18 @@ class Recorder:
         self._lives: list[np.ndarray[tuple[int], np.dtype[np.bool_]]] = []
 
     def lose(self, joint: Joint) -> None:
-        """A connection broke: from now on its block does not hold on to its parent."""
+        """Note that a connection broke: its block no longer holds on to its parent."""
         if not joint.extra:
             self._alive[joint.block] = False
 
     def sample(self, time: float, utilisation: Array) -> None:
-        """Add one sample; where everything is at that time the engine keeps."""
+        """Add one sample; the world keeps the positions."""
         self._times.append(time)
         self._shares.append(utilisation)
         self._lives.append(self._alive.copy())
 
     def trace(self, states: State) -> Trace:
-        """Everything sampled so far, at least one sample; `states` with a leading axis of times."""
+        """The trace of all samples, at least one; `states` has a leading axis of times."""
         return Trace(
             times=np.array(self._times),
             position=states.position,

@@ -1,7 +1,4 @@
-"""Owns what a rollout refuses: machines that are invalid, rates and intervals out of range.
-
-What makes a machine invalid is the machine language's to say.
-"""
+"""Rollouts that are refused: invalid machines, rates and intervals out of range."""
 
 from __future__ import annotations
 
@@ -13,11 +10,13 @@ from agentflow.errors import UsageError
 from agentflow.machine.problems import Problem
 
 RATES = (30, 1000)
-"""Hz: slowest and fastest stepping that still resolves contacts and load windows, and ends."""
+"""Hz: below them contacts and load windows are not resolved, above them rollouts take too long."""
 
 
-def timing(rate: float | None, interval: float | None, physics: Constants) -> tuple[float, float]:
-    """Steps per second and seconds between samples; the constants' where they are not given.
+def checked_timing(
+    rate: float | None, interval: float | None, physics: Constants
+) -> tuple[float, float]:
+    """Steps per second and seconds between samples; those of the constants by default.
 
     Raises:
         UsageError: `rate` is not within 30 to 1000 Hz, or `interval` not above 0.
@@ -32,7 +31,7 @@ def timing(rate: float | None, interval: float | None, physics: Constants) -> tu
     return rate, interval
 
 
-def invalid(problems: Sequence[Problem], engine: str | None = None) -> Rollout:
+def invalid_rollout(problems: Sequence[Problem], engine: str | None = None) -> Rollout:
     """The result of a machine that is not simulated because of these problems.
 
     Args:

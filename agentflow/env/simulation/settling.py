@@ -11,28 +11,28 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 INTERVALS, MORE = 3, 10
-"""How many intervals in a row have to be free of growing motion; more for what goes far in one,
-as it may be swinging out in one way while it begins to tip in another."""
+"""How many successive intervals must show no growing motion. More for blocks that move far in one
+interval: they may be swinging out in one direction while starting to tip in another."""
 
 
 class Settling:
     """Watches a machine with power off, step by step.
 
-    What stands on the point of tipping over is slow as well, but an inverted pendulum leaves its
-    place exponentially: each interval carries it further than the one before. What rests, creeps
-    on its contacts, sags or rolls out gains little or nothing, so the ways that each block has
-    made in the last intervals tell the two apart, however slow both are. A boulder that rolls
-    about in its container is held and does not count.
+    A machine that is about to tip over is slow as well, but like an inverted pendulum it moves
+    exponentially: further in each interval than in the one before. A machine that rests, creeps on
+    its contacts, sags or rolls out gains little or nothing. So the distances that each block moved
+    in the last intervals tell the two apart, however slow both are. A boulder that rolls about in
+    its container does not count.
     """
 
     def __init__(self, machine: Machine, world: World, rate: float, physics: Constants) -> None:
         """Begin before the first step.
 
         Args:
-            machine: What stands there.
-            world: Where it stands.
+            machine: The machine.
+            world: The world that it is in.
             rate: Steps per second.
-            physics: How much further an interval may carry.
+            physics: Limits of growth from one interval to the next.
         """
         self._world = world
         self._far = physics["rest_drift"]
@@ -52,10 +52,10 @@ class Settling:
         """Take in one step.
 
         Args:
-            slow: Whether nothing was faster in it than what rests.
+            slow: Whether everything was slow enough to count as resting.
 
         Returns:
-            Whether everything has been slow for an interval, and nothing gains.
+            Whether everything has been slow for an interval and no motion is growing.
         """
         self._steps += 1
         self._slow = self._slow + 1 if slow else 0
@@ -65,14 +65,14 @@ class Settling:
         del self._places[: -MORE - 1]
         if self._slow < self._interval or len(self._places) <= INTERVALS:
             return False
-        ways = self._ways()
-        count = MORE if (ways[-1] > self._far).any() else INTERVALS
-        before, after = ways[-count:][:-1], ways[-count:][1:]
+        distances = self._distances()
+        count = MORE if (distances[-1] > self._far).any() else INTERVALS
+        before, after = distances[-count:][:-1], distances[-count:][1:]
         gaining = after > np.maximum(before * self._growth, before + self._gain)
-        return len(ways) >= count and not gaining.any()
+        return len(distances) >= count and not gaining.any()
 
-    def _ways(self) -> Array:
-        """(T, N) metres that each block has gone in each of the last intervals."""
+    def _distances(self) -> Array:
+        """(T, N) metres that each block moved in each of the last intervals."""
         moved = np.diff(np.array(self._places), axis=0)
         square = moved * moved
         return np.asarray(np.sqrt(square[:, :, 0] + square[:, :, 1] + square[:, :, 2]))

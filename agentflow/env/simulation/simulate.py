@@ -1,7 +1,4 @@
-"""Owns the rollout: judge a machine, play the trials of a task with it, make one of them.
-
-What happens in a trial is play.py's, how trials are counted trials.py's, files are archive.py's.
-"""
+"""A rollout: check a machine, run the trials of a task with it, combine their results."""
 
 from __future__ import annotations
 
@@ -12,8 +9,8 @@ from agentflow.env.physics.engine import Engine, TooLargeError
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.play import Play
-from agentflow.env.simulation.refusals import invalid, timing
-from agentflow.env.simulation.trials import joined
+from agentflow.env.simulation.refusals import checked_timing, invalid_rollout
+from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
@@ -34,41 +31,42 @@ def simulate(
     engine: Engine | None = None,
     physics: Constants | None = None,
 ) -> Rollout:
-    """Try a machine at a task (spec 2.5), all trials of it. Never raises for what a machine does.
+    """Run all trials of a task with a machine. Never raises because of what the machine does.
 
     Args:
-        machine: File-valid; everything else is judged here first, and an invalid machine is not
-            simulated.
-        task: The level to play.
-        seed: Of a task's random trials. Scenes have their own seeds, so a task without trials
-            gives the same rollout for every seed.
+        machine: File-valid. If it is otherwise invalid, it is not simulated.
+        task: The level.
+        seed: Seed of the task's random trials. Scenes have their own seeds, so a task without
+            trials gives the same rollout for every seed.
         rate: Steps per second; the constants' rate by default.
-        power: Off is the control experiment: the schedule never starts.
+        power: Off as a control experiment: the schedule never starts.
         interval: Seconds between samples; the constants' by default, at least one step.
         wall_limit: Wall-clock seconds after which a trial ends as `timeout`.
-        engine: Where to run it; by default one that this thread keeps.
-        physics: Other constants than those of `constants.json`, for fitting; give them to an
-            engine of your own as well.
+        engine: Default: the default engine, of which each thread keeps one.
+        physics: Constants other than those of `constants.json`, for fitting; make `engine` with
+            the same ones.
 
     Raises:
         UsageError: `rate` is not within 30 to 1000 Hz, or `interval` not above 0.
     """
     value = physics or constants()
-    rate, interval = timing(rate, interval, value)
+    rate, interval = checked_timing(rate, interval, value)
     report = check(machine, task.brief)
     if not report.task_valid:
-        return invalid(report.problems)
+        return invalid_rollout(report.problems)
     chosen = engine or _own_engine()
     played: list[Rollout] = []
     for trial in task.trials(seed):
         try:
             play = Play(machine, trial, chosen, rate, power, interval, wall_limit, value)
         except TooLargeError as error:
-            return invalid([Problem("too_many_parts", (), str(error))], str(chosen.identity))
+            return invalid_rollout(
+                [Problem("too_many_parts", (), str(error))], str(chosen.identity)
+            )
         played.append(play.to_the_end())
         if played[-1].status == "timeout":
             break
-    return joined(played)
+    return combine_trials(played)
 
 
 def _own_engine() -> Engine:

@@ -1,7 +1,4 @@
-"""Owns how the trials of one machine become one rollout: counted, told, and one of them shown.
-
-Which trials there are is the task's to say; they are run by rollout.py or by pool.py.
-"""
+"""Combining the trials of one machine into one rollout, which shows one of them."""
 
 from __future__ import annotations
 
@@ -13,21 +10,21 @@ from typing import Any
 from agentflow.env.rollout import Feedback, Rollout
 
 SUCCESS, OUTCOME, MISS = "success", "outcome", "miss"
-"""Terms of every trial: whether it succeeded, one phrase on how it went, and by how many metres it
-missed success (None where it did not, or where no length says so)."""
+"""Terms of every trial: whether it succeeded, a phrase on its outcome, and by how many metres it
+missed success (None if it succeeded or no distance applies)."""
 SHOWN_TRIAL = "shown_trial"
-"""Term of the whole: number of the trial that trace, scene, breakages and events are of."""
+"""Term of the combined rollout: number of the trial whose trace, scene and events it shows."""
 DIVERGED = "the simulation diverged"
 
 
-def joined(played: Sequence[Rollout]) -> Rollout:
-    """One rollout from those of all trials, in order; the only one as it is.
+def combine_trials(played: Sequence[Rollout]) -> Rollout:
+    """Combine the rollouts of all trials, in order; a single one is returned unchanged.
 
-    The score is the number of successful trials; a trial that diverged is a failed one, and the
-    whole has diverged when all have. Terms and feedback tell every trial. Trace, scene, breakages
-    and events are of one trial: the first that failed, or else the first. The digest is over all.
-    Whatever kept a trial from being played to its end makes the whole the same: the first trial
-    that is invalid, timed out or crashed is returned as it is.
+    The score is the number of successful trials. A trial that diverged has failed; the combined
+    rollout has diverged if all trials have. Terms and feedback cover every trial. Trace, scene,
+    breakages and events are those of one trial: the first that failed, or else the first. The
+    digest covers all. If a trial is invalid, timed out or crashed, the first such trial is
+    returned unchanged.
 
     Args:
         played: At least one; all of one machine at one task's trials.
@@ -69,7 +66,7 @@ def _outcome(rollout: Rollout) -> str:
 
 
 def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
-    """Every trial in a line, then what its own feedback says beyond that of the one shown."""
+    """A line for every trial, then the feedback of the one shown."""
     shown = played[index].feedback
     text = [
         f"Score: {score:.2f} successful trials of {len(played)}",

@@ -45,7 +45,7 @@ def test_a_machine_starts_on_the_ground_over_the_middle(engine: Engine) -> None:
 def test_a_rotating_block_turns_clockwise_seen_from_its_front(
     engine: Engine, face: int, sign: int
 ) -> None:
-    """Facing x- it sends the top of an upright arm to z-, facing x+ to z+ (spec 2.1)."""
+    """Facing x- it sends the top of an upright arm to z-, facing x+ to z+."""
     base = ((0, -1, -1), (35, 0, 0), (35, 0, 1), (35, 0, 3 if face == 2 else 2))
     tree = machine(*base, (22, 0, face), (63, 4, 3))
     arm = place(tree).blocks[5]

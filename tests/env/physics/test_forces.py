@@ -9,7 +9,7 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.laws.air import DragForce, WindForce
 from agentflow.env.physics.laws.forces import PartLocations, Wrench
-from agentflow.env.physics.layout import hubs
+from agentflow.env.physics.layout import drag_locations
 from agentflow.env.physics.model import Part
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Array
@@ -107,7 +107,7 @@ def test_the_drag_of_wheels_acts_on_what_holds_their_axles() -> None:
     plan = skeleton(len(assembly.parts), assembly.joints)
     own = PartLocations(np.array(plan.cluster), np.zeros((len(assembly.parts), 3)))
     wheels = [i for i, part in enumerate(assembly.parts) if plan.cluster[i] == i and i]
-    held = hubs(assembly, plan, own)
+    held = drag_locations(assembly, plan, own)
     assert len(wheels) == 4
     assert held.row[wheels].tolist() == [0] * 4
     assert [held.offset[i].tolist() for i in range(len(assembly.parts)) if i not in wheels] == [

@@ -18,7 +18,7 @@ WOOD, METAL = Strength(15000.0, 5000.0), Strength(25000.0, 8000.0)
 def shared(count: int, joints: list[Joint], reactions: Array) -> Array:
     found = reactions.copy()
     for loop in load_loops(joints, skeleton(count, joints)):
-        found[loop.joints] = loop.shared(found)
+        found[loop.joints] = loop.share(found)
     return found
 
 

@@ -59,7 +59,7 @@ def run(world: World, seconds: float) -> None:
     ("facing", "way"),
     [("x+", (0, 0, 1)), ("x-", (0, 0, 1)), ("z+", (-1, 0, 0)), ("z-", (1, 0, 0))],
 )
-def test_wheels_drive_as_spec_1_8_says(
+def test_driven_wheels_drive_the_way_their_facing_says(
     engine: Engine, facing: str, way: Vec3, wheel: int, other: int
 ) -> None:
     tree = car(facing, wheel, other)

@@ -62,7 +62,7 @@ def test_a_place_without_room_is_told(rollout: Rollout) -> None:
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert str(error.value) == (
-        "cannot write a temporary file: File too large; let TMPDIR name a folder with room"
+        "cannot write a temporary file: File too large; set TMPDIR to a directory with free space"
     )
     assert len(rollouts) == 0
     for what in (lambda: rollouts.put("b", rollout), lambda: rollouts["a"]):

@@ -11,7 +11,7 @@ import pytest
 
 from agentflow.env.feedback import MAX_SAMPLES, stalled_motors
 from agentflow.env.rollout import Broken, Feedback, Flags, Rollout, Trace
-from agentflow.env.simulation.trials import joined
+from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Body, Task
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.blocks.library import GRABBER, library
@@ -129,7 +129,7 @@ def test_feedback_for_twenty_blocks_in_turmoil_stays_short(name: str) -> None:
     task = get_task(name)
     for machine in crowd(task):
         trials = task.trials(0)
-        whole = joined([told(trial, machine, seed) for seed, trial in enumerate(trials)])
+        whole = combine_trials([told(trial, machine, seed) for seed, trial in enumerate(trials)])
         check(whole.feedback)
 
 

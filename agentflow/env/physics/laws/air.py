@@ -31,7 +31,7 @@ class DragForce:
 
         Args:
             parts: All parts, in order.
-            locations: Where their drag acts (`layout.hubs`).
+            locations: Where their drag acts (`layout.drag_locations`).
             inertia: (P, 3) principal moments, engine frame.
         """
         laws: dict[int, list[float]] = {}

@@ -1,7 +1,4 @@
-"""Owns the spring-dampers that close loops: no tree holds their joint, so their force is pushed.
-
-Plain floats, as machines have few; keeping them in line is couplings.py's.
-"""
+"""Spring-dampers of joints that close loops: engines have no joint there, so these are forces."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Owns how trees of parts become PyBullet multibodies; stepping and reading is pybullet.py's.
+"""PyBullet bodies from the ground, things and pieces of a machine.
 
-Every link frame sits at its joint and is aligned with the machine frame at rest.
+Every link frame is at its joint and aligned with the machine frame at rest.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
 from agentflow.machine.geometry.vectors import add, rotate_vector, scale, subtract
 
 MOST_LINKS = 127
-"""PyBullet truncates longer bodies without a word."""
+"""PyBullet truncates longer bodies without an error."""
 FASTEST = 1e6
-"""Where PyBullet cuts a body's speeds, m/s and rad/s. Its own 100 would hold machines that explode;
-they are to diverge. Told to a link instead of the base, the same setting changes contacts."""
+"""Speed limit of a body, m/s and rad/s. PyBullet's default of 100 would keep machines that explode
+from diverging. Set on a link instead of the base, the same setting changes contacts."""
 CONE_SIDES = 24
 MIDDLE: Vec3 = (0.0, 0.0, 0.0)
 LONE_RADIUS = 0.1
-"""Of the ball that stands for a body without any solid shape, m."""
+"""Radius of the ball that replaces the shape of a body without any solid shape, m."""
 
 _KINDS = {
     "fixed": pybullet.JOINT_FIXED,
@@ -37,7 +37,7 @@ _KINDS = {
 
 
 class BodyBuilder:
-    """Makes shapes and bodies in one client; equal shapes are made once per world."""
+    """Makes shapes and bodies in one client; equal shapes are shared."""
 
     def __init__(self, client: int, physics: Constants) -> None:
         self.client = client
@@ -45,7 +45,7 @@ class BodyBuilder:
         self._made: dict[tuple[tuple[Shape, ...], Vec3], int] = {}
 
     def ground(self, friction: float | None) -> int:
-        """The plane y = 0; without friction of its own as the constants have it."""
+        """The plane y = 0; friction None is that of the constants."""
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
         uid = self._single(0.0, plane, (0.0, 0.0, 0.0), IDENTITY)
         usual, restitution = self._usual
@@ -53,7 +53,7 @@ class BodyBuilder:
         return uid
 
     def thing(self, thing: Thing) -> int:
-        """An object of the scene, standing or moving."""
+        """An object of the scene, fixed or moving."""
         if thing.shape == "cone":
             solid = self._cone(thing)
         else:
@@ -69,7 +69,7 @@ class BodyBuilder:
         return uid
 
     def machine(self, piece: Piece, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:
-        """One connected component, at rest in its place.
+        """One piece of the machine, at rest in its place.
 
         Raises:
             TooLargeError: It has more links than PyBullet can hold.
@@ -132,7 +132,7 @@ class BodyBuilder:
     def _surface(
         self, uid: int, index: int, friction: float, restitution: float, rolling: float
     ) -> None:
-        """Bullet multiplies the partners' coefficients; roots make that their geometric mean."""
+        """Set square roots: Bullet multiplies both coefficients, which makes the geometric mean."""
         pybullet.changeDynamics(
             uid,
             index,
@@ -147,7 +147,7 @@ class BodyBuilder:
         )
 
     def _joint(self, built: Built, link: Link, joint: Joint) -> None:
-        """Sensors and stops; what moves or holds it is motors.py's."""
+        """Set sensors and stops."""
         index = built.index[link.part]
         pybullet.enableJointForceTorqueSensor(built.uid, index, True, physicsClientId=self.client)
         if joint.drive.stops is not None:
@@ -174,7 +174,7 @@ class BodyBuilder:
         return self._shapes(shapes, subtract(part.centre, frame))
 
     def _shapes(self, shapes: tuple[Shape, ...], offset: Vec3) -> int:
-        """Collision shape of what is solid, -1 where nothing is."""
+        """Collision shape of the solid shapes, -1 if there are none."""
         solid = tuple(shape for shape in shapes if shape.solid)
         if not solid:
             return -1
@@ -198,7 +198,7 @@ class BodyBuilder:
         )
 
     def _cone(self, thing: Thing) -> int:
-        """A cone along y as the hull of its rim and its tip."""
+        """A cone along y as the convex hull of its rim and tip."""
         x, y, z = scale(thing.size, 0.5)
         turns = [2 * pi * i / CONE_SIDES for i in range(CONE_SIDES)]
         edge = [(x * cos(turn), -y, z * sin(turn)) for turn in turns] + [(0.0, y, 0.0)]
@@ -212,7 +212,7 @@ class BodyBuilder:
 
 
 def _axis(joint: Joint, link: Link) -> Vec3:
-    """Joint axis in the engine frame; a reversed link turns the other way for the same position."""
+    """Joint axis in the engine frame; reversed links turn the other way for the same position."""
     image = swap(joint.axis) if joint.kind == "prismatic" else swap_turn(joint.axis)
     return scale(image, -1.0) if link.reversed else image
 
@@ -228,5 +228,5 @@ def _geometry(shape: Shape) -> tuple[int, Vec3, float, float]:
 
 
 def _orientation(shape: Shape) -> Quat:
-    """A game cylinder lies along y, which is the engine's z, as PyBullet's cylinders do."""
+    """Orientation of a shape; cylinders lie along the game's y, PyBullet's z, in both frames."""
     return swap_quaternion(shape.rotation)

@@ -1,4 +1,4 @@
-"""Owns contacts: which blocks and things touch which, in PyBullet."""
+"""Contacts in PyBullet: which blocks and things touch, and which may collide."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from agentflow.env.physics.spanning_tree import Skeleton
 from agentflow.env.tasks.base import Body
 
 TOUCH = 0.005
-"""Surfaces no further apart than this touch, m."""
+"""Surfaces at most this far apart touch, m."""
 STANDING_GROUP = 2
 LOOSE_GROUP = 1
-"""Clusters of one part need no group of their own."""
+"""Clusters of one part share a group."""
 FIRST_BIT, LAST_BIT = 2, 30
 """Group bits of rigid clusters with several parts; the 29th and later ones share the last."""
 
 
 class Contacts:
-    """Names the bodies of one world."""
+    """What touches what in one world."""
 
     def __init__(
         self,
@@ -41,10 +41,10 @@ class Contacts:
             self._where.setdefault(named, []).append(handle)
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing is in contact with in this step.
+        """What a block or thing was in contact with in the last step.
 
-        What comes fast bounces off before PyBullet has seen it closer than `TOUCH`; then only the
-        force tells of the contact.
+        Something fast may bounce off before PyBullet sees it closer than `TOUCH`; then only the
+        contact force shows the contact.
         """
         found = {
             self._who[contact[2], contact[4]]
@@ -58,7 +58,7 @@ class Contacts:
 
 
 def set_collisions_of_clusters(client: int, plan: Skeleton, built: Sequence[Built]) -> None:
-    """Keep the parts of a rigid cluster from colliding with each other, and nothing else."""
+    """Switch off collisions between the parts of each rigid cluster."""
     sizes: dict[int, int] = {}
     for cluster in plan.cluster:
         sizes[cluster] = sizes.get(cluster, 0) + 1
@@ -72,9 +72,9 @@ def set_collisions_of_clusters(client: int, plan: Skeleton, built: Sequence[Buil
 
 
 def set_collisions_of_scene(client: int, fixed: Sequence[int], moving: Sequence[int]) -> None:
-    """Let what never moves collide with all that moves, and things that move with everything.
+    """Let fixed bodies collide with everything that moves, and moving things with everything.
 
-    Fixed bodies that touch each other would cost a contact test each in every step.
+    Fixed bodies that touched each other would cost a contact test in every step.
     """
     for uid in fixed:
         pybullet.setCollisionFilterGroupMask(

@@ -1,7 +1,4 @@
-"""Owns constraints between the links of PyBullet bodies: joints that close loops, meshing cogs.
-
-Trees of joints are bodies.py's; a constraint carries what no tree can.
-"""
+"""Constraints between links of PyBullet bodies: joints that close loops, and meshing cogs."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from agentflow.machine.geometry.vectors import add, cross, length, rotate_vector
 STRONGEST = 1e6
 """N or N m: more than anything that a machine can exert."""
 HALF_AXLE = 0.5
-"""Loops that turn are held at two points of their axis, this far from the pivot, m."""
+"""Revolute loops are held at two points of their axis, this far from the pivot, m."""
 
 ALONG = 1e-6
 """Sine of the angle below which PyBullet takes an axis to lie along x."""
@@ -31,12 +28,12 @@ class Couplings:
         self._client = client
         self._ids: list[int] = []
         self._apart: list[tuple[Handle, Handle]] = []
-        """Links that a loop joins, which do not collide, as no joint's links do."""
+        """Links joined by a loop; as the links of any joint, they do not collide."""
         self._loops: list[tuple[int, Joint, list[int]]] = []
-        """Each loop's joint and constraints."""
+        """Joint index, joint and constraints of each loop."""
 
     def renew(self, assembly: Assembly, plan: Skeleton, built: Sequence[Built]) -> None:
-        """Make what the skeleton asks for, in place of what was."""
+        """Replace all constraints by those that the skeleton needs."""
         self._clear()
         where = {part: (body.uid, index) for body in built for part, index in body.index.items()}
         for i in plan.loops:
@@ -53,7 +50,7 @@ class Couplings:
                 self._mesh(carried[mesh.a], carried[mesh.b], mesh.ratio)
 
     def _clear(self) -> None:
-        """PyBullet has removed by itself those of bodies that are gone."""
+        """Remove all constraints; PyBullet has already removed those of removed bodies."""
         count = pybullet.getNumConstraints(self._client)
         there = {pybullet.getConstraintUniqueId(i, self._client) for i in range(count)}
         for constraint in self._ids:
@@ -91,7 +88,11 @@ class Couplings:
         pybullet.setCollisionFilterPair(uid, other_uid, link, other_link, on, self._client)
 
     def _loop(self, assembly: Assembly, joint: Joint, where: dict[int, Handle]) -> list[int]:
-        """Hold the two parts of a joint together as the joint would; the constraints."""
+        """Constrain two parts as their joint would.
+
+        Returns:
+            The constraints' numbers.
+        """
         points: tuple[Vec3, ...] = (joint.pivot,)
         kind = pybullet.JOINT_POINT2POINT
         if joint.kind == "revolute":
@@ -114,7 +115,7 @@ class Couplings:
         ]
 
     def _mesh(self, one: Handle, other: Handle, ratio: float) -> None:
-        """Couple the turns of two cogs on one carrier."""
+        """Couple the rotation of two cogs on one carrier."""
         nowhere = (0.0, 0.0, 0.0)
         made = self._bind(pybullet.JOINT_GEAR, one, other, (0.0, 0.0, 1.0), nowhere, nowhere)
         pybullet.changeConstraint(made, gearRatio=ratio, physicsClientId=self._client)
@@ -136,8 +137,8 @@ def _of_slider(state: Sequence[float], axis: Vec3, turn: Quat) -> list[float]:
     """Load of a sliding loop.
 
     Args:
-        state: What PyBullet tells of it: forces along two directions across the axis, then what
-            the other part exerts about z, x and y, all turned with the part that carries it.
+        state: From PyBullet: forces along two directions across the axis, then torques that the
+            other part exerts about z, x and y, all in the axes of the part that carries it.
         axis: Unit vector, as the part stands at rest, engine frame.
         turn: Orientation of that part.
     """

@@ -1,6 +1,6 @@
-"""Owns grabbers in PyBullet: what they touch first they hold, until they are switched off.
+"""Grabbers in PyBullet: each holds the first thing that it touches until grabbers are switched off.
 
-A grip outlives splits: it names parts and things, and is bound anew when bodies are rebuilt.
+Grips outlive splits: they name parts and things, and are bound again when bodies are rebuilt.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from agentflow.env.scene import Quat, Vec3
 from agentflow.machine.geometry.vectors import dot, inverse, product, rotate_vector, subtract
 
 EDGE = 0.05
-"""Contacts no further than this behind a grabber's front plane are on its front, m."""
+"""Contacts at most this far behind a grabber's front plane are on its front, m."""
 
 Held = int | str
 """A part, or a thing's name."""
@@ -25,11 +25,11 @@ Held = int | str
 
 @dataclass
 class _Hold:
-    """Something in a grip: where it sits in the grabber's own axes, engine frame."""
+    """Something gripped, and its pose in the grabber's own axes, engine frame."""
 
     held: Held
     force: float
-    """Most that it holds, N."""
+    """Greatest holding force, N."""
     place: Vec3
     turn: Quat
     constraint: int = -1
@@ -58,9 +58,9 @@ class Grippers:
         return bool(self._grips)
 
     def bind(self, built: Sequence[Built]) -> None:
-        """Take note of new bodies, and hold on to what was held.
+        """Switch to new bodies, and keep holding what was held.
 
-        Call it when the bodies stand where the old ones were.
+        The new bodies must be where the old ones were.
         """
         for hold in self._holds.values():
             self._remove(hold)
@@ -72,7 +72,7 @@ class Grippers:
             self._tie(part, hold)
 
     def switch(self, on: bool) -> None:
-        """Let go of everything, or be ready to grip."""
+        """Let go of everything, or get ready to grip."""
         self._open = on
         if not on:
             for part, hold in self._holds.items():
@@ -81,12 +81,12 @@ class Grippers:
             self._holds.clear()
 
     def tighten(self) -> None:
-        """Set how strong the grips are; Bullet keeps it as an impulse per step."""
+        """Set the force of all grips again; Bullet stores it as an impulse per step."""
         for hold in self._holds.values():
             self._strengthen(hold)
 
     def watch(self) -> None:
-        """Grip what was touched in this step."""
+        """Grip what was touched in the last step."""
         if self._open and len(self._holds) < len(self._grips):
             for grip in self._grips:
                 if grip.part not in self._holds:
@@ -139,7 +139,7 @@ class Grippers:
         pybullet.setCollisionFilterPair(uid, other, index, link, on, self._client)
 
     def _remove(self, hold: _Hold) -> None:
-        """PyBullet has removed it by itself when one of the bodies is gone."""
+        """Remove a constraint, unless PyBullet already has, as one of its bodies was removed."""
         count = pybullet.getNumConstraints(self._client)
         ids = [pybullet.getConstraintUniqueId(i, self._client) for i in range(count)]
         if hold.constraint in ids:

@@ -1,7 +1,4 @@
-"""Owns the import of PyBullet, which prints its build time to standard error when it is loaded.
-
-Standard error belongs to progress and complaints, so that line is sent nowhere.
-"""
+"""The PyBullet library, imported without the build time that it prints to standard error."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from types import ModuleType
 
 
 def _load() -> ModuleType:
-    """Import PyBullet while file descriptor 2 leads nowhere."""
+    """Import PyBullet while file descriptor 2 is redirected to the null device."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)

@@ -1,6 +1,6 @@
-"""Owns what PyBullet's joints do by themselves: motors, dry friction, suspensions.
+"""Motors, dry friction and suspensions of PyBullet joints.
 
-Bullet keeps impulses per step, so everything is set anew when the length of a step changes.
+Bullet stores impulses per step, so everything is set again when the step length changes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.scene import IDENTITY
 
 Handled = tuple[int, int, Drive]
-"""Body and link, as the engine numbers them, and what its joint does."""
+"""Body number, link number and what the joint does."""
 
 
 class Motors:
@@ -51,7 +51,7 @@ class Motors:
         return any(drive.torque and drive.starts == entry for _, _, drive in self._single)
 
     def set(self) -> None:
-        """Set every motor; a joint without one turns freely, but for its friction."""
+        """Set every motor; joints without one turn freely except for their friction."""
         client = self._client
         for uid, index, drive in self._single:
             pybullet.setJointMotorControl2(
@@ -76,8 +76,8 @@ class Motors:
             )
 
     def set_suspensions(self) -> None:
-        """Apply the suspensions for one step; their dampers are brakes, which cannot set light
-        blocks swinging."""
+        """Apply the suspensions for one step. Their dampers are brakes, as those cannot make light
+        blocks oscillate."""
         client = self._client
         for uid, index, drive in self._sliding:
             position, velocity = pybullet.getJointState(uid, index, client)[:2]

@@ -1,7 +1,4 @@
-"""Owns how bodies are put in place: where a scene starts, and in mid-motion when they are rebuilt.
-
-Rows as in kinematics.py, in a right-handed frame with z up.
-"""
+"""Placing bodies: at the start of a scene, and in mid-motion when they are rebuilt."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from agentflow.machine.geometry.vectors import add, rotate_vector
 
 
 def place_at_start(client: int, built: Sequence[Built], start: Start) -> None:
-    """Turn and raise bodies that stand as they were made, on the ground at the world's middle."""
+    """Rotate and raise bodies that are still where they were made, on the ground."""
     if start == Start():
         return
     rotation = start.rotation
@@ -38,14 +35,14 @@ def restore(
     rows: Array,
     motions: Mapping[int, tuple[float, float]],
 ) -> None:
-    """Put a rebuilt body where its parts were, moving as they moved.
+    """Give a rebuilt body the position and velocity that its parts had.
 
     Args:
         client: PyBullet client.
         built: The body.
         assembly: The machine.
         rows: (P, 13) of all parts.
-        motions: Position and velocity of the joints that trees had, by joint.
+        motions: Position and velocity of the joints that were in trees, by joint.
     """
     uid, root = built.uid, rows[built.piece.root]
     pybullet.resetBasePositionAndOrientation(

@@ -1,7 +1,4 @@
-"""Owns the reading of rows from PyBullet: what leads a body in every step, the rest when asked for.
-
-Which cluster has which row is layout.py's, what a row means kinematics.py's.
-"""
+"""Rows read from PyBullet: those that lead a body in every step, the others on demand."""
 
 from __future__ import annotations
 
@@ -19,11 +16,11 @@ class Rows:
     """The rows of one layout."""
 
     def __init__(self, client: int, layout: RowLayout, things: Mapping[str, int]) -> None:
-        """Read them for the first time.
+        """Read the heads.
 
         Args:
             client: PyBullet client.
-            layout: What has which row.
+            layout: The assignment of rows.
             things: Body number of each thing.
         """
         self._client = client
@@ -39,13 +36,13 @@ class Rows:
         self._blank: list[Row] = [()] * len(layout.handles)
         self._partial = False
         self.known = self._blank
-        """Rows read so far; empty where nobody has asked yet."""
+        """Rows read so far; empty tuples for the others."""
         self.heads = [row for row, _ in self._heads]
         """Rows of the bodies' roots and of moving things."""
         self.read()
 
     def read(self) -> None:
-        """See where the heads are after a step; forget the rest."""
+        """Read the heads after a step, and forget the other rows."""
         client, rows = self._client, self._blank.copy()
         for row, uid in self._heads:
             position, rotation = pybullet.getBasePositionAndOrientation(uid, client)
@@ -60,9 +57,9 @@ class Rows:
 
     @property
     def all(self) -> list[Row]:
-        """Every row; another list in every step.
+        """Every row; a new list in every step.
 
-        Asking has PyBullet work out where links are, which it must have before they are pushed.
+        Reading makes PyBullet update the positions of links, which pushing them requires.
         """
         if self._partial:
             for place, uid, links in self._tails:

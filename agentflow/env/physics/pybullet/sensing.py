@@ -1,7 +1,4 @@
-"""Owns the reading of what joints bear and how they stand, from PyBullet.
-
-What the loads do to the connections is loads.py's.
-"""
+"""Reactions and motions of joints, read from PyBullet."""
 
 from __future__ import annotations
 
@@ -19,11 +16,11 @@ from agentflow.env.physics.spanning_tree import Link
 from agentflow.env.rollout import Array
 
 _FORCES = itemgetter(2)
-"""Force and torque in what PyBullet tells of a joint."""
+"""Force and torque in PyBullet's state of a joint."""
 
 
 class Sensors:
-    """The joints of the trees that stand."""
+    """Sensors of the joints in the current trees."""
 
     def __init__(self, client: int, built: Sequence[Built], count: int) -> None:
         """Set up.
@@ -43,7 +40,7 @@ class Sensors:
                 links += own
         self._joints = [link.joint for link in links]
         self._read = np.zeros(6 * len(links) + 1)
-        """What PyBullet tells of each joint, then a 0 for joints that are in no tree."""
+        """Force and torque of each joint from PyBullet, then a 0 for joints that are in no tree."""
         self._pack = Struct(f"{6 * len(links)}d").pack_into
         """Twice as fast as anything that makes an array of numbers."""
         self._source = np.full((count, 6), 6 * len(links), dtype=np.intp)
@@ -55,7 +52,7 @@ class Sensors:
                 self._sign[link.joint] *= -1.0
 
     def read(self, reactions: Array) -> None:
-        """Write what each joint of the trees bears into its row of (J, 6), game frame."""
+        """Write the reactions of all joints, (J, 6), game frame; 0 for joints in no tree."""
         client = self._client
         if len(self._bodies) == 1:
             ((uid, links),) = self._bodies

@@ -22,10 +22,10 @@ from agentflow.env.physics.pybullet.contacts import (
     set_collisions_of_scene,
 )
 from agentflow.env.physics.pybullet.couplings import Couplings
+from agentflow.env.physics.pybullet.forces import AppliedForces
 from agentflow.env.physics.pybullet.grip import Grippers
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.motors import Motors
-from agentflow.env.physics.pybullet.pushes import Pushes
 from agentflow.env.physics.pybullet.restoring import place_at_start, restore
 from agentflow.env.physics.pybullet.rows import Rows
 from agentflow.env.physics.pybullet.sensing import Sensors
@@ -48,7 +48,7 @@ class Structure:
     readings: Readings
     contacts: Contacts
     sensors: Sensors
-    pushes: Pushes
+    forces: AppliedForces
     motors: Motors
     rows: Rows
 
@@ -226,7 +226,7 @@ class PyBulletWorld:
             readings=Readings(assembly, layout),
             contacts=Contacts(client, assembly, built, self._ground, self.things),
             sensors=Sensors(client, built, len(assembly.joints)),
-            pushes=Pushes(client, assembly, plan, built, layout, laws),
+            forces=AppliedForces(client, assembly, plan, built, layout, laws),
             motors=Motors(client, self._levels, built, assembly.joints),
             rows=Rows(client, layout, self.things),
         )
@@ -234,7 +234,7 @@ class PyBulletWorld:
     def _advance(self) -> None:
         """Push, step, read."""
         now = self._now
-        now.pushes(now.rows)
+        now.forces(now.rows)
         now.motors.set_suspensions()
         pybullet.stepSimulation(self.client)
         self._read()
