@@ -278,16 +278,16 @@ def _configure(
 ) -> tuple[DesignConfig, FunctionClient | None]:
     """The configuration, and the client of `answer`."""
     from agentflow.app.design.config import complete_config
-    from agentflow.config.run import PROCEDURAL, build, load, put
+    from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
     from agentflow.llm.function import FunctionClient
 
-    document = load(config) if isinstance(config, Path) else dict(config or {})
+    document = load_document(config) if isinstance(config, Path) else dict(config or {})
     name = {} if answer is None else {"model.name": _function_name(answer)}
     for key, value in {**(settings or {}), **name, **options}.items():
-        document = put(document, key, value)
+        document = set_key(document, key, value)
     if answer is None:
         return complete_config(document), None
-    built = build(document)
+    built = build_config(document)
     if built.model.name == PROCEDURAL or built.model.roles:
         raise UsageError(
             f"answer= replaces the model: give it a name other than {PROCEDURAL!r}, and no roles"
@@ -300,12 +300,12 @@ def _function_name(answer: ModelFunction) -> str:
 
 
 def _client_of_run(path: Path, answer: ModelFunction | None) -> FunctionClient | None:
-    from agentflow.config.run import build, load
+    from agentflow.config.run import build_config, load_document
     from agentflow.llm.function import FunctionClient
 
     if answer is None:
         return None
-    return FunctionClient(answer, build(load(path / "run.yaml")).model.name)
+    return FunctionClient(answer, build_config(load_document(path / "run.yaml")).model.name)
 
 
 def _run_options(

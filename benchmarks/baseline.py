@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.run import design
-from agentflow.config.run import build, override
+from agentflow.config.run import apply_settings, build_config
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.brief import LONE_ROOT
 
 
 def score_of(document: dict[str, Any], out: Path) -> tuple[float, int]:
     """Score (0 without a valid machine) and rollouts of a run."""
-    result = design(build(document), out)
+    result = design(build_config(document), out)
     return result["score"] or 0.0, result["rollouts"]
 
 
@@ -38,11 +38,11 @@ def main() -> None:
     for task in options.tasks:
         ours, theirs, rollouts = list[float](), list[float](), list[int]()
         for seed in range(options.seeds):
-            document = override({"task": task, "seed": seed}, options.settings)
+            document = apply_settings({"task": task, "seed": seed}, options.settings)
             with tempfile.TemporaryDirectory() as folder:
                 score, count = score_of(document, Path(folder))
                 budget = [*options.settings, f"rollouts={count}", "workflow=random-dsl"]
-                baseline = override({"task": task, "seed": seed}, budget)
+                baseline = apply_settings({"task": task, "seed": seed}, budget)
                 theirs.append(score_of(baseline, Path(folder))[0])
             ours.append(score)
             rollouts.append(count)

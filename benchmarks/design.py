@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 from agentflow.app.design.run import RunOptions, design
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 
 
 def processor_seconds(who: int) -> float:
@@ -33,7 +33,7 @@ def main() -> None:
     parser.add_argument("--task", default="throwing")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    config = build({"task": options.task, "seed": options.seed})
+    config = build_config({"task": options.task, "seed": options.seed})
     own, profile, began = (
         processor_seconds(resource.RUSAGE_SELF),
         cProfile.Profile(),

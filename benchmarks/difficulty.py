@@ -24,7 +24,7 @@ from typing import Any
 from shelf import families, load, read
 
 from agentflow.app.design.run import design
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.env.constants import constants
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_level, get_task, task_names
@@ -71,7 +71,7 @@ def designed(level: str, workflow: str, seed: int) -> dict[str, Any]:
     }.get(workflow, {"placements": ROLLOUTS})
     document = {"task": level, "workflow": workflow, "seed": seed, "settings": count}
     with tempfile.TemporaryDirectory() as folder:
-        result = design(build(document), Path(folder))
+        result = design(build_config(document), Path(folder))
     passes = result.get("attempts", {}).get("passes")
     return {"best": result["score"], "passes": passes}
 

@@ -31,7 +31,7 @@ from agentflow.app.pages.runs import (
     task_summary,
     write_page,
 )
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.edits.random import random_machine
 from agentflow.report.page import page
@@ -98,7 +98,7 @@ def opened(driver: webdriver.Chrome, file: Path) -> float:
 def candidates(folder: Path) -> Path:
     """A run of the embedded model with some 200 candidates."""
     settings = {"trajectories": 8, "search": {"rounds": 6}}
-    config = build({"task": "throwing", "seed": 0, "settings": settings})
+    config = build_config({"task": "throwing", "seed": 0, "settings": settings})
     return Path(design(config, folder)["run"])
 
 
@@ -110,7 +110,11 @@ def large_machine(folder: Path) -> Path:
     shown = {"0": ReportedMachine(machine, task, 0, None, FINE)}
     machines = asyncio.run(film_machines(shown, shapes, 1, lambda *_: None))
     card = {"machine": "0", "task": "movement", "about": "", "run": "", "why": ""}
-    card |= {"asked": task_summary(build({"task": "movement"})), "score": None, "picture": None}
+    card |= {
+        "asked": task_summary(build_config({"task": "movement"})),
+        "score": None,
+        "picture": None,
+    }
     data = {
         "kind": "gallery",
         "title": "Large",

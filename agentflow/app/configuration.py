@@ -12,7 +12,7 @@ import yaml
 
 from agentflow.app.design.config import config_json, fill_from_environment, load_config
 from agentflow.app.design.plan import RunPlan
-from agentflow.config.run import load, override
+from agentflow.config.run import apply_settings, load_document
 
 DEFAULT, SETTING, ENVIRONMENT = "default", "--set", "environment"
 COLUMN = 52
@@ -49,15 +49,15 @@ def _layers(
     path: Path | None, settings: list[str]
 ) -> tuple[Mapping[str, Any], list[tuple[str, Mapping[str, Any]]]]:
     """All given values, and the name and document of each source, strongest first."""
-    file = load(path) if path is not None else {}
-    merged = override(file, settings)
+    file = load_document(path) if path is not None else {}
+    merged = apply_settings(file, settings)
     filled = fill_from_environment(merged, os.environ)
     before = {keys for keys, _ in _leaves(merged)}
     added = [keys for keys, _ in _leaves(filled) if keys not in before]
     environment = {"model": {keys[-1]: True for keys in added}} if added else {}
     return filled, [
         (ENVIRONMENT, environment),
-        (SETTING, override({}, settings)),
+        (SETTING, apply_settings({}, settings)),
         (str(path), file),
     ]
 

@@ -9,7 +9,13 @@ from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from agentflow.config.yaml import NOT_YAML, first_fault, in_words, read_yaml, truth_for_number
+from agentflow.config.yaml import (
+    NOT_YAML,
+    describe_fault,
+    find_bool_as_number,
+    first_fault,
+    read_yaml,
+)
 from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
 from agentflow.llm.messages import Sampling
 from agentflow.llm.settings import EndpointSettings
@@ -88,7 +94,7 @@ class DesignConfig(BaseModel):
     )
 
 
-def load(path: Path) -> dict[str, Any]:
+def load_document(path: Path) -> dict[str, Any]:
     """Read a configuration file, or the configuration in a run.yaml, without validating it.
 
     Raises:
@@ -106,7 +112,7 @@ def load(path: Path) -> dict[str, Any]:
     return config if "schema" in document and isinstance(config, dict) else document
 
 
-def override(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
+def apply_settings(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
     """Apply `a.b=value` settings to a document.
 
     A path that begins with a key of `DesignConfig` or of its `settings` sets that key; any other
@@ -117,7 +123,7 @@ def override(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, 
     """
     result = dict(document)
     for setting in settings:
-        result = put(result, *split_setting(setting))
+        result = set_key(result, *split_setting(setting))
     return result
 
 
@@ -133,14 +139,14 @@ def split_setting(setting: str) -> tuple[str, Any]:
     return path.strip(), _value(text, path)
 
 
-def put(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
-    """The document with one key set; `path` as in `override`.
+def set_key(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """The document with one key set; `path` as in `apply_settings`.
 
     Raises:
         ConfigError: The path runs through a plain value.
     """
     result = dict(document)
-    _put(result, _keys_of(path), value, path)
+    _set(result, _keys_of(path), value, path)
     return result
 
 
@@ -168,7 +174,7 @@ def _keys_in(kind: type[BaseModel], above: str = "") -> Iterator[str]:
             yield from _keys_in(inner, f"{above}{name}.")
 
 
-def build(document: object) -> DesignConfig:
+def build_config(document: object) -> DesignConfig:
     """Validate a document.
 
     Raises:
@@ -180,7 +186,7 @@ def build(document: object) -> DesignConfig:
         found = DesignConfig.model_validate(dict(document))
     except ValidationError as error:
         raise ConfigError(_explain(error)) from None
-    if key := truth_for_number(document, found.model_dump()):
+    if key := find_bool_as_number(document, found.model_dump()):
         raise ConfigError(f"{key}: expected a number, not true or false")
     return found
 
@@ -204,7 +210,7 @@ def _value(text: str, path: str) -> Any:
         raise ConfigError(f"--set {path}: {text!r} is not a YAML value: {why}") from None
 
 
-def _put(document: dict[str, Any], keys: tuple[str, ...], value: Any, path: str) -> None:
+def _set(document: dict[str, Any], keys: tuple[str, ...], value: Any, path: str) -> None:
     *branches, last = keys
     for key in branches:
         below = document.get(key, {})
@@ -224,8 +230,8 @@ def _explain(error: ValidationError) -> str:
     if place[-1] == "key_variable":  # do not print it: it may be the key itself
         return f"{name} takes the name of an environment variable, not a key"
     if first["type"] == "missing":
-        return f"{name} {in_words(first)}"
-    return f"{name}: {in_words(first)}, not {first['input']!r}"
+        return f"{name} {describe_fault(first)}"
+    return f"{name}: {describe_fault(first)}, not {first['input']!r}"
 
 
 def _names_beside(place: list[str]) -> list[str]:

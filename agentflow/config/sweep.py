@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from agentflow.config.run import DesignConfig, build, put
-from agentflow.config.yaml import first_fault, in_words, truth_for_number
+from agentflow.config.run import DesignConfig, build_config, set_key
+from agentflow.config.yaml import describe_fault, find_bool_as_number, first_fault
 from agentflow.errors import ConfigError, UnknownNameError
 
 StageChoice = Literal["initial", "blind_refinement", "env_feedback"]
@@ -131,7 +131,7 @@ def read_sweep(document: Mapping[str, Any], source: str) -> SweepConfig:
         found = SweepConfig.model_validate(dict(document))
     except ValidationError as error:
         raise ConfigError(f"{source}: {_explain(error)}") from None
-    if wrong := truth_for_number(document, found.model_dump()):
+    if wrong := find_bool_as_number(document, found.model_dump()):
         raise ConfigError(f"{source}: {wrong}: expected a number, not true or false")
     return found
 
@@ -144,7 +144,7 @@ def _explain(error: ValidationError) -> str:
         kind = TableLayout if place[0] == "table" else SweepConfig
         known = [".".join([*place[:-1], name]) for name in kind.model_fields]
         return str(UnknownNameError("key", key, known))
-    return f"{key} is missing" if first["type"] == "missing" else f"{key}: {in_words(first)}"
+    return f"{key} is missing" if first["type"] == "missing" else f"{key}: {describe_fault(first)}"
 
 
 def list_runs(sweep: SweepConfig) -> tuple[SweepRun, ...]:
@@ -159,10 +159,10 @@ def list_runs(sweep: SweepConfig) -> tuple[SweepRun, ...]:
         document: dict[str, Any] = dict(sweep.base)
         for _, settings in choice:
             for key, value in settings.items():
-                document = put(document, key, value)
+                document = set_key(document, key, value)
         names = [_name([*labels.values(), f"seed-{seed}"]) for seed in sweep.seeds]
         try:
-            config = build(document)
+            config = build_config(document)
         except ConfigError as error:
             raise ConfigError(f"run {names[0]}: {error}") from None
         for name, seed in zip(names, sweep.seeds, strict=True):

@@ -101,7 +101,7 @@ def first_fault(error: ValidationError) -> ErrorDetails:
     return next((item for item in found if item["type"] == "extra_forbidden"), found[0])
 
 
-def in_words(fault: ErrorDetails) -> str:
+def describe_fault(fault: ErrorDetails) -> str:
     """An error in words, to follow the name of a key: "must be at least 1"."""
     plain = _PLAIN.get(fault["type"])
     if plain is not None:
@@ -110,7 +110,7 @@ def in_words(fault: ErrorDetails) -> str:
     return message[0].lower() + message[1:]
 
 
-def truth_for_number(given: object, taken: object, place: tuple[str, ...] = ()) -> str | None:
+def find_bool_as_number(given: object, taken: object, place: tuple[str, ...] = ()) -> str | None:
     """The first dotted key where true or false was read as a number; None if there is none.
 
     Args:
@@ -125,5 +125,5 @@ def truth_for_number(given: object, taken: object, place: tuple[str, ...] = ()) 
         pairs = [(key, value, taken.get(key)) for key, value in given.items()]
     elif isinstance(given, list | tuple) and isinstance(taken, list | tuple):
         pairs = [(i, *both) for i, both in enumerate(zip(given, taken, strict=False))]
-    found = (truth_for_number(one, other, (*place, str(key))) for key, one, other in pairs)
+    found = (find_bool_as_number(one, other, (*place, str(key))) for key, one, other in pairs)
     return next((key for key in found if key), None)

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from agentflow.app.configuration import annotated_yaml, resolve_config
-from agentflow.config.run import DesignConfig, build, load
+from agentflow.config.run import DesignConfig, build_config, load_document
 from agentflow.errors import ConfigError
 from agentflow.runs import RunDirectory
 
@@ -60,7 +60,7 @@ def test_what_is_printed_is_a_configuration() -> None:
     found = resolve_config(None, ("seed=7", "rationales=['a # b', \"c\\nd\"]", "wall.height=0"))
     text = annotated_yaml(found)
     assert yaml.safe_load(text) == found["config"]
-    assert build(yaml.safe_load(text)).seed == 7
+    assert build_config(yaml.safe_load(text)).seed == 7
     for line in text.splitlines():
         assert line.endswith(":") or line.rsplit("# ")[-1] in ("default", "--set")
 
@@ -78,4 +78,4 @@ def test_a_run_can_be_begun_again_from_its_run_yaml_alone(tmp_path: Path) -> Non
     config = DesignConfig(task="movement", seed=5)
     run = RunDirectory.create(tmp_path, "demo", {"config": config.model_dump(mode="json")})
     run.close()
-    assert build(load(run.path / "run.yaml")) == config
+    assert build_config(load_document(run.path / "run.yaml")) == config

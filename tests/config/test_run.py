@@ -6,28 +6,34 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.config.run import DesignConfig, build, load, override, suggest_key
+from agentflow.config.run import (
+    DesignConfig,
+    apply_settings,
+    build_config,
+    load_document,
+    suggest_key,
+)
 from agentflow.errors import ConfigError
 
 CONFIGS = [
     path
     for path in sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
-    if "table" not in load(path)
+    if "table" not in load_document(path)
 ]
 """Of single runs; those of sweeps have tests of their own."""
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.name)
 def test_every_shipped_configuration_is_valid(path: Path) -> None:
-    build(load(path))
+    build_config(load_document(path))
 
 
 def test_settings_reach_keys_switches_and_knobs() -> None:
-    document = override(
+    document = apply_settings(
         {"seed": 1, "settings": {"trajectories": 3}},
         ["seed=7", "search.ucb.c=2", "settings.inspector=off", "wall.height=0", "model.name=x"],
     )
-    config = build(document)
+    config = build_config(document)
     assert (config.seed, config.model.name) == (7, "x")
     assert config.settings.trajectories == 3
     assert config.settings.search.ucb.c == 2
@@ -50,7 +56,7 @@ def test_a_key_is_known_by_its_last_parts(knob: str, key: str) -> None:
 
 def test_override_leaves_the_document_alone() -> None:
     document = {"settings": {"search": {"rounds": 2}}}
-    override(document, ["search.rounds=9"])
+    apply_settings(document, ["search.rounds=9"])
     assert document == {"settings": {"search": {"rounds": 2}}}
 
 
@@ -72,7 +78,7 @@ def test_override_leaves_the_document_alone() -> None:
 )
 def test_wrong_configuration_names_the_key(document: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        build(document)
+        build_config(document)
     assert str(caught.value).startswith(message)
 
 
@@ -91,39 +97,39 @@ def test_wrong_configuration_names_the_key(document: dict[str, object], message:
 )
 def test_wrong_settings_are_refused(setting: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        override({"seed": 0}, [setting])
+        apply_settings({"seed": 0}, [setting])
     assert str(caught.value).startswith(message)
 
 
 def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot read"):
-        load(tmp_path / "none.yaml")
+        load_document(tmp_path / "none.yaml")
     (tmp_path / "tab.yaml").write_text("task: throwing\n\tseed: 1\n")
     with pytest.raises(ConfigError, match=r"tab.yaml is not YAML: line 2: found character '\\t'"):
-        load(tmp_path / "tab.yaml")
+        load_document(tmp_path / "tab.yaml")
     (tmp_path / "twice.yaml").write_text("settings:\n  search: {rounds: 1}\n  search: {}\n")
     with pytest.raises(
         ConfigError, match=r"twice.yaml is not YAML: line 3: the key 'search' is duplicated"
     ):
-        load(tmp_path / "twice.yaml")
+        load_document(tmp_path / "twice.yaml")
     (tmp_path / "ring.yaml").write_text("task: movement\nknobs: {window: &a [*a]}\n")
     with pytest.raises(
         ConfigError,
         match=r"ring.yaml is not YAML: line 2: found unconstructable recursive node",
     ):
-        load(tmp_path / "ring.yaml")
+        load_document(tmp_path / "ring.yaml")
     bomb = [f"x{n}: &x{n} [{', '.join([f'*x{n - 1}'] * 9)}]" for n in range(1, 9)]
     (tmp_path / "bomb.yaml").write_text("\n".join(["x0: &x0 [1]", *bomb]))
     with pytest.raises(
         ConfigError,
         match=r"bomb.yaml is not YAML: line 1: .* it has more than 1,000,000 values",
     ):
-        load(tmp_path / "bomb.yaml")
+        load_document(tmp_path / "bomb.yaml")
     (tmp_path / "alias.yaml").write_text("task: &a movement\nworkflow: *a\n")
-    assert load(tmp_path / "alias.yaml") == {"task": "movement", "workflow": "movement"}
+    assert load_document(tmp_path / "alias.yaml") == {"task": "movement", "workflow": "movement"}
     (tmp_path / "bad.yaml").write_text("- a\n")
     with pytest.raises(ConfigError, match="must hold a mapping of configuration keys"):
-        load(tmp_path / "bad.yaml")
+        load_document(tmp_path / "bad.yaml")
 
 
 def test_defaults_are_the_published_ones() -> None:

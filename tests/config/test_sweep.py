@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from agentflow.app.sweeps.plan import plan_sweep
-from agentflow.config.run import load
+from agentflow.config.run import load_document
 from agentflow.config.sweep import axis_of_key, list_runs, read_sweep
 from agentflow.errors import ConfigError
 from agentflow.metrics.published import published
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-SWEEPS = [path for path in sorted(CONFIGS.glob("*.yaml")) if "table" in load(path)]
+SWEEPS = [path for path in sorted(CONFIGS.glob("*.yaml")) if "table" in load_document(path)]
 TABLE = {"metrics": ["mean"]}
 
 

@@ -11,10 +11,10 @@ from agentflow.config.run import (
     PROCEDURAL,
     DesignConfig,
     ModelConfig,
-    build,
-    load,
-    override,
-    put,
+    apply_settings,
+    build_config,
+    load_document,
+    set_key,
 )
 from agentflow.errors import ConfigError
 from agentflow.llm.endpoint.address import Endpoint
@@ -33,10 +33,10 @@ def load_config(
     Raises:
         ConfigError: A key is unknown or a value out of range.
     """
-    document = override(load(path) if path is not None else {}, settings)
+    document = apply_settings(load_document(path) if path is not None else {}, settings)
     for key, value in options.items():
         if value is not None:
-            document = put(document, key, value)
+            document = set_key(document, key, value)
     return complete_config(document)
 
 
@@ -46,7 +46,7 @@ def complete_config(document: Mapping[str, Any]) -> DesignConfig:
     Raises:
         ConfigError: A key is unknown, a value out of range, or a base URL is given without a model.
     """
-    config = build(fill_from_environment(document, os.environ))
+    config = build_config(fill_from_environment(document, os.environ))
     require_model_name(config.model)
     return config
 

@@ -14,7 +14,7 @@ from agentflow.app.design.models import replay_models
 from agentflow.app.design.notices import REMARK
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.results import read_finished, result_json
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Event, Notify, read_document, read_events
 
@@ -31,7 +31,7 @@ def replay(path: Path, notify: Notify) -> str | None:
     """
     document = read_document(path)
     recorded = read_finished(path)
-    plan = RunPlan.of(build(document.get("config")))
+    plan = RunPlan.of(build_config(document.get("config")))
     if changes := plan.changes_since(document):
         notify(f"{path} was made with different {changes}; expect differences")
     if note := plan.engine_note(document):

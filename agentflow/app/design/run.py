@@ -14,7 +14,7 @@ from agentflow.app.design.notices import REMARK, Remarks, watch_calls
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.results import read_finished, result_json, save_rollouts
-from agentflow.config.run import DesignConfig, build
+from agentflow.config.run import DesignConfig, build_config
 from agentflow.env.pool.pool import Simulator
 from agentflow.errors import ConfigError, EndpointError, InterruptedRunError, RunError
 from agentflow.llm.client import Client
@@ -119,7 +119,7 @@ class DesignRun:
     def reopen(cls, path: Path, options: RunOptions) -> DesignRun:
         """Open an unfinished run; see `resume_async`."""
         document = read_document(path)
-        plan = RunPlan.of(build(document.get("config")))
+        plan = RunPlan.of(build_config(document.get("config")))
         if changes := plan.changes_since(document):
             raise RunError(
                 f"{path} was started with different {changes}: its record does not fit the rest "

@@ -10,7 +10,7 @@ from typing import Any
 from agentflow.app.design.models import cost_function
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
-from agentflow.config.run import DesignConfig, build
+from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import RunError, UsageError
 from agentflow.metrics.usage import Spent, bill
 from agentflow.runs import find_runs, read_calls, read_document, state_of
@@ -52,7 +52,11 @@ _NOTHING: dict[str, Any] = {
 
 def _summary(path: Path) -> dict[str, Any]:
     state, document = state_of(path), read_document(path)
-    known = read_finished(path) if state == "done" else _so_far(path, build(document.get("config")))
+    known = (
+        read_finished(path)
+        if state == "done"
+        else _so_far(path, build_config(document.get("config")))
+    )
     found = {key: known.get(key) for key in _NOTHING}
     return {**found, "run": str(path), "state": state, "problem": ""}
 
@@ -84,7 +88,7 @@ def run_details(path: Path) -> dict[str, Any]:
     summary = _summary(path)
     result = read_finished(path) if summary["state"] == "done" else {}
     record = RunRecord.of(read_typed_events(path))
-    spent = bill(read_calls(path), cost_function(build(document.get("config")).model))
+    spent = bill(read_calls(path), cost_function(build_config(document.get("config")).model))
     machine = result.get("machine")
     return {
         **summary,

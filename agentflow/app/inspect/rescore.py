@@ -8,7 +8,7 @@ from typing import Any
 
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.inspect.reading import recorded_machine
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.env.constants import constants
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
@@ -34,7 +34,7 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
         UsageError: Its task no longer exists.
     """
     document = read_document(path)
-    plan = RunPlan.of(build(document.get("config")))
+    plan = RunPlan.of(build_config(document.get("config")))
     evaluations: dict[str, EvaluationEvent] = {}
     for event in read_typed_events(path):
         if isinstance(event, EvaluationEvent):

@@ -21,7 +21,7 @@ from agentflow.app.pages.runs import (
     task_summary,
     write_page,
 )
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError
@@ -100,7 +100,7 @@ def _sort_by_task(runs: Sequence[GalleryItem]) -> list[GalleryItem]:
 
 def _gallery_item(path: Path) -> GalleryItem:
     document, result = read_document(path), read_finished(path)
-    config = build(document.get("config"))
+    config = build_config(document.get("config"))
     digest = best_digest(result)
     about = f"{config.workflow}, {result['model']}, seed {config.seed}"
     shown = None

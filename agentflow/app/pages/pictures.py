@@ -6,7 +6,7 @@ from pathlib import Path
 
 from agentflow.app.design.results import read_finished
 from agentflow.app.machines.files import machine_text
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
 from agentflow.env.drawing.stills import render_png
@@ -34,7 +34,7 @@ def render_run(path: Path, out: Path | None = None, view: str = "three-quarter")
         RunError: The run is unfinished, or found no valid machine.
     """
     result = read_finished(path)
-    config = build(read_document(path).get("config"))
+    config = build_config(read_document(path).get("config"))
     machine = read_machine(result["machine"], range(1000)).machine
     if machine is None:
         raise RunError(f"{path} found no valid machine to draw")

@@ -14,7 +14,7 @@ from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.pages.films import Shapes, machine_data
-from agentflow.config.run import PROCEDURAL, DesignConfig, build
+from agentflow.config.run import PROCEDURAL, DesignConfig, build_config
 from agentflow.env.archive import load_npz
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import default_engine
@@ -78,7 +78,7 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
     """
     document = read_document(path)
     require_writable(out)
-    config = build(document.get("config"))
+    config = build_config(document.get("config"))
     result = read_finished(path) if (path / "result.json").exists() else None
     story = RunStory.read(path, result, best_digest(result))
     priced = bool(config.model.prices) or config.model.name == PROCEDURAL

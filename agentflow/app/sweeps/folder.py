@@ -23,7 +23,7 @@ import yaml
 from agentflow import __version__
 from agentflow.app.design.config import config_json
 from agentflow.app.design.plan import engine_change
-from agentflow.config.run import PROCEDURAL, build
+from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.config.sweep import SweepConfig, read_sweep
 from agentflow.config.yaml import NOT_YAML
 from agentflow.env.constants import constants
@@ -38,7 +38,7 @@ NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"
 def sweep_document(name: str, sweep: SweepConfig) -> dict[str, Any]:
     """Content of sweep.yaml: everything that decides the runs, without credentials."""
     plain = sweep.model_dump(mode="json")
-    return {"name": name, "sweep": {**plain, "base": config_json(build(sweep.base))}}
+    return {"name": name, "sweep": {**plain, "base": config_json(build_config(sweep.base))}}
 
 
 def is_sweep(path: Path) -> bool:
@@ -164,7 +164,7 @@ def _cannot_write(path: Path, error: OSError) -> RunError:
 
 def folder_name(name: str, sweep: SweepConfig) -> str:
     """Name of the folder of a sweep: its name and, unless procedural, its model."""
-    model = build(sweep.base).model.name
+    model = build_config(sweep.base).model.name
     kept = "".join(c if c.isalnum() or c in "._-" else "-" for c in model)
     return name if model == PROCEDURAL else f"{name}-{kept}"
 

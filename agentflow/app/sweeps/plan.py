@@ -16,7 +16,7 @@ from agentflow.app.design.config import (
 )
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.sweeps.folder import folder_name, is_sweep, read_folder
-from agentflow.config.run import build, load, override, put
+from agentflow.config.run import apply_settings, build_config, load_document, set_key
 from agentflow.config.sweep import SweepConfig, SweepRun, axis_of_key, list_runs, read_sweep
 from agentflow.errors import ConfigError, UsageError
 from agentflow.metrics.cells import check_metrics
@@ -90,7 +90,7 @@ def plan_sweep(
             )
         document, sweep = read_folder(path)
         return SweepPlan.of(document["name"], sweep)
-    sweep = read_sweep(load(path), str(path))
+    sweep = read_sweep(load_document(path), str(path))
     if "seed" in sweep.base:
         raise ConfigError(f"{path}: base.seed: list seeds under seeds, for example seeds: [0]")
     axes = axis_of_key(sweep)
@@ -100,9 +100,9 @@ def plan_sweep(
                 f"{key} is varied by the sweep ({axes.get(key, 'axes')}): it cannot be set for all "
                 "runs; --seeds N sets the seeds"
             )
-    base = override(sweep.base, settings)
+    base = apply_settings(sweep.base, settings)
     for key, value in given.items():
-        base = put(base, key, value)
+        base = set_key(base, key, value)
     changed: dict[str, Any] = {"base": fill_from_environment(base, os.environ)}
     if seeds is not None:
         changed["seeds"] = tuple(range(seeds))
@@ -119,7 +119,7 @@ def sweep_folder(plan: SweepPlan, path: Path, out: Path) -> Path:
 
 def _refuse_credentials(sweep: SweepConfig, found: Iterable[SweepRun]) -> None:
     """Refuse credentials in axes, which are written to files and name runs."""
-    known = urls_with_credentials(build(sweep.base))
+    known = urls_with_credentials(build_config(sweep.base))
     for run in found:
         if urls_with_credentials(run.config) - known:
             raise ConfigError(

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from agentflow.app.design.run import RunOptions, design_async, resume_async
 from agentflow.app.sweeps.folder import LOG, RUNS, STORE, lock_folder, sweep_document
 from agentflow.app.sweeps.plan import SweepPlan
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.config.sweep import SweepRun
 from agentflow.env.pool.pool import RolloutPool, Simulator
 from agentflow.env.pool.store import Store
@@ -122,7 +122,7 @@ class _Work:
         try:
             async with AsyncExitStack() as stack:
                 if pool is None:
-                    workers = build(self.plan.sweep.base).workers
+                    workers = build_config(self.plan.sweep.base).workers
                     pool = await stack.enter_async_context(RolloutPool(workers))
                 store = Store(self.folder / STORE, pool)
                 queue = iter(waiting)

@@ -99,9 +99,9 @@ def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
     from agentflow.app.design.models import choose_models
     from agentflow.app.sweeps.estimates import NOTHING, estimate
     from agentflow.app.sweeps.folder import RUNS
-    from agentflow.config.run import build
+    from agentflow.config.run import build_config
 
-    base, seeds = build(plan.sweep.base), len(plan.sweep.seeds)
+    base, seeds = build_config(plan.sweep.base), len(plan.sweep.seeds)
     wanted = set(map(str, plan.sweep.seeds))
     one_by_one = as_json or len(plan.firsts) * seeds <= LISTED
     runs: list[dict[str, Any]] = []

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from pydantic import Field, ValidationError
 from pydantic.fields import FieldInfo
 
-from agentflow.config.yaml import truth_for_number
+from agentflow.config.yaml import find_bool_as_number
 from agentflow.env.tasks.base import Parameters
 from agentflow.errors import ConfigError
 
@@ -78,7 +78,7 @@ def read_knobs(kind: type[P], values: Mapping[str, Any], source: str) -> P:
         knobs = kind.model_validate(dict(values))
     except ValidationError as error:
         raise ConfigError(_explain(kind, error, source)) from None
-    if name := truth_for_number(values, knobs.model_dump()):
+    if name := find_bool_as_number(values, knobs.model_dump()):
         raise ConfigError(f"{name} of {source}: expected a number, not true or false")
     return knobs
 

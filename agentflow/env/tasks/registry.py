@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from agentflow.config.yaml import NOT_YAML, first_fault, in_words, read_yaml
+from agentflow.config.yaml import NOT_YAML, describe_fault, first_fault, read_yaml
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.discovery import FAMILIES, level_files
 from agentflow.env.tasks.knobs import Knob, deep_merge, knobs_of, nest_keys, read_knobs
@@ -69,7 +69,7 @@ def _read(text: str, source: str) -> LevelFile:
         if first["type"] == "extra_forbidden":
             problem = UnknownNameError("key", key, LevelFile.model_fields)
             raise ConfigError(f"{source}: {problem}") from None
-        raise ConfigError(f"{source}: {key}: {in_words(first)}") from None
+        raise ConfigError(f"{source}: {key}: {describe_fault(first)}") from None
 
 
 def task_names() -> tuple[str, ...]:

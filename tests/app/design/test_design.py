@@ -17,7 +17,7 @@ from agentflow.app.design.config import load_config
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, design, resume
 from agentflow.cli import main
-from agentflow.config.run import build, load
+from agentflow.config.run import build_config, load_document
 from agentflow.errors import RunError
 from agentflow.runs import read_events, read_result
 from agentflow.runs.document import document_text
@@ -34,7 +34,7 @@ def ignore(_line: str) -> None:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small run with the procedural model."""
     out = tmp_path_factory.mktemp("runs")
-    return Path(design(build(load(SMALL)), out)["run"])
+    return Path(design(build_config(load_document(SMALL)), out)["run"])
 
 
 @pytest.mark.slow
@@ -107,7 +107,7 @@ def test_a_finished_run_resumes_to_its_result(run: Path) -> None:
 def test_the_same_seed_gives_the_same_result_and_another_does_not(
     run: Path, tmp_path: Path
 ) -> None:
-    config = build(load(SMALL))
+    config = build_config(load_document(SMALL))
     again = design(config, tmp_path)
     first = read_result(run)
     volatile = {"seconds", "worker_seconds", "run"}

@@ -13,7 +13,7 @@ from agentflow.app.design.models import choose_models, open_models
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, design
 from agentflow.cli import main
-from agentflow.config.run import DesignConfig, build
+from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import ConfigError
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
@@ -34,7 +34,9 @@ CAR = json.dumps(
 def small(model: dict[str, object]) -> DesignConfig:
     """One machine from one call."""
     settings = {"trajectories": 1, "search": {"rounds": 0}}
-    return build({"task": "movement", "workflow": "single", "settings": settings, "model": model})
+    return build_config(
+        {"task": "movement", "workflow": "single", "settings": settings, "model": model}
+    )
 
 
 @pytest.mark.parametrize(
@@ -53,8 +55,8 @@ def test_a_base_url_without_a_model_is_refused(
 
 def test_a_base_url_is_of_use_to_a_role_or_to_whoever_chose_the_embedded_model() -> None:
     url = {"base_url": "http://127.0.0.1:9/v1"}
-    require_model_name(build({"model": {**url, "roles": {"designer": {"name": "m"}}}}).model)
-    require_model_name(build({"model": {**url, "name": "procedural"}}).model)
+    require_model_name(build_config({"model": {**url, "roles": {"designer": {"name": "m"}}}}).model)
+    require_model_name(build_config({"model": {**url, "name": "procedural"}}).model)
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,13 @@ from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, resume
 from agentflow.app.inspect.rescore import rescore
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.errors import RunError
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.runs import RunDirectory, read_document
 from agentflow.runs.document import document_text
 
-PLAN = RunPlan.of(build({"task": "movement", "workflow": "random-dsl", "workers": 1}))
+PLAN = RunPlan.of(build_config({"task": "movement", "workflow": "random-dsl", "workers": 1}))
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 
 

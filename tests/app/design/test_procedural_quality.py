@@ -9,7 +9,7 @@ import pytest
 
 from agentflow.app.design.run import design
 from agentflow.app.tasks import find_task
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.env.simulation.simulate import simulate
 from agentflow.machine import read_machine
 
@@ -25,7 +25,7 @@ def test_search_improves_on_the_first_designs_by_power_alone(name: str, tmp_path
     task = find_task(name)
     scores, improved = [], 0
     for seed in SEEDS:
-        result = design(build({"task": name, "seed": seed}), tmp_path)
+        result = design(build_config({"task": name, "seed": seed}), tmp_path)
         initial = next(stage for stage in result["stages"] if stage["name"] == "initial")
         scores.append(result["score"])
         improved += result["score"] > (initial["max"] or 0.0)

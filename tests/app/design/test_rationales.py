@@ -11,7 +11,7 @@ import pytest
 from agentflow.app.design.rationales import rationales_of
 from agentflow.app.design.replay import replay
 from agentflow.app.design.run import design
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.errors import RunError
 from agentflow.runs import read_document
 
@@ -24,10 +24,10 @@ def ignore(_line: str) -> None:
 
 @pytest.mark.slow
 def test_plans_are_followed_and_kept(tmp_path: Path) -> None:
-    first = Path(design(build(TINY), tmp_path)["run"])
+    first = Path(design(build_config(TINY), tmp_path)["run"])
     plans = rationales_of(first)
     assert len(plans) == 2
-    config = build({**TINY, "seed": 1, "rationale_from": str(first)})
+    config = build_config({**TINY, "seed": 1, "rationale_from": str(first)})
     second = Path(design(config, tmp_path)["run"])
     assert read_document(second)["config"]["settings"]["rationales"] == list(plans)
     for line in (second / "calls.jsonl").read_text().splitlines():
@@ -42,7 +42,7 @@ def test_plans_are_followed_and_kept(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_plans_of_structures_follow_each_other(tmp_path: Path) -> None:
     settings = {**TINY["settings"], "inspector": False}  # type: ignore[dict-item]
-    run = design(build({"workflow": "hierarchical", "settings": settings}), tmp_path)
+    run = design(build_config({"workflow": "hierarchical", "settings": settings}), tmp_path)
     plans = rationales_of(Path(run["run"]))
     assert plans
     assert all(len(plan.splitlines()) > 1 for plan in plans)
@@ -50,9 +50,9 @@ def test_the_plans_of_structures_follow_each_other(tmp_path: Path) -> None:
 
 def test_no_run_no_plans(tmp_path: Path) -> None:
     with pytest.raises(RunError):
-        design(build({**TINY, "rationale_from": str(tmp_path / "gone")}), tmp_path)
+        design(build_config({**TINY, "rationale_from": str(tmp_path / "gone")}), tmp_path)
     nobody = design(
-        build({"workflow": "random-dsl", "workers": 1, "settings": {"rollouts": 1}}),
+        build_config({"workflow": "random-dsl", "workers": 1, "settings": {"rollouts": 1}}),
         tmp_path,
     )
     assert nobody["model"] == "none (random edits)"

@@ -9,13 +9,13 @@ import pytest
 from agentflow.app.design.notices import REMARK, Remarks
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.run import RunOptions, design, resume
-from agentflow.config.run import build
+from agentflow.config.run import build_config
 from agentflow.errors import UnreachableError
 from agentflow.llm.messages import Request
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.runs import RunDirectory, read_events
 
-CONFIG = build({"task": "movement", "workflow": "single", "workers": 1})
+CONFIG = build_config({"task": "movement", "workflow": "single", "workers": 1})
 
 
 def unreachable(_request: Request) -> str:

@@ -10,7 +10,7 @@ import pytest
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.sweeps.estimates import Estimate, estimate, total
-from agentflow.config.run import build, load
+from agentflow.config.run import build_config, load_document
 from agentflow.metrics.usage import bill
 from agentflow.runs import read_calls, read_events, read_result
 from agentflow.workflows.hierarchical import STRUCTURES
@@ -20,12 +20,12 @@ RECORDED = ROOT / "runs/recorded-throwing"
 
 
 def of(**document: Any) -> Estimate:
-    return estimate(RunPlan.of(build(document)))
+    return estimate(RunPlan.of(build_config(document)))
 
 
 def test_the_recorded_run_takes_what_is_estimated() -> None:
     """Its first attempts were all valid and its machines all different."""
-    config = build(load(ROOT / "configs/small.yaml"))
+    config = build_config(load_document(ROOT / "configs/small.yaml"))
     found, result = estimate(RunPlan.of(config)), read_result(RECORDED)
     (blueprint,) = (event for event in read_events(RECORDED) if event.kind == "blueprint")
     more = STRUCTURES - len(blueprint.data["build_order"])

@@ -10,18 +10,18 @@ from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
 from agentflow.app.sweeps.run import run_sweep
 from agentflow.app.sweeps.tables import layout_table, read_sweep_result
 from agentflow.app.sweeps.views import VIEWS, view
-from agentflow.config.run import load
+from agentflow.config.run import load_document
 from agentflow.metrics.published import published
 from tests.app.sweeps.test_run import Notes
 
 CONFIGS = Path(__file__).parents[3] / "configs"
-SWEEPS = [path for path in sorted(CONFIGS.glob("*.yaml")) if "table" in load(path)]
+SWEEPS = [path for path in sorted(CONFIGS.glob("*.yaml")) if "table" in load_document(path)]
 
 
 def reduced(path: Path) -> list[str]:
     """Settings that make a sweep small; those that leave the search out still do."""
     settings = ["trajectories=2", "placements=4"]
-    if load(path)["base"].get("settings", {}).get("search", {}).get("rounds") != 0:
+    if load_document(path)["base"].get("settings", {}).get("search", {}).get("rounds") != 0:
         rounds = 2 if path.stem == "search_depth" else 1
         settings += [f"search.rounds={rounds}", "search.width=2"]
     if path.stem == "additional_tasks":  # some count ten trials for one rollout
