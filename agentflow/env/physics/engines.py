@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -41,14 +42,6 @@ class EngineSpec:
         needed = " or ".join(self.libraries)
         raise ConfigError(f"the physics engine {self.name!r} needs {needed}; install it")
 
-    @property
-    def installed(self) -> bool:
-        """Whether the engine's library is installed."""
-        try:
-            return bool(self.identity)
-        except ConfigError:
-            return False
-
     def start(self, physics: Constants | None = None) -> Engine:
         """Load the library and make an engine."""
         module, _, attribute = self.factory.partition(":")
@@ -75,6 +68,7 @@ def default_engine() -> EngineSpec:
         ConfigError: None is installed.
     """
     for spec in ENGINES.values():
-        if spec.installed:
+        with suppress(ConfigError):
+            _ = spec.identity
             return spec
     raise ConfigError(f"no physics engine is installed; install one of: {', '.join(ENGINES)}")

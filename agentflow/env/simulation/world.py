@@ -16,17 +16,13 @@ class RefereeView:
         """Seconds since t = 0."""
 
     def centre(self, body: Body) -> Vec3:
-        """Centre of a block or a thing, m."""
         return self._world.centre(body)
 
     def origin(self, block: int) -> Vec3:
-        """Building point of a block, m."""
         return self._world.origin(block)
 
     def rotation(self, body: Body) -> Quat:
-        """Orientation of a block or a thing."""
         return self._world.rotation(body)
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing is in contact with in this step."""
         return self._world.touching(body)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_motion
 from agentflow.env.physics.rows import Row
+from agentflow.env.scene import Vec3
 from agentflow.machine.geometry.vectors import dot, length, scale, subtract
 
 
@@ -115,6 +116,7 @@ class WinchForce:
         """Time between calls, s."""
         self._left: list[float | None] = [None] * len(winches)
         """Length of each rope, m; None until it is strung."""
+        self._ends: list[tuple[tuple[int, Vec3], tuple[int, Vec3]]] = []
 
     def __bool__(self) -> bool:
         return bool(self._winches)

@@ -28,15 +28,12 @@ class PyBulletEngine:
 
     @property
     def identity(self) -> EngineIdentity:
-        """What rollouts of this engine record."""
         return PYBULLET.identity
 
     def build(self, assembly: Assembly, scene: Scene, rate: float) -> PyBulletWorld:
-        """Clear the client and make a world in it."""
         return PyBulletWorld(self.client, self.physics, assembly, scene, rate)
 
     def close(self) -> None:
-        """Disconnect the client."""
         if self._open:
             pybullet.disconnect(self.client)
             self._open = False

@@ -98,7 +98,6 @@ class PyBulletWorld:
         self._read()
 
     def switch(self, entry: str, level: float) -> None:
-        """Set motors, steering_hinges, springs, winches, grabbers or gusts."""
         self._levels[entry] = float(level)
         if entry == "grabbers":
             self._grips.switch(level > 0)
@@ -146,7 +145,6 @@ class PyBulletWorld:
 
     @property
     def moving_things(self) -> tuple[str, ...]:
-        """Names of the scene's things that can move."""
         return self._now.layout.things
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
@@ -155,15 +153,12 @@ class PyBulletWorld:
         return top_speeds(rows.all) if thorough else rows.head_speeds
 
     def state(self) -> State:
-        """Everything that a record holds."""
         return self._now.readings.state(self._now.rows.table)
 
     def centres(self) -> Array:
-        """(N, 3) block centres, as in `state`."""
         return self._now.readings.centres(self._now.rows.table)
 
     def keep(self) -> None:
-        """Keep the present state for `kept`."""
         self._kept.append((self._now.readings, self._now.rows.all))
 
     def kept(self) -> State:
@@ -177,29 +172,24 @@ class PyBulletWorld:
         )
 
     def centre(self, body: Body) -> Vec3:
-        """Centre of a block or a thing."""
         if isinstance(body, int):
             return self._now.readings.centre(self._row(body), body)
         place, turn = pybullet.getBasePositionAndOrientation(self.things[body], self.client)
         return swap(subtract(place, rotate_vector(turn, swap(self._balance[body]))))
 
     def rotation(self, body: Body) -> Quat:
-        """Orientation of a block or a thing."""
         if isinstance(body, int):
             return self._now.readings.rotation(self._row(body), body)
         uid = self.things[body]
         return swap_quaternion(pybullet.getBasePositionAndOrientation(uid, self.client)[1])
 
     def origin(self, block: int) -> Vec3:
-        """Building point of a block."""
         return self._now.readings.origin(self._row(block), block)
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing was in contact with in the last step."""
         return self._now.contacts.touching(body)
 
     def momentum(self) -> Mapping[str, Array]:
-        """Total momentum and kinetic energy of the machine."""
         return self._now.readings.momentum(self._now.rows.table)
 
     # --- inside -----------------------------------------------------------------------------
