@@ -110,17 +110,17 @@ MISSES = [
     (
         ask("build a catapult with two arms", "designer/2"),
         "nearest is 'designer/2', first difference: messages[0].text at character 22: "
-        "recorded ' catapult with one arm', asked ' catapult with two arms'",
+        "recorded ' catapult with one arm', requested ' catapult with two arms'",
     ),
     (
         ask("build a catapult with one arm", "designer/3"),
         "nearest is 'designer/2', first difference: label at character 9: "
-        "recorded 'designer/2', asked 'designer/3'",
+        "recorded 'designer/2', requested 'designer/3'",
     ),
     (
         ask("build a catapult with one arm", "designer/2", temperature=0.1),
         "nearest is 'designer/2', first difference: sampling.temperature at character 2: "
-        "recorded '0.7', asked '0.1'",
+        "recorded '0.7', requested '0.1'",
     ),
     (
         ask("build a catapult with one arm", "designer/2").model_copy(
@@ -160,7 +160,7 @@ async def test_a_miss_on_another_model_and_on_an_empty_tape(tmp_path: Path) -> N
         with pytest.raises(ReplayMissError) as caught:
             await ReplayClient(tape, "other").complete(ask())
     assert str(caught.value).endswith(
-        "first difference: model at character 0: recorded 'scripted', asked 'other'"
+        "first difference: model at character 0: recorded 'scripted', requested 'other'"
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from agentflow.app.design.models import Models
-from agentflow.llm.client import Client
+from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.runs import Event, Notify, RunDirectory, read_events
@@ -82,15 +82,12 @@ class _CallCounter:
         self.listener(event.to_event())
 
 
-class _WatchedClient:
+class _WatchedClient(ClientWrapper):
     """A client whose calls in progress are counted."""
 
     def __init__(self, inner: Client, counter: _CallCounter) -> None:
-        self._inner, self._counter = inner, counter
-
-    @property
-    def name(self) -> str:
-        return self._inner.name
+        super().__init__(inner)
+        self._counter = counter
 
     async def complete(self, request: Request) -> Reply:
         self._counter.change(request.label, 1)
@@ -98,6 +95,3 @@ class _WatchedClient:
             return await self._inner.complete(request)
         finally:
             self._counter.change(request.label, -1)
-
-    async def aclose(self) -> None:
-        await self._inner.aclose()

@@ -6,29 +6,24 @@ import asyncio
 from difflib import SequenceMatcher
 
 from agentflow.errors import BudgetSpentError, ReplayMissError
-from agentflow.llm.client import Client
+from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.wrappers.tape import RecordedCall, Tape, key_of
 
 _EXCERPT_CHARS = 30
 
 
-class RecordingClient:
+class RecordingClient(ClientWrapper):
     """Answers from the tape if possible; otherwise asks the inner client and records its reply.
 
     Several clients may share one tape; the caller closes it.
     """
 
     def __init__(self, inner: Client, tape: Tape) -> None:
-        self._inner = inner
+        super().__init__(inner)
         self._tape = tape
         self._locks: dict[str, asyncio.Lock] = {}
         self._last: tuple[Request, str] | None = None
-
-    @property
-    def name(self) -> str:
-        """The model's name."""
-        return self._inner.name
 
     def holds(self, request: Request) -> bool:
         """Whether the tape already has the reply."""
@@ -57,10 +52,6 @@ class RecordingClient:
         if self._last is None or self._last[0] is not request:
             self._last = (request, key_of(self.name, request))
         return self._last[1]
-
-    async def aclose(self) -> None:
-        """Close the inner client; the tape stays open."""
-        await self._inner.aclose()
 
 
 class ReplayClient:
@@ -103,7 +94,7 @@ class ReplayClient:
 
 def _explain_miss(tape: Tape, model: str, request: Request) -> str:
     """The nearest recorded request and the first field that differs."""
-    asked = _fields(model, request)
+    requested = _fields(model, request)
     nearest: RecordedCall | None = None
     best = (False, -1.0, -1)
     for call in tape.calls():
@@ -112,14 +103,14 @@ def _explain_miss(tape: Tape, model: str, request: Request) -> str:
         rank = (
             label == request.label,
             (role == request.role) + SequenceMatcher(None, label, request.label).ratio(),
-            sum(known.get(name) == value for name, value in asked.items()),
+            sum(known.get(name) == value for name, value in requested.items()),
         )
         if rank > best:
             best, nearest = rank, call
     miss = f"{tape.path} does not hold the call {request.label!r}"
     if nearest is None:
         return f"{miss}; it holds no calls"
-    difference = _first_difference(_fields(nearest.model, nearest.request), asked)
+    difference = _first_difference(_fields(nearest.model, nearest.request), requested)
     return f"{miss}; nearest is {nearest.request.label!r}, first difference: {difference}"
 
 
@@ -135,9 +126,9 @@ def _fields(model: str, request: Request) -> dict[str, str]:
     return fields
 
 
-def _first_difference(recorded: dict[str, str], asked: dict[str, str]) -> str:
-    for name in {**recorded, **asked}:
-        old, new = recorded.get(name), asked.get(name)
+def _first_difference(recorded: dict[str, str], requested: dict[str, str]) -> str:
+    for name in {**recorded, **requested}:
+        old, new = recorded.get(name), requested.get(name)
         if old == new:
             continue
         if old is None or new is None:
@@ -147,5 +138,5 @@ def _first_difference(recorded: dict[str, str], asked: dict[str, str]) -> str:
         at = next((i for i, (one, other) in enumerate(pairs) if one != other), shorter)
         start = max(0, at - _EXCERPT_CHARS // 2)
         excerpts = [repr(text[start : start + _EXCERPT_CHARS]) for text in (old, new)]
-        return f"{name} at character {at}: recorded {excerpts[0]}, asked {excerpts[1]}"
+        return f"{name} at character {at}: recorded {excerpts[0]}, requested {excerpts[1]}"
     return "none"

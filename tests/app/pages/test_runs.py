@@ -15,6 +15,7 @@ from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.gallery import gallery
 from agentflow.app.pages.runs import best_digest, report
 from agentflow.cli import main
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.rollout import RolloutEvent
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
@@ -75,11 +76,20 @@ def test_a_run_under_way_is_counted_at_one_moment(tmp_path: Path) -> None:
     assert usage[-1]["calls"] == 3
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "change"),
+    [
+        ("constants", "older", "the physical constants have changed"),
+        ("engine", "other 1", f"the engine has changed (other 1, now {default_engine().identity})"),
+    ],
+)
 @pytest.mark.slow
-def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> None:
+def test_recorded_films_are_shown_where_physics_has_changed(
+    tmp_path: Path, name: str, value: str, change: str
+) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
-    document = {**read_document(run), "constants": "older"}
+    document = {**read_document(run), name: value}
     (run / "run.yaml").write_text(document_text(document))
     told: list[tuple[int, int]] = []
     out = report(run, tmp_path / "r.html", films=2, workers=1, say=lambda *done: told.append(done))
@@ -88,9 +98,7 @@ def test_recorded_films_are_shown_where_physics_has_changed(tmp_path: Path) -> N
     assert kept
     for digest in kept:
         assert machines[digest]["film"]["interval"] == pytest.approx(0.2)
-        assert (
-            machines[digest]["remark"] == "As recorded: the physical constants have changed since."
-        )
+        assert machines[digest]["remark"] == f"As recorded: {change} since."
     best = machines[best_digest(read_result(run))]
     assert best["traces"] == [
         {"body": 0, "name": "root block"},
