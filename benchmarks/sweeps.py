@@ -65,16 +65,16 @@ class Silent:
     def __init__(self) -> None:
         self.events = 0
 
-    def begun(self, run: str) -> None: ...
+    def run_started(self, run: str) -> None: ...
 
     def event(self, run: str, event: Event) -> None:  # noqa: ARG002
         self.events += 1
 
     def remark(self, run: str, line: str) -> None: ...
 
-    def ended(self, run: str, result: Mapping[str, Any]) -> None: ...
+    def run_finished(self, run: str, result: Mapping[str, Any]) -> None: ...
 
-    def failed(self, run: str, reason: str) -> None:
+    def run_failed(self, run: str, reason: str) -> None:
         raise RuntimeError(f"{run}: {reason}")
 
 

@@ -94,14 +94,14 @@ def _lines(
     indent = "  " * len(above)
     for key, value in document.items():
         if isinstance(value, Mapping) and value:
-            yield f"{indent}{_flow(key)}:"
+            yield f"{indent}{_inline_yaml(key)}:"
             yield from _lines(value, (*above, key), origins)
         else:
-            line = f"{indent}{_flow(key)}: {_flow(value)}"
+            line = f"{indent}{_inline_yaml(key)}: {_inline_yaml(value)}"
             yield f"{line:<{COLUMN}}# {origins['.'.join((*above, key))]}"
 
 
-def _flow(value: Any) -> str:
+def _inline_yaml(value: Any) -> str:
     text = yaml.safe_dump(value, default_flow_style=True, width=10**9, allow_unicode=True)
     line = text.removesuffix("...\n").strip()
     return json.dumps(value) if "\n" in line else line

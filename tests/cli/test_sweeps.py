@@ -163,12 +163,12 @@ def test_the_live_view_has_a_line_per_run_and_fits_the_terminal() -> None:
     console = Console(file=io.StringIO(), width=80, height=10, force_terminal=False)
     view = View(40, console)
     for number in range(20):
-        view.begun(f"run-{number}")
+        view.run_started(f"run-{number}")
         view.event(f"run-{number}", Event("stage_begin", "initial", {"trajectories": 1}))
         view.event(f"run-{number}", evaluation("initial/traj-1", number + 0.5).to_event())
         if number < 18:
-            view.ended(f"run-{number}", {"score": number + 0.5})
-    view.failed("run-3", "nothing answers")
+            view.run_finished(f"run-{number}", {"score": number + 0.5})
+    view.run_failed("run-3", "nothing answers")
     console.print(view.draw())
     lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
     assert lines[0] == "17 done · 1 failed · 2 running · 20 waiting · 0 s"

@@ -47,7 +47,7 @@ class Shapes:
 
     def number(self, solid: Thing) -> int:
         """The number of a solid given in its block's frame."""
-        return self._known.setdefault(tuple(_row(solid)), len(self._known))
+        return self._known.setdefault(tuple(_solid_row(solid)), len(self._known))
 
 
 def machine_data(
@@ -79,12 +79,12 @@ def machine_data(
     ]
     return {
         "solids": solids,
-        "rods": [_rod(step.id, machine, figures) for step in machine if step.two_ended],
+        "rods": [_rod_data(step.id, machine, figures) for step in machine if step.two_ended],
         "hero": tracked_block(machine),
         "given": [[name, list(color[:3])] for name, color in dict(marked.values()).items()],
         "feedback": rollout.feedback.text if rollout is not None else "",
         "remark": remark,
-        "trials": _trials(machine, figures, rollout, played),
+        "trials": _trial_data(machine, figures, rollout, played),
         **_film_data(machine, figures, rollout),
     }
 
@@ -99,9 +99,10 @@ def _film_data(
     columns = {name: len(machine) + index for index, name in enumerate(moving)}
     return {
         "things": [
-            [*_row(_local(thing, columns)), columns.get(thing.name)] for thing in scene.things
+            [*_solid_row(_in_own_frame(thing, columns)), columns.get(thing.name)]
+            for thing in scene.things
         ],
-        "wind": _wind(scene),
+        "wind": _wind_text(scene),
         "traces": _traces(machine, columns),
         "connections": [block for block, _ in trace.connections] if trace is not None else [],
         "gone": _loss_times(trace, machine) if trace is not None else {},
@@ -111,7 +112,7 @@ def _film_data(
     }
 
 
-def _trials(
+def _trial_data(
     machine: Machine, figures: MachineSolids, whole: Rollout | None, played: Sequence[Rollout]
 ) -> list[dict[str, Any]]:
     """Data of every trial; the one that `whole` shows has no second film.
@@ -124,13 +125,13 @@ def _trials(
     for number, rollout in enumerate(played, start=1):
         shown = number == whole.terms[SHOWN_TRIAL]
         own = not shown and rollout.trace is not None
-        told = {
+        entry = {
             "number": number,
             "success": whole.terms[f"trial_{number}"],
             "outcome": whole.terms[f"outcome_{number}"],
             "shown": shown,
         }
-        found.append(told | (_film_data(machine, figures, rollout, THINNED) if own else {}))
+        found.append(entry | (_film_data(machine, figures, rollout, THINNED) if own else {}))
     return found
 
 
@@ -143,7 +144,7 @@ def _given_marks(given: Machine) -> dict[int, tuple[str, Color]]:
     }
 
 
-def _wind(scene: Scene) -> str:
+def _wind_text(scene: Scene) -> str:
     """The wind in words; "" if there is none."""
     parts = [
         f"{abs(speed):g} m/s towards {axis}{'+' if speed > 0 else '-'}"
@@ -181,21 +182,21 @@ def _motion(figures: MachineSolids, trace: Trace | None, machine: Machine, every
     )
 
 
-def _row(solid: Thing) -> Row:
+def _solid_row(solid: Thing) -> Row:
     """Kind, size, position, rotation and colour of a solid."""
     size = (solid.size[0],) * 3 if solid.shape == "sphere" else solid.size
     numbers = (*size, *solid.position, *solid.rotation, *solid.color[:3])
     return [solid.shape, *(round(float(value), 4) + 0.0 for value in numbers)]
 
 
-def _local(thing: Thing, columns: dict[str, int]) -> Thing:
+def _in_own_frame(thing: Thing, columns: dict[str, int]) -> Thing:
     """A static thing as it is; a moving one in its own frame."""
     if thing.name not in columns:
         return thing
     return Thing(thing.name, thing.shape, thing.size, NO_PLACE, color=thing.color)
 
 
-def _rod(block: int, machine: Machine, figures: MachineSolids) -> dict[str, Any]:
+def _rod_data(block: int, machine: Machine, figures: MachineSolids) -> dict[str, Any]:
     ends = zip(machine[block].parents, figures.ends[block], strict=True)
     return {
         "block": block,

@@ -72,7 +72,7 @@ def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> No
     if kind == STILL:
         render_png(machine, file, view=view)
     elif kind in SAMPLES:
-        rollout = _rollout(machine, task, seed, 1.0 / SAMPLES[kind])
+        rollout = _simulate(machine, task, seed, 1.0 / SAMPLES[kind])
         if kind == GLB:
             file.write_bytes(rollout_glb(machine, rollout))
         else:
@@ -81,7 +81,7 @@ def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> No
         raise UnknownNameError("kind of picture", kind, (STILL, *SAMPLES))
 
 
-def _rollout(machine: Machine, task: Task, seed: int, interval: float) -> Rollout:
+def _simulate(machine: Machine, task: Task, seed: int, interval: float) -> Rollout:
     """A rollout of the machine; repeatable with the same seed."""
     rollout = simulate(machine, task, seed=seed, interval=interval)
     if rollout.trace is None:

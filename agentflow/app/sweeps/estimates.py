@@ -67,22 +67,22 @@ def estimate(plan: RunPlan) -> Estimate:
         sum(calls.values()),
         prompt,
         completion,
-        _money(config, calls),
+        _total_money(config, calls),
         rollouts,
-        rollouts * _seconds(plan.task, config.seed),
+        rollouts * _rollout_seconds(plan.task, config.seed),
     )
 
 
-def total(estimates: Iterable[Estimate]) -> Estimate:
+def total_estimate(estimates: Iterable[Estimate]) -> Estimate:
     """Sum of several estimates."""
     return sum(estimates, NOTHING)
 
 
-def _seconds(task: Task, seed: int) -> float:
+def _rollout_seconds(task: Task, seed: int) -> float:
     return ROLLOUT_SECONDS * len(task.trials(seed)) * task.window / WINDOW
 
 
-def _money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
+def _total_money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
     spent = 0.0
     for role, count in calls.items():
         own = config.model.roles.get(ROLES[role].model_role or role)
@@ -91,10 +91,10 @@ def _money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
         if count and name != PROCEDURAL:
             if price is None:
                 return None
-            spent += count * _cost(price, role)
+            spent += count * _call_cost(price, role)
     return spent
 
 
-def _cost(price: Price, role: str) -> float:
+def _call_cost(price: Price, role: str) -> float:
     prompt, completion = ROLES[role].tokens
     return price.of(Usage(prompt=prompt, completion=completion))

@@ -124,7 +124,7 @@ def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -
             f"{path} was started with different {changed}: further runs would not be comparable; "
             "choose another folder with --out"
         )
-    different = _difference(recorded["sweep"], document["sweep"], "")
+    different = _first_difference(recorded["sweep"], document["sweep"], "")
     if different:
         raise RunError(
             f"{path} was started with a different {different}: resume it unchanged with "
@@ -132,14 +132,14 @@ def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -
         )
 
 
-def _difference(one: Any, other: Any, place: str) -> str:
+def _first_difference(one: Any, other: Any, place: str) -> str:
     """The first key whose values differ; "" if there is none."""
     if one == other:
         return ""
     if not (isinstance(one, dict) and isinstance(other, dict)):
         return place
     key = next(k for k in {**one, **other} if one.get(k) != other.get(k))
-    return _difference(one.get(key), other.get(key), f"{place}.{key}" if place else key)
+    return _first_difference(one.get(key), other.get(key), f"{place}.{key}" if place else key)
 
 
 def _write_new(file: Path, document: Mapping[str, Any]) -> None:

@@ -29,7 +29,7 @@ from agentflow.search.concurrency import run_concurrently
 class Watcher(Protocol):
     """Receives the progress of a sweep."""
 
-    def begun(self, run: str) -> None:
+    def run_started(self, run: str) -> None:
         """A run was started or resumed."""
 
     def event(self, run: str, event: Event) -> None:
@@ -38,10 +38,10 @@ class Watcher(Protocol):
     def remark(self, run: str, line: str) -> None:
         """A line of text from a run for the user."""
 
-    def ended(self, run: str, result: Mapping[str, Any]) -> None:
+    def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
         """A run is finished; `result` is the content of its result.json."""
 
-    def failed(self, run: str, reason: str) -> None:
+    def run_failed(self, run: str, reason: str) -> None:
         """A run has failed."""
 
 
@@ -150,7 +150,7 @@ class _Work:
         """Carry out runs one after the other until none are left."""
         for run in queue:
             name = run.name
-            self.watcher.begun(name)
+            self.watcher.run_started(name)
             try:
                 result = await self._run(run, store)
             except AgentflowError as error:
@@ -165,7 +165,7 @@ class _Work:
                 store.share(self.folder / RUNS / name, plan.task, run.config.seed)
                 self.done.add(name)
                 _write_log(log, {"run": name, "state": "done", "seconds": result["seconds"]})
-                self.watcher.ended(name, result)
+                self.watcher.run_finished(name, result)
 
     async def _run(self, run: SweepRun, store: Store) -> dict[str, Any]:
         runs, name = self.folder / RUNS, run.name
@@ -184,7 +184,7 @@ class _Work:
         line = reason.strip().partition("\n")[0]
         self.failed[name] = line
         _write_log(log, {"run": name, "state": "failed", "reason": line, "traceback": trace})
-        self.watcher.failed(name, line)
+        self.watcher.run_failed(name, line)
 
 
 def _can_resume(path: Path) -> bool:

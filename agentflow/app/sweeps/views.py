@@ -38,7 +38,7 @@ OWN_SCALE = (
 )
 
 
-def scores(result: SweepResult) -> Table:
+def scores_table(result: SweepResult) -> Table:
     """Validity with Wilson intervals, means with bootstrap intervals, and Best@N, by variant.
 
     Without scipy there are no bootstrap intervals, and a note says so.
@@ -84,18 +84,20 @@ def scores(result: SweepResult) -> Table:
     )
 
 
-def usage(result: SweepResult) -> Table:
+def usage_table(result: SweepResult) -> Table:
     """Cost of runs by role and stage, and speed of simulations."""
     rows: list[Row] = []
     for (task, model, variant), runs in variants(result).items():
-        whole = _bill(runs)
-        speed = _simulated(runs)
+        whole = _total_bill(runs)
+        speed = _total_speed(runs)
         parts = [("all", whole.total), *whole.roles.items(), *whole.stages.items()]
         for name, spent in parts:
             share = whole.token_shares.get(name)
             rate = speed.rollouts_per_second if name == "all" else None
             simulated = speed.speed if name == "all" else None
-            rows.append(Row((task, model, variant, name), (*_spent(spent, share), rate, simulated)))
+            rows.append(
+                Row((task, model, variant, name), (*_spent_values(spent, share), rate, simulated))
+            )
     names = ("calls", "tokens", "share", "reasoning", "money", "seconds", "retries")
     columns = [Column("", name, percent=name == "share") for name in names]
     columns += [Column("", "rollouts/s"), Column("", "simulated s/s")]
@@ -108,13 +110,13 @@ def usage(result: SweepResult) -> Table:
     return Table(f"{result.sweep.title}: usage", heads, tuple(columns), tuple(rows), notes=notes)
 
 
-def players(result: SweepResult) -> Table:
+def players_table(result: SweepResult) -> Table:
     """The best score of each task relative to the published mean of experienced players."""
     means = literature.player_means()
     rows = []
     for (task, model), runs in _by_task(result).items():
         best = max(
-            (_best(run) for run in runs), default=None, key=lambda s: (s is not None, s or 0)
+            (_best_score(run) for run in runs), default=None, key=lambda s: (s is not None, s or 0)
         )
         mean = means.get(task.partition("/")[0])
         share = best / mean if best is not None and mean else None
@@ -128,7 +130,7 @@ def players(result: SweepResult) -> Table:
     return Table(title, ("task", "model"), columns, tuple(rows), notes=(*result.notes, OWN_SCALE))
 
 
-def expansions(result: SweepResult) -> Table:
+def expansions_table(result: SweepResult) -> Table:
     """Mean best score of searches against the number of new machines, by variant."""
     groups = _all_variants(result)
     counts = [
@@ -155,10 +157,10 @@ def expansions(result: SweepResult) -> Table:
 VIEWS: Mapping[str, Callable[[SweepResult], Table]] = MappingProxyType(
     {
         LAYOUT: layout_table,
-        "scores": scores,
-        "usage": usage,
-        PLAYERS: players,
-        "expansions": expansions,
+        "scores": scores_table,
+        "usage": usage_table,
+        PLAYERS: players_table,
+        "expansions": expansions_table,
     }
 )
 """Name of a view -> function that makes its table."""
@@ -226,7 +228,7 @@ def last_cell(result: SweepResult, runs: Sequence[FinishedRun]) -> Cell:
     return Cell(_numbers(runs), last[-1] if last else result.sweep.table.stage)
 
 
-def _best(run: FinishedRun) -> float | None:
+def _best_score(run: FinishedRun) -> float | None:
     score = read_result(run.path)["score"]
     return None if score is None else float(score)
 
@@ -235,14 +237,14 @@ def _format_interval(interval: tuple[float, float] | None) -> str | None:
     return None if interval is None else f"{shown(interval[0])} - {shown(interval[1])}"
 
 
-def _bill(runs: Iterable[FinishedRun]) -> Bill:
+def _total_bill(runs: Iterable[FinishedRun]) -> Bill:
     total = Bill(Spent(), {}, {})
     for run in runs:
         total += bill(read_calls(run.path), cost_function(run.planned.config.model), stage_of)
     return total
 
 
-def _simulated(runs: Iterable[FinishedRun]) -> SimulationSpeed:
+def _total_speed(runs: Iterable[FinishedRun]) -> SimulationSpeed:
     total = SimulationSpeed(0, 0.0, 0.0)
     for run in runs:
         result = read_result(run.path)
@@ -252,7 +254,7 @@ def _simulated(runs: Iterable[FinishedRun]) -> SimulationSpeed:
     return total
 
 
-def _spent(spent: Spent, share: float | None) -> tuple[Value, ...]:
+def _spent_values(spent: Spent, share: float | None) -> tuple[Value, ...]:
     return (
         spent.calls,
         spent.tokens,

@@ -45,7 +45,7 @@ class Lines:
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
 
-    def begun(self, run: str) -> None:
+    def run_started(self, run: str) -> None:
         """See `Watcher`, as for the other methods."""
         self._tell(f"{run}: begun")
 
@@ -56,11 +56,11 @@ class Lines:
         """Print the remark."""
         self._tell(f"agentflow: {run}: {line}")
 
-    def ended(self, run: str, result: Mapping[str, Any]) -> None:
+    def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
         """Print score and time."""
         self._tell(f"{run}: {_in_short(result)}")
 
-    def failed(self, run: str, reason: str) -> None:
+    def run_failed(self, run: str, reason: str) -> None:
         """Print the reason, even if quiet."""
         print_line(f"agentflow: {run}: failed: {reason}")
 
@@ -102,7 +102,7 @@ class View:
     lines: dict[str, Line] = field(default_factory=dict)
     started: float = field(default_factory=time.monotonic)
 
-    def begun(self, run: str) -> None:
+    def run_started(self, run: str) -> None:
         """See `Watcher`, as for the other methods."""
         self.lines[run] = Line("runs")
 
@@ -114,12 +114,12 @@ class View:
         """Print the remark above the view."""
         self.console.print(Text(escape_controls(f"{run}: {line}")))
 
-    def ended(self, run: str, result: Mapping[str, Any]) -> None:
+    def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
         """Kept as the run's last line."""
         line = self.lines[run]
         line.state, line.ended, line.result = "done", time.monotonic(), result
 
-    def failed(self, run: str, reason: str) -> None:
+    def run_failed(self, run: str, reason: str) -> None:
         """Kept as the run's last line."""
         line = self.lines[run]
         line.state, line.ended, line.message = "failed", time.monotonic(), reason

@@ -53,7 +53,7 @@ class Notes:
         self.said: list[tuple[str, str]] = []
         self.events = 0
 
-    def begun(self, run: str) -> None:
+    def run_started(self, run: str) -> None:
         self.said.append(("begun", run))
 
     def event(self, run: str, event: Event) -> None:  # noqa: ARG002
@@ -62,11 +62,11 @@ class Notes:
     def remark(self, run: str, line: str) -> None:
         self.said.append((line, run))
 
-    def ended(self, run: str, result: Mapping[str, Any]) -> None:
+    def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
         assert result["rollouts"] == 2
         self.said.append(("ended", run))
 
-    def failed(self, run: str, reason: str) -> None:
+    def run_failed(self, run: str, reason: str) -> None:
         self.said.append((reason, run))
 
 
