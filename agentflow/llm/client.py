@@ -32,11 +32,7 @@ class ClientWrapper:
 
     def __init__(self, inner: Client) -> None:
         self._inner = inner
-
-    @property
-    def name(self) -> str:
-        """Model name."""
-        return self._inner.name
+        self.name = inner.name
 
     async def aclose(self) -> None:
         """Close the inner client."""

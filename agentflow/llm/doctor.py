@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
-from agentflow.errors import (
-    EndpointError,
-    ModelNotFoundError,
-    UnauthorisedError,
-    UnreachableError,
-)
+from agentflow.errors import EndpointError, ModelNotFoundError, UnauthorisedError, UnreachableError
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.faults import TransientFault
 from agentflow.llm.endpoint.http import OpenAIClient
-from agentflow.llm.messages import JsonSchema, Message, Reply, Request, Sampling
+from agentflow.llm.messages import JsonSchema, Message, Request, Sampling
 from agentflow.llm.settings import HttpSettings
 
 _FORM = JsonSchema(
@@ -33,13 +28,11 @@ _QUESTION = Request(
     messages=(Message(role="user", text='Reply with the JSON object {"ok": true}.'),),
     sampling=Sampling(max_tokens=256, seed=1, stop=("###",), response_format=_FORM),
 )
-"""Uses every optional parameter, so that unsupported ones show up."""
+"""Uses every optional parameter, to find the unsupported ones."""
 
 
-class Diagnosis(BaseModel):
+class Diagnosis(BaseModel, frozen=True):
     """What one request reveals about an endpoint; None is unknown."""
-
-    model_config = ConfigDict(frozen=True)
 
     model: str
     base_url: str
@@ -64,16 +57,12 @@ async def diagnose(endpoint: Endpoint, settings: HttpSettings) -> Diagnosis:
     """Send one small request without retries and report what the endpoint does."""
     client = OpenAIClient(endpoint, settings, warn=lambda _line: None)
     try:
-        outcome: Reply | EndpointError = await client.complete(_QUESTION)
-    except TransientFault as fault:
-        outcome = fault.error
-    except EndpointError as error:
-        outcome = error
+        reply = await client.complete(_QUESTION)
+    except EndpointError as problem:
+        error = problem.error if isinstance(problem, TransientFault) else problem
+        return _diagnose_error(endpoint, error, client.unsupported.actions)
     finally:
         await client.aclose()
-    refused = dict(client.unsupported.actions)
-    if isinstance(outcome, EndpointError):
-        return _diagnose_error(endpoint, outcome, refused)
     return Diagnosis(
         model=endpoint.model,
         base_url=endpoint.base_url,
@@ -81,11 +70,11 @@ async def diagnose(endpoint: Endpoint, settings: HttpSettings) -> Diagnosis:
         authorised=True,
         model_exists=True,
         streaming=client.streams,
-        refused=refused,
-        usage=outcome.usage.total > 0,
-        reasoning=bool(outcome.reasoning or outcome.usage.reasoning),
-        answered_as=outcome.model,
-        latency_s=outcome.latency_s,
+        refused=client.unsupported.actions,
+        usage=reply.usage.total > 0,
+        reasoning=bool(reply.reasoning or reply.usage.reasoning),
+        answered_as=reply.model,
+        latency_s=reply.latency_s,
     )
 
 

@@ -9,8 +9,8 @@ from inspect import isawaitable
 from agentflow.llm.messages import Reply, Request
 
 ModelFunction = Callable[[Request], "str | Reply | Awaitable[str | Reply]"]
-"""Answers a request with a text, or with a `Reply` that has usage. A plain function is called in
-threads, several at a time; a coroutine function runs on the event loop."""
+"""Answers a request with a text, or with a `Reply` that includes usage. Plain functions are called
+in threads, several at a time; coroutine functions run on the event loop."""
 
 
 class FunctionClient:
@@ -18,12 +18,7 @@ class FunctionClient:
 
     def __init__(self, answer: ModelFunction, name: str) -> None:
         """`name` is the model's name in results and in the record."""
-        self._answer, self._name = answer, name
-
-    @property
-    def name(self) -> str:
-        """The model's name."""
-        return self._name
+        self._answer, self.name = answer, name
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; exceptions of the function propagate."""
@@ -36,7 +31,7 @@ class FunctionClient:
                 f"the model function must return a string or a Reply, not {answer!r:.80}"
             )
         finish = "stop" if answer.strip() else "empty"
-        return Reply(text=answer, finish=finish, model=self._name)
+        return Reply(text=answer, finish=finish, model=self.name)
 
     async def aclose(self) -> None:
         """Nothing to release."""

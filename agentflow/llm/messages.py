@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 Finish = Literal["stop", "length", "empty", "content_filter"]
 """Why a reply ended. Only `stop` is a complete answer."""
@@ -23,8 +23,8 @@ def fix_surrogates(text: str) -> str:
     return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
 
 
-class _Frozen(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+class _Frozen(BaseModel, frozen=True, extra="forbid"):
+    pass
 
 
 class Message(_Frozen):
@@ -36,7 +36,7 @@ class Message(_Frozen):
 
 
 class JsonSchema(_Frozen):
-    """A JSON schema for replies; endpoints without support for it are asked for any JSON object."""
+    """A JSON schema for replies; endpoints that do not support one are asked for a JSON object."""
 
     name: str
     content: Mapping[str, Any]
@@ -56,7 +56,7 @@ class Sampling(_Frozen):
 
 
 class Request(_Frozen):
-    """One question to a model.
+    """One call to a model.
 
     `label` identifies the call within the run ("refiner/traj-3/node-12/attempt-2"). Two calls with
     the same messages are different samples, and concurrency never changes which reply a call gets.

@@ -22,14 +22,9 @@ class ScriptedClient:
         name: str = "scripted",
     ) -> None:
         self._replies = replies
-        self._name = name
+        self.name = name
         self.requests: list[Request] = []
         """Requests received so far."""
-
-    @property
-    def name(self) -> str:
-        """Model name."""
-        return self._name
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request.
@@ -38,21 +33,19 @@ class ScriptedClient:
             UsageError: The list has no replies left.
         """
         self.requests.append(request)
-        reply = self._next(request)
+        reply = self._replies(request) if callable(self._replies) else self._next(self._replies)
         if isinstance(reply, Reply):
             return reply
-        return Reply(text=reply, finish="stop" if reply.strip() else "empty", model=self._name)
+        return Reply(text=reply, finish="stop" if reply.strip() else "empty", model=self.name)
 
     async def aclose(self) -> None:
         """Nothing to release."""
 
-    def _next(self, request: Request) -> str | Reply:
-        if callable(self._replies):
-            return self._replies(request)
+    def _next(self, replies: Sequence[str | Reply]) -> str | Reply:
         asked = len(self.requests)
-        if asked > len(self._replies):
+        if asked > len(replies):
             raise UsageError(
-                f"the script has {len(self._replies)} replies, "
-                f"but call {asked} ({request.label}) needs another"
+                f"the script has {len(replies)} replies, "
+                f"but call {asked} ({self.requests[-1].label}) needs another"
             )
-        return self._replies[asked - 1]
+        return replies[asked - 1]

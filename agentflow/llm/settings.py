@@ -5,13 +5,11 @@ Separate from the code that uses them, so that reading a configuration does not 
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 
-class HttpSettings(BaseModel):
+class HttpSettings(BaseModel, frozen=True, extra="forbid"):
     """Time-outs in seconds."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     connect_s: float = Field(default=10.0, gt=0)
     """Time-out for connecting."""
@@ -21,10 +19,8 @@ class HttpSettings(BaseModel):
     """Maximum duration of one attempt."""
 
 
-class RetrySettings(BaseModel):
+class RetrySettings(BaseModel, frozen=True, extra="forbid"):
     """Exponential back-off with full jitter: waits are uniform in [0, min(cap, base * 2^n)]."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     attempts: int = Field(default=6, ge=1)
     """Maximum number of attempts per call, including the first."""
@@ -34,10 +30,8 @@ class RetrySettings(BaseModel):
     """Upper limit for waits requested by the server."""
 
 
-class LimitSettings(BaseModel):
+class LimitSettings(BaseModel, frozen=True, extra="forbid"):
     """Rate limits of one endpoint over the whole run; None is unlimited."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     concurrent: int | None = Field(default=None, ge=1)
     """Maximum number of concurrent calls."""
@@ -47,10 +41,8 @@ class LimitSettings(BaseModel):
     """Maximum tokens per minute, prompt and completion; estimated before a call, then exact."""
 
 
-class EndpointSettings(BaseModel):
+class EndpointSettings(BaseModel, frozen=True, extra="forbid"):
     """All settings of an endpoint; none of them changes a reply."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     http: HttpSettings = HttpSettings()
     retry: RetrySettings = RetrySettings()

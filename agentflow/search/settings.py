@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from agentflow.search.registry import STRATEGIES
 
 
-class UcbSettings(BaseModel):
+class UcbSettings(BaseModel, frozen=True, extra="forbid"):
     """How MCTS-style search balances exploitation and exploration."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     c: float = Field(
         math.sqrt(2), ge=0, allow_inf_nan=False, description="exploration constant (published: 2)"
@@ -24,10 +22,8 @@ class UcbSettings(BaseModel):
     )
 
 
-class SearchSettings(BaseModel):
+class SearchSettings(BaseModel, frozen=True, extra="forbid"):
     """Strategy and budget; all strategies share these keys, so sweeps can compare them."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     strategy: str = Field(
         "mcts",

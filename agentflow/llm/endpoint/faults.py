@@ -81,7 +81,7 @@ def read_error_response(status: int, headers: Mapping[str, str], body: bytes) ->
     wait = retry_after_s(headers.get("retry-after"), datetime.now(timezone.utc))
     if isinstance(content, dict):
         return parse_error_object(status, content, wait)
-    message = "an HTML page" if is_html(text) else text
+    message = "an HTML page" if text.lstrip("\ufeff \t\r\n").startswith("<") else text
     if 300 <= status < 400:
         message = f"a redirect to {headers.get('location', 'nowhere')}"
     return ErrorResponse(status, message, retry_after_s=wait)
@@ -135,8 +135,15 @@ def error_for(endpoint: Endpoint, response: ErrorResponse) -> EndpointError:
     """The typed error for an error response; a `TransientFault` if a retry may help."""
     status, where = response.status, endpoint.base_url
     message = printable_excerpt(endpoint, response.message)
+    if status in (401, 403) and not endpoint.has_key:
+        return UnauthorisedError(
+            f"{where} requires an API key ({status}); set {endpoint.key_variable}"
+        )
     if status in (401, 403):
-        return UnauthorisedError(_unauthorised(endpoint, status, message))
+        return UnauthorisedError(
+            f"{where} rejected the API key or denied it access to "
+            f"model {endpoint.model!r} ({status}: {message}); check {endpoint.key_variable}"
+        )
     if status == 404 or (status == 400 and _UNKNOWN_MODEL.search(response.message)):
         return ModelNotFoundError(
             f"model {endpoint.model!r} not found at {where} ({status}: {message}); "
@@ -146,15 +153,6 @@ def error_for(endpoint: Endpoint, response: ErrorResponse) -> EndpointError:
         error = RefusedError(f"{where} is temporarily unavailable ({status}: {message})")
         return TransientFault(error, response.retry_after_s)
     return RefusedError(f"{where} rejected the request ({status}: {message})")
-
-
-def _unauthorised(endpoint: Endpoint, status: int, message: str) -> str:
-    if not endpoint.has_key:
-        return f"{endpoint.base_url} requires an API key ({status}); set {endpoint.key_variable}"
-    return (
-        f"{endpoint.base_url} rejected the API key or denied it access to "
-        f"model {endpoint.model!r} ({status}: {message}); check {endpoint.key_variable}"
-    )
 
 
 def unreachable(endpoint: Endpoint, reason: str) -> TransientFault:
@@ -171,8 +169,7 @@ def not_a_completion(endpoint: Endpoint, reason: str) -> RefusedError:
     """The error for a successful response that is not a chat completion."""
     return RefusedError(
         f"{endpoint.base_url} did not return a chat completion "
-        f"({printable_excerpt(endpoint, reason)}); "
-        "check OPENAI_BASE_URL or --base-url"
+        f"({printable_excerpt(endpoint, reason)}); check OPENAI_BASE_URL or --base-url"
     )
 
 
@@ -183,8 +180,3 @@ def printable_excerpt(endpoint: Endpoint, text: str) -> str:
     if len(line) > _EXCERPT_CHARS:
         line = line[: _EXCERPT_CHARS - 3] + "..."
     return line or "no message"
-
-
-def is_html(text: str) -> bool:
-    """Whether a body looks like HTML."""
-    return text.lstrip("\ufeff \t\r\n")[:1] == "<"

@@ -40,6 +40,7 @@ class OpenAIClient:
     def __init__(
         self, endpoint: Endpoint, settings: HttpSettings, warn: Callable[[str], None]
     ) -> None:
+        self.name = endpoint.model
         self._endpoint = endpoint
         self._settings = settings
         self.unsupported = UnsupportedParameters(warn)
@@ -54,11 +55,6 @@ class OpenAIClient:
             raise ConfigError(
                 f"invalid proxy or certificate settings in the environment: {problem}"
             ) from None
-
-    @property
-    def name(self) -> str:
-        """Model name."""
-        return self._endpoint.model
 
     def __repr__(self) -> str:
         return f"OpenAIClient({self._endpoint!r})"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from agentflow.errors import BudgetSpentError
 from agentflow.llm.client import Client, ClientWrapper
@@ -12,10 +12,8 @@ from agentflow.llm.messages import CHARS_PER_TOKEN, Reply, Request, Usage
 from agentflow.llm.wrappers.prices import Price
 
 
-class BudgetSettings(BaseModel):
+class BudgetSettings(BaseModel, frozen=True, extra="forbid"):
     """Limits of a run; None is unlimited."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     calls: int | None = Field(default=None, ge=1)
     tokens: int | None = Field(default=None, ge=1)
@@ -28,8 +26,8 @@ class Budget:
     """Spending of a run against its limits; shared by all clients of the run.
 
     A resumed run first counts its recorded calls (`count`) and repeats them for free, so it stops
-    where an uninterrupted run would. If an endpoint reports no tokens, limits use an estimate from
-    the text lengths, which is never shown as usage or cost.
+    where an uninterrupted run would. If an endpoint reports no tokens, the limits use an estimate
+    from text lengths, which is never reported as usage or cost.
     """
 
     def __init__(self, settings: BudgetSettings | None = None) -> None:
@@ -110,7 +108,6 @@ class BudgetClient(ClientWrapper):
 
 
 def _estimate(request: Request, reply: Reply) -> Usage:
-    """Estimate token counts from text lengths."""
     return Usage(
         prompt=request.estimated_tokens,
         completion=-(-len(reply.text + reply.reasoning) // CHARS_PER_TOKEN),

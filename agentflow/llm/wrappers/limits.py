@@ -24,7 +24,7 @@ class SlidingWindow:
 
     Args:
         limit: Maximum sum.
-        period_s: Length of the period in seconds.
+        period_s: Length of the window in seconds.
     """
 
     def __init__(self, limit: int, period_s: float) -> None:
@@ -35,7 +35,7 @@ class SlidingWindow:
         self._turn = asyncio.Lock()
 
     async def take(self, amount: int) -> _Booking:
-        """Wait until the amount fits and book it; one above the limit waits for an empty window."""
+        """Wait until an amount fits, then book it; above the limit, wait for an empty window."""
         async with self._turn:
             while (wait := self._wait_s(amount)) > 0:
                 await asyncio.sleep(wait)
@@ -96,5 +96,4 @@ class LimitedClient(ClientWrapper):
 
 
 def _estimate(request: Request) -> int:
-    """Estimate the tokens that a call will use."""
     return request.estimated_tokens + (request.sampling.max_tokens or 0) + 1

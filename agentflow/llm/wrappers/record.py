@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from difflib import SequenceMatcher
+from itertools import takewhile
 
 from agentflow.errors import BudgetSpentError, ReplayMissError
 from agentflow.llm.client import Client, ClientWrapper
@@ -23,11 +24,10 @@ class RecordingClient(ClientWrapper):
         super().__init__(inner)
         self._tape = tape
         self._locks: dict[str, asyncio.Lock] = {}
-        self._last: tuple[Request, str] | None = None
 
     def holds(self, request: Request) -> bool:
         """Whether the tape already has the reply."""
-        return self._key(request) in self._tape
+        return key_of(self.name, request) in self._tape
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; see `Client`.
@@ -35,7 +35,7 @@ class RecordingClient(ClientWrapper):
         Raises:
             RunError: The tape cannot be written.
         """
-        key = self._key(request)
+        key = key_of(self.name, request)
         try:
             async with self._locks.setdefault(key, asyncio.Lock()):
                 reply = self._tape.find(key)
@@ -47,32 +47,21 @@ class RecordingClient(ClientWrapper):
         finally:
             self._locks.pop(key, None)
 
-    def _key(self, request: Request) -> str:
-        """The request's key; cached, because callers of `holds` go on to `complete`."""
-        if self._last is None or self._last[0] is not request:
-            self._last = (request, key_of(self.name, request))
-        return self._last[1]
-
 
 class ReplayClient:
     """Answers from the tape only.
 
     Args:
         tape: The record.
-        model: The model's name as the recorded run was configured.
-        budget_spent: Whether the recorded run stopped because its budget was spent; a call that
-            is missing from the tape is then one that the budget did not allow.
+        model: Name of the model in the recorded run.
+        budget_spent: Whether the recorded run stopped at its budget; replay then stops at the first
+            call that is missing from the tape.
     """
 
     def __init__(self, tape: Tape, model: str, *, budget_spent: bool = False) -> None:
         self._tape = tape
-        self._model = model
+        self.name = model
         self._budget_spent = budget_spent
-
-    @property
-    def name(self) -> str:
-        """The model's name."""
-        return self._model
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request.
@@ -81,11 +70,11 @@ class ReplayClient:
             ReplayMissError: It is not on the tape.
             BudgetSpentError: It is not on the tape, and the run stopped at its budget.
         """
-        reply = self._tape.find(key_of(self._model, request))
+        reply = self._tape.find(key_of(self.name, request))
         if reply is None and self._budget_spent:
             raise BudgetSpentError("the recorded run ended here")
         if reply is None:
-            raise ReplayMissError(_explain_miss(self._tape, self._model, request))
+            raise ReplayMissError(_explain_miss(self._tape, self.name, request))
         return reply
 
     async def aclose(self) -> None:
@@ -115,7 +104,7 @@ def _explain_miss(tape: Tape, model: str, request: Request) -> str:
 
 
 def _fields(model: str, request: Request) -> dict[str, str]:
-    """A request's fields by path, most telling differences first."""
+    """A request's fields by path, those whose difference says most first."""
     fields = {"label": request.label, "role": request.role, "model": model}
     for name, value in request.sampling.model_dump().items():
         fields[f"sampling.{name}"] = str(value)
@@ -133,9 +122,8 @@ def _first_difference(recorded: dict[str, str], requested: dict[str, str]) -> st
             continue
         if old is None or new is None:
             return f"{name} is {'missing' if old is None else 'only'} in the record"
-        pairs = zip(old, new, strict=False)
-        shorter = min(len(old), len(new))
-        at = next((i for i, (one, other) in enumerate(pairs) if one != other), shorter)
+        same = takewhile(lambda pair: pair[0] == pair[1], zip(old, new, strict=False))
+        at = len(list(same))
         start = max(0, at - _EXCERPT_CHARS // 2)
         excerpts = [repr(text[start : start + _EXCERPT_CHARS]) for text in (old, new)]
         return f"{name} at character {at}: recorded {excerpts[0]}, requested {excerpts[1]}"

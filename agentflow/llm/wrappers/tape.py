@@ -6,31 +6,28 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from agentflow.errors import RunError
 from agentflow.files import LineFile, is_whole
 from agentflow.llm.messages import Reply, Request
 
 
-class RecordedCall(BaseModel):
+class RecordedCall(BaseModel, frozen=True, extra="forbid"):
     """One line of the tape. Prompts and replies only: no base URL, no key, no timeouts."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     schema_version: Literal[1] = 1
     key: str
     model: str
-    """Name of the model that was asked, as configured."""
+    """Name of the model in the configuration."""
     request: Request
     reply: Reply
 
 
 def key_of(model: str, request: Request) -> str:
-    """Hash of everything that changes the reply, and of the label."""
+    """Hash of the label and of everything that affects the reply."""
     content = {"model": model, "request": request.model_dump(mode="json")}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
@@ -68,12 +65,7 @@ class Tape:
     def __enter__(self) -> Tape:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __len__(self) -> int:
@@ -94,7 +86,7 @@ class Tape:
             yield self._call_at(offset)
 
     def append(self, call: RecordedCall) -> None:
-        """Write one line, so that it survives the death of this process.
+        """Write one line; it is kept even if this process is killed.
 
         Raises:
             RunError: The line could not be written; a partial line is removed.
@@ -107,7 +99,7 @@ class Tape:
         self._offsets.setdefault(call.key, offset)
 
     def close(self) -> None:
-        """Close the file; closing twice is harmless."""
+        """Close the file, if it is open."""
         if self._lines is not None:
             self._lines.close()
 
