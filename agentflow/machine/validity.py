@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.brief import SIZE_LIMIT, Brief
-from agentflow.machine.formats.connect import LocatedMachine
 from agentflow.machine.formats.parse import Reading, file_problems, read_machine
 from agentflow.machine.geometry.locks import locked_joints
 from agentflow.machine.geometry.placement import Geometry, bounds, overlap_of, place
@@ -66,9 +65,7 @@ class Report:
         }
 
 
-def check(
-    source: Machine | Reading | LocatedMachine | str | Sequence[object], brief: Brief | None = None
-) -> Report:
+def check(source: Machine | Reading | str | Sequence[object], brief: Brief | None = None) -> Report:
     """Check a machine, a reading, text, or JSON data. Never raises.
 
     Args:
@@ -77,46 +74,29 @@ def check(
         brief: the task, for its block list, size limit and required blocks; the core types and
             the standard building volume if None.
     """
-    if isinstance(source, LocatedMachine):
-        return _check_located(source, brief)
     blocks, given = (None, None) if brief is None else (brief.blocks, brief.given)
     if isinstance(source, Machine):
-        faults = tuple(file_problems(source.steps, blocks, given))
-        reading = Reading(None if faults else source, problems=faults)
+        reading = Reading(source, problems=tuple(file_problems(source.steps, blocks, given)))
     else:
         reading = source if isinstance(source, Reading) else read_machine(source, blocks, given)
-    machine = reading.machine
-    if machine is None:
-        problems = reading.problems
+    if reading.machine is None or reading.problems:
+        problems = (*reading.problems, *reading.loose)
         return Report(False, None, False, reading.repaired, problems, notes=reading.notes)
-    report = _check_space(place(machine), (), brief)
-    return replace(report, repaired=reading.repaired, machine=machine, notes=reading.notes)
-
-
-def _check_located(located: LocatedMachine, brief: Brief | None) -> Report:
-    """Check blocks read from positions; unattached blocks are spatially invalid."""
-    if located.problems:
-        problems = (*located.problems, *located.loose)
-        return Report(False, None, False, located.repaired, problems, notes=located.notes)
-    report = _check_space(Geometry(located.blocks), located.loose, brief)
-    machine = None if located.loose else located.machine
-    return replace(report, repaired=located.repaired, machine=machine, notes=located.notes)
-
-
-def _check_space(geometry: Geometry, loose: tuple[Problem, ...], brief: Brief | None) -> Report:
-    """Check file-valid blocks, whose ids have gaps if some are loose."""
+    geometry = Geometry(reading.blocks) if reading.blocks else place(reading.machine)
     limit = SIZE_LIMIT if brief is None else brief.size_limit
-    spatial = (*loose, *spatial_problems(geometry, limit))
+    spatial = (*reading.loose, *spatial_problems(geometry, limit))
     demanded = () if brief is None else tuple(task_problems(geometry, brief))
     return Report(
         file_valid=True,
         spatial_valid=not spatial,
         machine_valid=not spatial,
-        repaired=False,
+        repaired=reading.repaired,
         problems=spatial + demanded,
         overlaps=geometry.overlaps,
         size=geometry.size,
         task_valid=not spatial and not demanded,
+        machine=None if reading.loose else reading.machine,
+        notes=reading.notes,
     )
 
 

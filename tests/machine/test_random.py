@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from agentflow.errors import UsageError
 from agentflow.machine import ROOT, Brief, Machine, check, library
-from agentflow.machine.edits.moves import MOVES, Addition, additions
+from agentflow.machine.edits.moves import MOVES, additions
 from agentflow.machine.edits.random import random_edit, random_machine
 from tests.machine.builders import CAR, CATAPULT, build
 
@@ -92,14 +92,15 @@ def test_the_first_block_is_uniform_over_types_and_faces() -> None:
 
 def test_the_second_end_is_uniform_over_the_faces_of_other_blocks() -> None:
     rng, start = Random(3), build((15, 0, 4))
-    drawn = Counter(Addition(start, 7, 1, 2).apply(rng) for _ in range(1200))
+    on_face_2 = additions(start, (7,))[6 + 2]
+    drawn = Counter(on_face_2(rng) for _ in range(1200))
     expected = {build((15, 0, 4), (7, 1, 2, 0, face)) for face in range(6)}
     even(drawn, expected, 1200)  # type: ignore[arg-type]
-    assert Addition(Machine((ROOT,)), 7, 0, 0).apply(rng) is None
+    assert additions(Machine((ROOT,)), (7,))[0](rng) is None
 
 
 def apply_all(kind: str, machine: Machine, *types: int) -> set[Machine]:
-    return {move.apply(Random(0)) for move in MOVES[kind](machine, types)}  # type: ignore[misc]
+    return {move(Random(0)) for move in MOVES[kind](machine, types)}  # type: ignore[misc]
 
 
 def test_the_kinds_of_edit() -> None:

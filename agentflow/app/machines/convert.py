@@ -14,7 +14,6 @@ from agentflow.files import write_atomically
 from agentflow.machine import Machine, Problem, library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.formats.bsg_writing import to_bsg
-from agentflow.machine.formats.connect import LocatedMachine
 from agentflow.machine.formats.coordinates import to_coordinates
 from agentflow.machine.formats.detect import read_any
 
@@ -36,9 +35,8 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     """
     write = _writer(out)
     reading = read_any(machine_text(source), blocks=tuple(library()))
-    problems = reading.problems
-    if isinstance(reading, LocatedMachine):
-        problems = tuple(sorted((*problems, *reading.loose), key=lambda problem: problem.blocks))
+    found = (*reading.problems, *reading.loose)
+    problems = tuple(sorted(found, key=lambda problem: problem.blocks))
     machine = reading.machine
     if machine is None or (strict and problems):
         raise UsageError(f"{source} cannot be converted: {_summarize(problems)}")

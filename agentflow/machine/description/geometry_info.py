@@ -7,14 +7,10 @@ from itertools import groupby
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.description.rounding import GroundFrame, span_of
-from agentflow.machine.geometry.balance import (
-    mass,
-    on_ground,
-    stands,
-    support_polygon,
-)
+from agentflow.machine.geometry.balance import mass, on_ground, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry, place
-from agentflow.machine.geometry.pose import Placed, ShapeFace, add
+from agentflow.machine.geometry.pose import Placed, ShapeFace
+from agentflow.machine.geometry.vectors import add
 from agentflow.machine.tree import Machine
 
 DRIVES = {"x+": "z+", "x-": "z+", "z+": "x-", "z-": "x+"}

@@ -4,98 +4,77 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from random import Random
-from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine, Step, renumber
 
-
-class Addition(NamedTuple):
-    """Adds a block on a face; a two-ended block runs from there to a random face."""
-
-    machine: Machine
-    type: int
-    parent: int
-    face_id: int
-
-    def apply(self, rng: Random) -> Machine | None:
-        """The machine with the block; None if there is no other block for a second end."""
-        steps = self.machine.steps
-        step = Step(len(steps), self.type, self.parent, self.face_id)
-        if library()[self.type].linear:
-            ends = [end for end in _faces(self.machine) if end[0] != self.parent]
-            if not ends:
-                return None
-            parent_b, face_b = rng.choice(ends)
-            step = replace(step, parent_b=parent_b, face_id_b=face_b)
-        return Machine((*steps, step))
+Move = Callable[[Random], Machine | None]
+"""Makes a changed machine; None if a two-ended block has no other block for its second end."""
 
 
-class Change(NamedTuple):
-    """Changes the type or the place of a block."""
+def additions(machine: Machine, types: Sequence[int]) -> list[Move]:
+    """Every standard type on every free face, and every two-ended type on every face.
 
-    machine: Machine
-    step: Step
-    """New step of the block with this id."""
-
-    def apply(self, rng: Random) -> Machine:  # noqa: ARG002
-        """The machine with the block changed."""
-        steps = self.machine.steps
-        return Machine((*steps[: self.step.id], self.step, *steps[self.step.id + 1 :]))
-
-
-class Removal(NamedTuple):
-    """Removes a block."""
-
-    machine: Machine
-    id: int
-
-    def apply(self, rng: Random) -> Machine:  # noqa: ARG002
-        """The machine without the block, renumbered."""
-        return renumber(step for step in self.machine if step.id != self.id)[0]
-
-
-Move = Addition | Change | Removal
-
-
-def additions(machine: Machine, types: Sequence[int]) -> list[Addition]:
-    """Every type on every free face, and two-ended types on every face."""
+    The second end of a two-ended block is on a random face of another block.
+    """
     faces, free = list(_faces(machine)), _free_faces(machine)
     return [
-        Addition(machine, kind, *end)
+        partial(_add, machine, kind, *end)
         for kind in types
         for end in (faces if library()[kind].linear else free)
     ]
 
 
-def removals(machine: Machine, types: Sequence[int]) -> list[Removal]:  # noqa: ARG001
+def _add(machine: Machine, kind: int, parent: int, face_id: int, rng: Random) -> Machine | None:
+    step = Step(len(machine), kind, parent, face_id)
+    if library()[kind].linear:
+        ends = [end for end in _faces(machine) if end[0] != parent]
+        if not ends:
+            return None
+        parent_b, face_b = rng.choice(ends)
+        step = replace(step, parent_b=parent_b, face_id_b=face_b)
+    return Machine((*machine.steps, step))
+
+
+def removals(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
     """Removal of every block except the root that has nothing attached."""
     carrying = {parent for step in machine for parent in step.parents}
-    return [Removal(machine, step.id) for step in machine.steps[1:] if step.id not in carrying]
+    return [
+        partial(_remove, machine, step) for step in machine.steps[1:] if step.id not in carrying
+    ]
 
 
-def swaps(machine: Machine, types: Sequence[int]) -> list[Change]:
+def _remove(machine: Machine, removed: Step, rng: Random) -> Machine:  # noqa: ARG001
+    return renumber(step for step in machine if step is not removed)[0]
+
+
+def swaps(machine: Machine, types: Sequence[int]) -> list[Move]:
     """Every block except the root, as every other type with as many ends."""
     return [
-        Change(machine, replace(step, type=kind))
+        partial(_change, machine, replace(step, type=kind))
         for step in machine.steps[1:]
         for kind in types
         if kind != step.type and library()[kind].linear == step.two_ended
     ]
 
 
-def reattachments(machine: Machine, types: Sequence[int]) -> list[Change]:  # noqa: ARG001
+def _change(machine: Machine, new: Step, rng: Random) -> Machine:  # noqa: ARG001
+    return Machine(tuple(new if step.id == new.id else step for step in machine))
+
+
+def reattachments(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
     """Every standard block on every free face of every earlier block except its parent."""
     return [
-        Change(machine, step)
+        partial(_change, machine, step)
         for step in _reattached_steps(machine)
         if step.parent != machine[step.id].parent
     ]
 
 
-def reorientations(machine: Machine, types: Sequence[int]) -> list[Change]:  # noqa: ARG001
+def reorientations(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
     """Every standard block on every free face of its parent that faces another way."""
     geometry = place(machine)
 
@@ -103,16 +82,16 @@ def reorientations(machine: Machine, types: Sequence[int]) -> list[Change]:  # n
         return geometry[step.parent].faces[step.face_id].facing
 
     return [
-        Change(machine, step)
+        partial(_change, machine, step)
         for step in _reattached_steps(machine)
         if step.parent == machine[step.id].parent and facing(step) != geometry[step.id].facing
     ]
 
 
-def actuations(machine: Machine, types: Sequence[int]) -> list[Change]:
+def actuations(machine: Machine, types: Sequence[int]) -> list[Move]:
     """Every block replaced by its counterpart with, or without, a motor."""
     return [
-        Change(machine, replace(step, type=other))
+        partial(_change, machine, replace(step, type=other))
         for step in machine
         if (other := library()[step.type].counterpart) is not None and other in types
     ]

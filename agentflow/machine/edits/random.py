@@ -9,7 +9,7 @@ from typing import TypeVar
 from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.moves import MOVES, Addition, Move, additions
+from agentflow.machine.edits.moves import MOVES, Move, additions
 from agentflow.machine.tree import ROOT, Machine
 from agentflow.machine.validity import check
 
@@ -85,7 +85,7 @@ def _grow(rng: Random, types: Sequence[int], brief: Brief | None, count: int) ->
     required = {} if brief is None else brief.required
     machine: Machine | None = Machine((ROOT,)) if brief is None else brief.given
 
-    def legal(addition: Addition) -> Machine | None:
+    def legal(addition: Move) -> Machine | None:
         return _apply_if_valid(addition, rng, brief)
 
     while machine is not None and len(machine) < count:
@@ -96,7 +96,7 @@ def _grow(rng: Random, types: Sequence[int], brief: Brief | None, count: int) ->
 
 def _apply_if_valid(move: Move, rng: Random, brief: Brief | None) -> Machine | None:
     """The machine that a move makes; None if it is invalid."""
-    edited = move.apply(rng)
+    edited = move(rng)
     return edited if edited is not None and check(edited, brief).machine_valid else None
 
 

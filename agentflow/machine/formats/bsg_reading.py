@@ -5,30 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
-from xml.etree.ElementTree import Element
+from typing import NoReturn
+from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
 from agentflow.machine.blocks.types import Vec3
-from agentflow.machine.formats.connect import (
-    LocatedBlock,
-    LocatedMachine,
-    add_floats,
-    connect,
-    facing_of,
-)
-from agentflow.machine.formats.parse import MAX_BLOCKS, MAX_COORDINATE
-from agentflow.machine.formats.xml_text import UnsafeXmlError, parse_xml
-from agentflow.machine.geometry.vectors import Quat, rotate_vector
+from agentflow.machine.formats.connect import LocatedBlock, connect, facing_of
+from agentflow.machine.formats.parse import MAX_BLOCKS, MAX_COORDINATE, Reading
+from agentflow.machine.geometry.vectors import Quat, add, rotate_vector
 from agentflow.machine.problems import Problem, short_repr, type_problem
 
 START, END, END_TURN = "start-position", "end-position", "end-rotation"
 SCALE_TOLERANCE = 0.001
+MAX_DEPTH = 64
+"""Maximum nesting of the XML; machine files need six levels."""
 
 _EXPECTED = f"expected a number of at most {MAX_COORDINATE:,.0f}"
 _ORIGIN = (0.0, 0.0, 0.0)
 
 
-def read_bsg(text: str, blocks: Collection[int] | None = None) -> LocatedMachine:
+def read_bsg(text: str, blocks: Collection[int] | None = None) -> Reading:
     """Read a .bsg file and infer its construction tree. Never raises.
 
     Blocks are identified by their index in the file; the Starting Block always comes first.
@@ -40,20 +36,51 @@ def read_bsg(text: str, blocks: Collection[int] | None = None) -> LocatedMachine
         blocks: allowed block types; the core types if None.
     """
     try:
-        root = parse_xml(text)
-    except UnsafeXmlError as error:
-        return LocatedMachine(problems=(Problem("not_xml", (), str(error)),))
+        root = _parse_xml(text)
+    except ValueError as error:
+        return Reading(problems=(Problem("not_xml", (), str(error)),))
     found = root.findall("./Blocks/Block") if root.tag == "Machine" else []
     if not found:
         message = "this is not a Besiege machine file: it has no Machine element with Blocks"
-        return LocatedMachine(problems=(Problem("not_a_machine", (), message),))
+        return Reading(problems=(Problem("not_a_machine", (), message),))
     if len(found) > MAX_BLOCKS:
         message = f"the machine has {len(found)} blocks; the maximum is {MAX_BLOCKS}"
-        return LocatedMachine(problems=(Problem("too_many_blocks", (), message),))
+        return Reading(problems=(Problem("too_many_blocks", (), message),))
     reader = _Reader(library().core if blocks is None else blocks)
     for index, block in enumerate(found):
         reader.read(block, index)
     return reader.result()
+
+
+class _SafeBuilder(TreeBuilder):
+    """Builds the elements of untrusted XML: no document type or entities, no deep nesting."""
+
+    depth = 0
+
+    def start(self, tag: str, attributes: dict[str, str]) -> Element:
+        self.depth += 1
+        if self.depth > MAX_DEPTH:
+            raise ValueError(f"the XML is nested more than {MAX_DEPTH} levels deep")
+        return super().start(tag, attributes)
+
+    def end(self, tag: str) -> Element:
+        self.depth -= 1
+        return super().end(tag)
+
+    def doctype(self, *_: object) -> NoReturn:
+        raise ValueError("the XML declares a document type, which is not allowed")
+
+
+def _parse_xml(text: str) -> Element:
+    parser = XMLParser(target=_SafeBuilder())
+    try:
+        parser.feed(text)
+        root: Element = parser.close()
+    except ParseError as error:
+        raise ValueError(f"this is not well-formed XML: {error}") from None
+    except UnicodeEncodeError:
+        raise ValueError("this is not well-formed XML: it contains lone surrogates") from None
+    return root
 
 
 class _BadBlock(Exception):
@@ -101,19 +128,20 @@ class _Reader:
                 "here a wheel's facing determines its direction"
             )
 
-    def result(self) -> LocatedMachine:
+    def result(self) -> Reading:
         """Connect the blocks and collect all problems."""
         if self.root is None:
             missing = Problem("root", (), "the file has no Starting Block, id 0")
             problems = (*self.problems, *(() if self.bad_root else (missing,)))
-            return LocatedMachine(problems=problems, loose=tuple(self.loose))
+            return Reading(problems=problems, loose=tuple(self.loose))
         located = connect([self.root, *self.others], notes=self.notes)
         loose = sorted((*self.loose, *located.loose), key=lambda problem: problem.blocks)
         return replace(located, problems=tuple(self.problems), loose=tuple(loose))
 
     def _read_block(self, block: Element, index: int) -> LocatedBlock:
         kind = self._type(block)
-        rotation = _quaternion(block)
+        x, y, z, w = _numbers(block.find("./Transform/Rotation"), "xyzw", "Rotation")
+        rotation = (x, y, z, w)
         position = _point(block.find("./Transform/Position"), "xyz", "Position")
         scale = block.find("./Transform/Scale")
         if scale is not None:
@@ -127,8 +155,8 @@ class _Reader:
         start = block.find(f"./Data/Vector3[@key='{START}']")
         a = _ORIGIN if start is None else _point(start, "XYZ", START)
         b = _point(end, "XYZ", END)
-        ends = (add_floats(position, _rotate(rotation, reach)) for reach in (a, b))
-        return LocatedBlock(index, kind, next(ends), rotation, next(ends))
+        start_point, end_point = (add(position, _rotate(rotation, reach)) for reach in (a, b))
+        return LocatedBlock(index, kind, start_point, rotation, end_point)
 
     def _type(self, block: Element) -> int:
         text = (block.get("id") or "").strip()
@@ -147,11 +175,6 @@ class _Reader:
 def _ids(block: Element) -> str:
     guid = block.get("guid")
     return f"id {short_repr(block.get('id'))}" + (f", guid {short_repr(guid)}" if guid else "")
-
-
-def _quaternion(block: Element) -> Quat:
-    x, y, z, w = _numbers(block.find("./Transform/Rotation"), "xyzw", "Rotation")
-    return (x, y, z, w)
 
 
 def _point(element: Element | None, names: str, what: str) -> Vec3:

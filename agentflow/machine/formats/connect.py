@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 from agentflow.machine.blocks.types import Vec3
+from agentflow.machine.formats.parse import Reading
 from agentflow.machine.geometry.placement import place_step
-from agentflow.machine.geometry.pose import FACINGS, UNITS, Placed, Units3, add, to_metres
-from agentflow.machine.geometry.vectors import Quat
+from agentflow.machine.geometry.pose import FACINGS, UNITS, Placed, Units3, to_metres
+from agentflow.machine.geometry.vectors import Quat, add
 from agentflow.machine.problems import Problem, block_label
-from agentflow.machine.tree import ROOT, Machine, Step, renumber
+from agentflow.machine.tree import ROOT, Step, renumber
 
 TOLERANCE = 0.1
 """Maximum distance of a block from the face that it is attached to, in metres."""
@@ -50,27 +51,6 @@ class LocatedBlock:
         return block_label(self.index, self.type)
 
 
-@dataclass(frozen=True)
-class LocatedMachine:
-    """A machine read from a document of positions."""
-
-    blocks: tuple[Placed, ...] = ()
-    """The connected blocks. Ids are indices in the document and may have gaps."""
-    repaired: bool = False
-    """Whether the JSON had to be repaired."""
-    notes: tuple[str, ...] = ()
-    """Irregularities that were tolerated, and ambiguous parents."""
-    problems: tuple[Problem, ...] = ()
-    """Everything that makes it file-invalid."""
-    loose: tuple[Problem, ...] = ()
-    """Blocks without a parent or with an illegal rotation, which make it spatially invalid."""
-
-    @cached_property
-    def machine(self) -> Machine | None:
-        """The connected blocks, renumbered; None if there are none."""
-        return renumber(placed.step for placed in self.blocks)[0] if self.blocks else None
-
-
 class _Face(NamedTuple):
     at: Units3
     facing: str
@@ -93,7 +73,7 @@ def facing_of(rotation: Quat) -> str | None:
 
 def connect(
     blocks: Sequence[LocatedBlock], *, repaired: bool = False, notes: Sequence[str] = ()
-) -> LocatedMachine:
+) -> Reading:
     """Attach every block to a face of an earlier block.
 
     The nearest face within 0.1 m is the parent; the earliest if several are equally near. Blocks
@@ -114,10 +94,12 @@ def connect(
     connector.place(replace(ROOT, id=blocks[0].index))
     for block in blocks[1:]:
         connector.attach(block)
-    return LocatedMachine(
-        tuple(connector.placed.values()),
+    placed = tuple(connector.placed.values())
+    return Reading(
+        renumber(block.step for block in placed)[0],
         repaired,
         (*notes, *connector.notes),
+        blocks=placed,
         loose=tuple(connector.loose),
     )
 
@@ -211,18 +193,13 @@ class _Connector:
         if not fitting:
             return ""
         nearest = min(fitting, key=lambda face: (math.dist(at, face.at), face))
-        where = _point_text(add_floats(self.origin, to_metres(nearest.at)))
+        where = _point_text(add(self.origin, to_metres(nearest.at)))
         carrier = self.placed[nearest.block].label
         return f"; the nearest such face is {nearest.face} of {carrier} at {where}"
 
     def _units(self, point: Vec3) -> Vec3:
         x, y, z = ((part - own) * UNITS for part, own in zip(point, self.origin, strict=True))
         return (x, y, z)
-
-
-def add_floats(a: Vec3, b: Vec3) -> Vec3:
-    """Sum of two points."""
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 def _point_text(point: Iterable[float]) -> str:

@@ -5,8 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
-from agentflow.machine.formats.connect import LocatedBlock, LocatedMachine, connect
-from agentflow.machine.formats.parse import MAX_COORDINATE, MISSING, find_items, read_whole_number
+from agentflow.machine.formats.connect import LocatedBlock, connect
+from agentflow.machine.formats.parse import (
+    MAX_COORDINATE,
+    MISSING,
+    Reading,
+    find_items,
+    read_whole_number,
+)
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.pose import to_metres
 from agentflow.machine.problems import Problem, comma_list, short_repr, type_problem
@@ -40,7 +46,7 @@ def to_coordinates(machine: Machine) -> list[dict[str, object]]:
     return items
 
 
-def read_coordinates(source: object, blocks: Collection[int] | None = None) -> LocatedMachine:
+def read_coordinates(source: object, blocks: Collection[int] | None = None) -> Reading:
     """Read a machine in coordinates and infer its construction tree. Never raises.
 
     Args:
@@ -49,14 +55,14 @@ def read_coordinates(source: object, blocks: Collection[int] | None = None) -> L
     """
     items, repaired, fault = find_items(source, FORM)
     if fault is not None:
-        return LocatedMachine(repaired=repaired, problems=(fault,))
+        return Reading(None, repaired, problems=(fault,))
     notes: list[str] = []
     problems: list[Problem] = []
     allowed = library().core if blocks is None else blocks
     read = [_read_block(item, index, allowed, notes, problems) for index, item in enumerate(items)]
     located = [block for block in read if block is not None]
     if problems:
-        return LocatedMachine((), repaired, tuple(notes), tuple(problems))
+        return Reading(None, repaired, tuple(notes), tuple(problems))
     return connect(located, repaired=repaired, notes=notes)
 
 
@@ -81,7 +87,9 @@ def _read_block(
     values = [_numbers(item, key, sizes[key], index, notes, problems) for key in keys[1:]]
     if kind is None or None in values:
         return None
-    fault = _type_problem(kind, index, allowed, two_ended=two_ended)
+    fault = type_problem(kind, allowed, two_ended=two_ended) if index else None
+    if index == 0 and kind != STARTING_BLOCK:
+        fault = "root", "the first block must be the Starting Block, type 0"
     if fault is not None:
         problems.append(Problem(fault[0], (index,), f"block {index}: {fault[1]}"))
         return None
@@ -90,16 +98,6 @@ def _read_block(
         notes.append(f"block {index}: ignored {comma_list(extra[:8])}")
     position, rotation, *end = values
     return LocatedBlock(index, kind, position, rotation, *end)  # type: ignore[arg-type]
-
-
-def _type_problem(
-    kind: int, index: int, allowed: Collection[int], *, two_ended: bool
-) -> tuple[str, str] | None:
-    if index > 0:
-        return type_problem(kind, allowed, two_ended=two_ended)
-    if kind != STARTING_BLOCK:
-        return "root", "the first block must be the Starting Block, type 0"
-    return None
 
 
 def _numbers(

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Literal, get_args
 
 from agentflow.machine.brief import Brief
-from agentflow.machine.formats.connect import LocatedMachine
 from agentflow.machine.formats.coordinates import read_coordinates
 from agentflow.machine.formats.parse import FORM, Reading, find_items, read_machine
 from agentflow.machine.tree import Machine
@@ -26,7 +25,7 @@ def read_any(
     form: Form = "auto",
     blocks: Collection[int] | None = None,
     given: Machine | None = None,
-) -> Reading | LocatedMachine:
+) -> Reading:
     """Read a machine in any form. Never raises; `validity.check` checks the result.
 
     Args:
@@ -52,7 +51,7 @@ def read_any(
     return replace(read_machine(items, blocks, given), repaired=repaired)
 
 
-def read_for(brief: Brief | None, source: object, form: Form = "auto") -> Reading | LocatedMachine:
+def read_for(brief: Brief | None, source: object, form: Form = "auto") -> Reading:
     """Read a machine under a task's rules, or with core types only; see `read_any`."""
     if brief is None:
         return read_any(source, form)

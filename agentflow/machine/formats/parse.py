@@ -9,13 +9,8 @@ from dataclasses import dataclass, replace
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.formats.json_text import iter_json
-from agentflow.machine.problems import (
-    Problem,
-    comma_list,
-    face_problem,
-    short_repr,
-    type_problem,
-)
+from agentflow.machine.geometry.pose import Placed
+from agentflow.machine.problems import Problem, comma_list, face_problem, short_repr, type_problem
 from agentflow.machine.tree import ROOT, Machine, Step
 
 MAX_BLOCKS = 800
@@ -31,14 +26,20 @@ MISSING = object()
 
 @dataclass(frozen=True)
 class Reading:
-    """The result of reading; if `machine` is None, `problems` says why it is not file-valid."""
+    """The result of reading a machine in any form."""
 
-    machine: Machine | None
+    machine: Machine | None = None
+    """Without unattached blocks; None if nothing could be read."""
     repaired: bool = False
     """Whether the JSON had to be repaired."""
     notes: tuple[str, ...] = ()
-    """Irregularities that were tolerated: extra keys, numbers written as strings."""
+    """Irregularities that were tolerated: extra keys, numbers as strings, ambiguous parents."""
     problems: tuple[Problem, ...] = ()
+    """Everything that makes it file-invalid."""
+    blocks: tuple[Placed, ...] = ()
+    """Attached blocks, if read from positions; ids are document indices and may have gaps."""
+    loose: tuple[Problem, ...] = ()
+    """Blocks without a parent or with an illegal rotation, which make it spatially invalid."""
 
 
 def read_machine(

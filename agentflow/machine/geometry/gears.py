@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.pose import Placed
+from agentflow.machine.geometry.vectors import dot, subtract
 
 TOLERANCE = 1e-9
 """Relative difference up to which speeds are equal."""
@@ -45,18 +46,14 @@ def meshing_pairs(blocks: Sequence[Placed], tolerance: float) -> tuple[Meshing, 
     found = []
     for i, (one, radius) in enumerate(cogs):
         for other, other_radius in cogs[i + 1 :]:
-            sense = _dot(one.front, other.front)
-            line = tuple(b - a for a, b in zip(one.center, other.center, strict=True))
-            aside = _dot(line, one.front)
+            sense = dot(one.front, other.front)
+            line = subtract(other.center, one.center)
+            aside = dot(line, one.front)
             apart = hypot(*(v - aside * f for v, f in zip(line, one.front, strict=True)))
             in_plane = abs(sense) > 0.5 and abs(aside) <= tolerance
             if in_plane and abs(apart - radius - other_radius) <= tolerance + 1e-9:
                 found.append(Meshing(one.id, other.id, sense * other_radius / radius))
     return tuple(found)
-
-
-def _dot(a: Sequence[float], b: Sequence[float]) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def gear_trains(cogs: Sequence[int], pairs: Sequence[Meshing]) -> tuple[GearTrain, ...]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import DIRECTIONS, Vec3
-from agentflow.machine.geometry.vectors import Quat
+from agentflow.machine.geometry.vectors import Quat, add
 from agentflow.machine.problems import block_label
 from agentflow.machine.tree import Step
 
@@ -261,8 +261,3 @@ class Placed(NamedTuple):
 
 def _floats(vector: Units3) -> Vec3:
     return (float(vector[0]), float(vector[1]), float(vector[2]))
-
-
-def add(a: Units3, b: Units3) -> Units3:
-    """Sum of two vectors."""
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])

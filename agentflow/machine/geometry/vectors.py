@@ -1,19 +1,21 @@
-"""Vectors and quaternions (x, y, z, w) as tuples. `env.rotations` does the same with arrays.
+"""Vectors and quaternions (x, y, z, w) as tuples.
 
-Plain additions and multiplications in a fixed order, so that the bits are the same everywhere.
+Plain additions and multiplications in a fixed order, to give the same bits on every machine.
 """
 
 from __future__ import annotations
 
 from math import sqrt
+from typing import TypeVar
 
 from agentflow.machine.blocks.types import Vec3
 
 Quat = tuple[float, float, float, float]
 """(x, y, z, w); the formulas hold in right- and left-handed frames alike."""
+N = TypeVar("N", int, float)
 
 
-def add(a: Vec3, b: Vec3) -> Vec3:
+def add(a: tuple[N, N, N], b: tuple[N, N, N]) -> tuple[N, N, N]:
     """a + b."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
