@@ -6,10 +6,10 @@ Text and data hold the same facts, and programs can parse the text.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from itertools import groupby
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from agentflow.env.rollout import Array, Broken, Feedback, RolloutEvent, Trace, 
 from agentflow.env.rotations import rotate
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
+
+V = TypeVar("V")
 
 MAX_SAMPLES = 26
 """Most samples of a series."""
@@ -40,8 +42,8 @@ class Series:
     """Positions over time, thinned to at most 26 samples."""
 
     label: str
-    times: tuple[float, ...]
-    values: tuple[tuple[float, ...], ...]
+    times: list[float]
+    values: list[list[float]]
 
     @property
     def text(self) -> str:
@@ -74,8 +76,7 @@ def sample_indices(count: int, most: int = MAX_SAMPLES) -> range:
 def series(label: str, times: Array, values: Array) -> Series:
     """Thin out (T,) times and (T, K) values to a series."""
     picks = sample_indices(len(times))
-    rows = tuple(tuple(float(v) for v in values[i]) for i in picks)
-    return Series(label, tuple(float(times[i]) for i in picks), rows)
+    return Series(label, times[picks].tolist(), values[picks].tolist())
 
 
 def _axis(vector: Sequence[float]) -> str:
@@ -94,11 +95,14 @@ def orientation_runs(trace: Trace) -> list[tuple[str, float, float]]:
         _axis(front) + ("" if (up := _axis(top)) == "y+" else f" with its top towards {up}")
         for front, top in zip(fronts.tolist(), tops.tolist(), strict=True)
     ]
-    runs = []
-    for word, group in groupby(range(len(words)), key=words.__getitem__):
+    return list(_runs(words, trace.times))
+
+
+def _runs(values: Sequence[V], times: Array) -> Iterator[tuple[V, float, float]]:
+    """Each run of equal values with the times of its first and last sample, s."""
+    for value, group in groupby(range(len(values)), key=values.__getitem__):
         members = list(group)
-        runs.append((word, float(trace.times[members[0]]), float(trace.times[members[-1]])))
-    return runs
+        yield value, float(times[members[0]]), float(times[members[-1]])
 
 
 def _orientation_text(runs: Sequence[tuple[str, float, float]], interval: float) -> str:
@@ -137,54 +141,34 @@ def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[Rollou
         still = np.linalg.norm(relative, axis=1) < STALL_SPEED
         still &= trace.alive[:, step.id]
         still &= trace.times > start + EPSILON  # every motor stands still when switched on
-        for begin, end in _runs(still, trace.times):
-            if end - begin >= STALL_TIME:
+        for stalled, begin, end in _runs(still.tolist(), trace.times):
+            if stalled and end - begin >= STALL_TIME:
                 name = block_name(machine, step.id)
                 text = f"{name} {begin:.1f}-{end:.1f} s"
                 events.append(RolloutEvent(begin, "motor_stalled", (step.id,), text))
     return tuple(events)
 
 
-def _runs(flags: np.ndarray[Any, np.dtype[np.bool_]], times: Array) -> list[tuple[float, float]]:
-    """First and last time of each run of true flags."""
-    runs = []
-    for value, group in groupby(range(len(flags)), key=lambda i: bool(flags[i])):
-        if value:
-            members = list(group)
-            runs.append((float(times[members[0]]), float(times[members[-1]])))
-    return runs
-
-
 def most_loaded(trace: Trace) -> list[dict[str, Any]]:
     """The most loaded connection of each sample: time, blocks, load as a share of its strength."""
-    if not trace.connections:
-        return []
-    picks = sample_indices(len(trace.times))
-    shares = np.nan_to_num(trace.utilisation[picks], nan=-1.0)  # nan: broken connections
-    return [
-        {
-            "time": float(trace.times[index]),
-            "block": trace.connections[edge][0],
-            "partner": trace.connections[edge][1],
-            "load": row[edge],
-        }
-        for index, row, edge in zip(
-            picks, shares.tolist(), shares.argmax(axis=1).tolist(), strict=True
-        )
-        if row[edge] >= 0.0
-    ]
+    loads = []
+    for index in sample_indices(len(trace.times)) if trace.connections else ():
+        shares = np.nan_to_num(trace.utilisation[index], nan=-1.0)  # nan: broken connections
+        edge = int(shares.argmax())
+        if shares[edge] >= 0.0:
+            block, partner = trace.connections[edge]
+            time, load = float(trace.times[index]), float(shares[edge])
+            loads.append({"time": time, "block": block, "partner": partner, "load": load})
+    return loads
 
 
 def _loads_text(loads: Sequence[Mapping[str, Any]]) -> str:
     """Connections that were ever the most loaded: the five with the highest peaks."""
     peaks: dict[tuple[int, int], Mapping[str, Any]] = {}
-    counts: Counter[tuple[int, int]] = Counter()
-    for load in loads:
-        edge = (load["block"], load["partner"])
-        counts[edge] += 1
-        if edge not in peaks or load["load"] > peaks[edge]["load"]:
-            peaks[edge] = load
-    order = sorted(peaks, key=lambda edge: -peaks[edge]["load"])[:5]
+    for load in sorted(loads, key=lambda load: -load["load"]):
+        peaks.setdefault((load["block"], load["partner"]), load)
+    counts = Counter((load["block"], load["partner"]) for load in loads)
+    order = sorted(counts, key=lambda edge: -peaks[edge]["load"])[:5]
     parts = [
         f"{block}-{partner} {number(peaks[block, partner]['load'])} at "
         f"{peaks[block, partner]['time']:.1f} s ({counts[block, partner]} of {len(loads)})"
@@ -250,46 +234,14 @@ def compose(
         *_stall_lines(stalls),
         *(path.text for path in paths),
     ]
-    return Feedback("\n".join(text), _data(trace, broken, verdict, runs, loads, data, paths))
-
-
-def _data(
-    trace: Trace,
-    broken: Sequence[Broken],
-    verdict: Verdict,
-    runs: Sequence[tuple[str, float, float]],
-    loads: Sequence[Mapping[str, Any]],
-    data: Mapping[str, Any],
-    paths: Sequence[Series],
-) -> dict[str, Any]:
-    events = [
-        {"time": e.time, "kind": e.kind, "blocks": list(e.blocks), "text": e.text}
-        for e in verdict.events
-    ]
-    return {
+    shared = {
         "score": verdict.score,
         "terms": dict(verdict.terms),
         "seconds": float(trace.times[-1]),
-        "broken": [
-            {
-                "block": item.block,
-                "type": item.type,
-                "partner": item.partner,
-                "time": item.time,
-                "load": item.load,
-            }
-            for item in broken
-        ],
+        "broken": [asdict(item) for item in broken],
         "orientation": [{"faces": word, "from": start, "to": end} for word, start, end in runs],
-        "most_loaded": list(loads),
-        "events": events,
-        "series": [
-            {
-                "label": path.label,
-                "times": list(path.times),
-                "values": [list(v) for v in path.values],
-            }
-            for path in paths
-        ],
-        **data,
+        "most_loaded": loads,
+        "events": [asdict(event) | {"blocks": list(event.blocks)} for event in verdict.events],
+        "series": [asdict(path) for path in paths],
     }
+    return Feedback("\n".join(text), {**shared, **data})

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from math import ceil, floor
-from typing import Protocol
+from typing import TypeAlias
 
 from PIL import Image, ImageDraw, ImageFont
 
@@ -27,25 +27,6 @@ LETTER = 6.5
 """Approximate width of a letter, in points."""
 LABELS = 14
 """Most labels in one plan."""
-
-
-class Pen(Protocol):
-    """A drawing backend. Coordinates are points of the drawing, y downwards."""
-
-    def polygon(self, points: Sequence[Point], color: tuple[float, ...], filled: bool) -> None:
-        """Draw a filled polygon, or only its outline."""
-
-    def line(self, points: Sequence[Point], kind: str) -> None:
-        """Draw a line in one of the line styles."""
-
-    def text(self, place: Point, words: str, anchor: str) -> None:
-        """Write text; the anchor is `start`, `middle` or `end`."""
-
-    def start_clip(self, low: Point, high: Point) -> None:
-        """Clip everything to a rectangle until `end_clip`."""
-
-    def end_clip(self) -> None:
-        """End clipping."""
 
 
 @dataclass(frozen=True)
@@ -161,28 +142,35 @@ def _label_point(outline: Outline, plan: LevelPlan) -> Point | None:
 
 
 class SvgPen:
-    """Draws SVG; the page styles lines by class (`grid`, `frame`, `start`)."""
+    """Draws SVG; the page styles lines by class (`grid`, `frame`, `start`).
+
+    Coordinates are points of the drawing, y downwards.
+    """
 
     def __init__(self, name: str) -> None:
         """Start a drawing whose name is unique in the page."""
         self._name, self._parts, self._clips = name, [""], 0
 
     def polygon(self, points: Sequence[Point], color: tuple[float, ...], filled: bool) -> None:
+        """Draw a filled polygon, or only its outline."""
         paint = "#" + "".join(f"{round(255 * part):02x}" for part in color[:3])
         fill = f'fill="{paint}" fill-opacity=".75"' if filled else 'fill="none"'
         places = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         self._parts.append(f'<polygon points="{places}" {fill} stroke="{paint}"/>')
 
     def line(self, points: Sequence[Point], kind: str) -> None:
+        """Draw a line in one of the line styles."""
         places = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         self._parts.append(f'<polyline class="{kind}" points="{places}" fill="none"/>')
 
     def text(self, place: Point, words: str, anchor: str) -> None:
+        """Write text; the anchor is `start`, `middle` or `end`."""
         x, y = place
         label = escape(words)
         self._parts.append(f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{label}</text>')
 
     def start_clip(self, low: Point, high: Point) -> None:
+        """Clip everything to a rectangle until `end_clip`."""
         self._clips += 1
         name, (x, y), (u, v) = f"{self._name}-{self._clips}", low, high
         box = f'<rect x="{x:.1f}" y="{y:.1f}" width="{u - x:.1f}" height="{v - y:.1f}"/>'
@@ -207,7 +195,7 @@ SCALE = 2
 
 
 class PngPen:
-    """Draws a bitmap."""
+    """Draws a bitmap; the same methods as `SvgPen`."""
 
     def __init__(self, height: float) -> None:
         """Start an empty drawing of this height in points."""
@@ -242,3 +230,6 @@ class PngPen:
     def _to_pixels(self, points: Sequence[Point]) -> list[Point]:
         left, top = self._place
         return [(SCALE * x - left, SCALE * y - top) for x, y in points]
+
+
+Pen: TypeAlias = SvgPen | PngPen

@@ -13,6 +13,9 @@ from agentflow.env.scene import Quat, Scene, Vec3
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
+ROUNDING = 1e-6
+"""Tolerance for the rounding error of summed time steps, s."""
+
 Body = int | str
 """A block id, the name of a scene object, or "ground"."""
 

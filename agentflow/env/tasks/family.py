@@ -6,6 +6,7 @@ import random
 from abc import abstractmethod
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from math import cos, sin
 from typing import ClassVar
 
 from agentflow.env.scene import Thing, Vec3
@@ -95,6 +96,19 @@ def wall(
     """A box of full extents `size` that stands at height `base`, centred over (x, z); m."""
     position = (x, base + size[1] / 2, z)
     return Thing(name, "box", size, position, friction=friction, color=WOOD)
+
+
+def tilted_plate(
+    name: str, size: Vec3, top: tuple[float, float], pitch: float, friction: float | None = None
+) -> Thing:
+    """A plate of full extents `size` (m) whose z+ end is raised by `pitch` (rad).
+
+    `top` holds y and z of the middle of its upper side.
+    """
+    half = size[1] / 2
+    place = (0.0, top[0] - half * cos(pitch), top[1] + half * sin(pitch))
+    turn = (-sin(pitch / 2), 0.0, 0.0, cos(pitch / 2))
+    return Thing(name, "box", size, place, turn, friction=friction, color=WOOD)
 
 
 @dataclass(frozen=True)

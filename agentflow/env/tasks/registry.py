@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -47,10 +48,9 @@ class Level:
 def _levels(name: str) -> dict[str, Level]:
     """Levels of a family by name, easiest first."""
     levels = {}
-    for entry in level_files(name):
-        number = int(entry.name.removesuffix(".yaml").rpartition("-")[2])
+    for number, file in level_files(name).items():
         level = name if number == 1 else f"{name}/{number}"
-        levels[level] = Level(level, number, _read(entry.read_text(encoding="utf-8"), level))
+        levels[level] = Level(level, number, _read(file.read_text(encoding="utf-8"), level))
     return levels
 
 
@@ -123,13 +123,5 @@ def get_task(name: str, overrides: Mapping[str, object] | None = None) -> Task:
 
 def knob_table(task: Task) -> tuple[tuple[Knob, Any], ...]:
     """All knobs of a task with their values, in the family's order."""
-    return tuple(
-        (item, _value(task.parameters, item.name)) for item in knobs_of(type(task.parameters))
-    )
-
-
-def _value(parameters: BaseModel, dotted: str) -> Any:
-    value: Any = parameters
-    for part in dotted.split("."):
-        value = getattr(value, part)
-    return value
+    knobs = task.parameters
+    return tuple((item, attrgetter(item.name)(knobs)) for item in knobs_of(type(knobs)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import ceil, hypot
 from typing import Any, ClassVar
@@ -13,7 +13,7 @@ from agentflow.env.constants import constants
 from agentflow.env.feedback import compose, number, sample_indices, series
 from agentflow.env.rollout import Array, Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import Parameters, WorldView
+from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.obstacles import (
     Beam,
@@ -31,6 +31,7 @@ from agentflow.env.tasks.features.roads import (
     centre_line,
     road_sentences,
     road_walls,
+    rounded,
     scoring_direction,
 )
 from agentflow.env.tasks.features.terrain import Roughness, slabs, terrain_sentences
@@ -43,8 +44,6 @@ CARGO = "cargo"
 COLOR = (0.83, 0.42, 0.2, 1.0)
 FLIGHT = 0.2
 """Shortest time in the air before a landing, s."""
-ROUNDING = 1e-6
-"""Tolerance for the rounding error of summed time steps, s."""
 
 
 class Cargo(Parameters):
@@ -96,7 +95,6 @@ class Delivery(Family):
 
     @property
     def brief(self) -> Brief:
-        """Description for designers, and the constraints that validation checks."""
         knobs, way = self.parameters, scoring_direction(self.parameters.curve)
         cargo, (x, z) = knobs.cargo, self._cargo_place
         return Brief(
@@ -106,8 +104,8 @@ class Delivery(Family):
                 *GROUND,
                 *road_sentences(knobs.road, knobs.curve),
                 f"The cargo is a ball of diameter {cargo.diameter:g} m and mass {cargo.mass:g} kg; "
-                f"it lies on the road, free to roll, with its centre at x = {_rounded(x)}, y = "
-                f"{cargo.diameter / 2:g}, z = {_rounded(z)} m.",
+                f"it lies on the road, free to roll, with its centre at x = {rounded(x)}, y = "
+                f"{cargo.diameter / 2:g}, z = {rounded(z)} m.",
                 *beam_sentences(knobs.beam),
                 *ramp_sentences(knobs.ramp),
                 *self._cone_sentences(),
@@ -152,13 +150,12 @@ class Delivery(Family):
         knobs = self.parameters
         return centre_line(knobs.road, knobs.curve).position_at(knobs.cargo.at)
 
-    def _cone(self) -> tuple[Thing, ...]:
+    def _cone(self) -> Iterator[Thing]:
         cone = self.parameters.cone
-        if not cone.height:
-            return ()
-        x, z = self._cone_place
-        size = (cone.diameter, cone.height, cone.diameter)
-        return (Thing("cone", "cone", size, (x, cone.height / 2, z)),)
+        if cone.height:
+            x, z = self._cone_place
+            size = (cone.diameter, cone.height, cone.diameter)
+            yield Thing("cone", "cone", size, (x, cone.height / 2, z))
 
     @property
     def _cone_place(self) -> tuple[float, float]:
@@ -168,18 +165,16 @@ class Delivery(Family):
         x, z, _ = last.position_at(begin + knobs.cone.further)
         return x, z
 
-    def _cone_sentences(self) -> tuple[str, ...]:
+    def _cone_sentences(self) -> Iterator[str]:
         cone = self.parameters.cone
-        if not cone.height:
-            return ()
-        x, z = (_rounded(value) for value in self._cone_place)
-        return (
-            f"A cone of diameter {cone.diameter:g} m and height {cone.height:g} m, tip upward, "
-            f"stands in the middle of the road at x = {x} m, z = {z} m.",
-        )
+        if cone.height:
+            x, z = map(rounded, self._cone_place)
+            yield (
+                f"A cone of diameter {cone.diameter:g} m and height {cone.height:g} m, tip upward, "
+                f"stands in the middle of the road at x = {x} m, z = {z} m."
+            )
 
     def referee(self, machine: Machine) -> DeliveryReferee:  # noqa: ARG002
-        """A new referee that observes the cargo."""
         knobs = self.parameters
         return DeliveryReferee(centre_line(knobs.road, knobs.curve), knobs.cargo.at)
 
@@ -276,10 +271,6 @@ class DeliveryReferee:
             text = f"the cargo lands after {FLIGHT:g} s or more in the air"
             events.append(RolloutEvent(self._landing, "landing", (), text))
         return tuple(events)
-
-
-def _rounded(value: float) -> str:
-    return f"{round(value, 1) + 0.0:g}"
 
 
 def _ball(cargo: Cargo, x: float, z: float) -> Thing:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import dist, pi
+from math import dist, hypot, pi
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -82,7 +83,6 @@ class Flying(Family):
 
     @property
     def brief(self) -> Brief:
-        """Description for designers, and the constraints that validation checks."""
         knobs = self.parameters
         blocks = tuple(sorted((*BLOCKS, FLYING_BLOCK))) if self.marks else BLOCKS
         return Brief(
@@ -112,7 +112,6 @@ class Flying(Family):
         return Scene(tuple(things), knobs.wind.velocity, gusts, knobs.platform.start)
 
     def referee(self, machine: Machine) -> FlightReferee:  # noqa: ARG002 - the root is block 0
-        """A new referee that observes the root."""
         return FlightReferee(self.marks)
 
     def feedback(
@@ -203,26 +202,23 @@ def gusts_of(knobs: Gusts) -> tuple[Gust, ...]:
     )
 
 
-def _hoop_sentences(hoops: tuple[Ring, ...]) -> tuple[str, ...]:
-    if not hoops:
-        return ()
-    places = ", ".join("({:g}, {:g}, {:g})".format(*hoop.centre) for hoop in hoops)
-    return (
-        f"Upright hoops ({len(hoops)} of them) of inner radius {hoops[0].radius:g} m stand across "
-        f"the path, with their centres at (x, y, z) = {places} m; their rims are solid.",
-    )
+def _hoop_sentences(hoops: tuple[Ring, ...]) -> Iterator[str]:
+    if hoops:
+        places = ", ".join("({:g}, {:g}, {:g})".format(*hoop.centre) for hoop in hoops)
+        yield (
+            f"Upright hoops ({len(hoops)} of them) of inner radius {hoops[0].radius:g} m stand "
+            f"across the path, with their centres at (x, y, z) = {places} m; their rims are solid."
+        )
 
 
-def _gust_sentences(knobs: FlyingKnobs) -> tuple[str, ...]:
-    mean = sum(v * v for v in knobs.wind.velocity) ** 0.5
-    if not knobs.gusts.swing or not mean:
-        return ()
-    swing = knobs.gusts.swing
-    low, high = mean * (1 - swing), mean * (1 + swing)
-    return (
-        f"From t = 0 on it blows in gusts around this mean, in the same direction: its speed "
-        f"changes within a second or two between {low:g} and {high:g} m/s.",
-    )
+def _gust_sentences(knobs: FlyingKnobs) -> Iterator[str]:
+    mean, swing = hypot(*knobs.wind.velocity), knobs.gusts.swing
+    if swing and mean:
+        low, high = mean * (1 - swing), mean * (1 + swing)
+        yield (
+            f"From t = 0 on it blows in gusts around this mean, in the same direction: its speed "
+            f"changes within a second or two between {low:g} and {high:g} m/s."
+        )
 
 
 def _altitude_score(window: float) -> tuple[str, ...]:

@@ -125,7 +125,6 @@ class Gearing(Family):
 
     @property
     def brief(self) -> Brief:
-        """Description for designers, and the constraints that validation checks."""
         knobs = self.parameters
         return Brief(
             name=self.name,
@@ -156,7 +155,6 @@ class Gearing(Family):
         return Scene((), self.parameters.wind.velocity)
 
     def referee(self, machine: Machine) -> GearingReferee:  # noqa: ARG002 - ids are given
-        """A new referee that observes source and targets."""
         return GearingReferee(self.parameters.senses)
 
     def feedback(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -17,16 +18,7 @@ from agentflow.env.tasks.family import (
     schedule_sentences,
     vary,
 )
-from agentflow.env.tasks.features.barriers import (
-    Slope,
-    Trench,
-    Walls,
-    barrier_sentences,
-    barrier_things,
-    far_side,
-    near_side,
-    obstacle_names,
-)
+from agentflow.env.tasks.features.barriers import Slope, Trench, Walls
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
@@ -59,6 +51,16 @@ class JumpingKnobs(CommonKnobs):
         1, 0, 10, "s", "start time of springs and steering hinges; schedule.* adds to it"
     )
     variation: JumpVariation = JumpVariation()
+
+    @property
+    def obstacle(self) -> Walls | Trench:
+        """The trench if there is one, else the walls."""
+        return self.trench if self.trench.length else self.walls
+
+    @property
+    def base(self) -> float:
+        """Height of the ground that the machine starts on, m."""
+        return self.trench.depth if self.trench.length else 0.0
 
 
 @dataclass(frozen=True)
@@ -100,22 +102,26 @@ class Jumping(TrialFamily):
 
     @property
     def brief(self) -> Brief:
-        """Description for designers, and the constraints that validation checks."""
         knobs, by = self.parameters, self.parameters.variation
+        varied, untouchable = (
+            ("depth", "the trench's floor or far wall")
+            if knobs.trench.length
+            else ("height", "a wall")
+        )
         return Brief(
             name=self.name,
             objective="Build a machine that jumps over the obstacle ahead along z+ and lands "
             "beyond it.",
             scene=(
                 *(_ON_BANK if knobs.trench.length else GROUND),
-                *barrier_sentences(knobs.walls, knobs.trench, knobs.slope),
+                *knobs.obstacle.sentences(),
+                *knobs.slope.sentences(knobs.obstacle.near_side),
                 *knobs.wind.sentences(),
                 f"The {self.count} trials differ at random: obstacles stand up to "
-                f"{by.distance:g} m nearer or farther along z, their "
-                f"{'depth' if knobs.trench.length else 'height'} varies by up to "
-                f"{by.height:.0%}, the friction of ground and obstacles ({knobs.friction:g}) "
-                f"by up to {by.friction:.0%}, and the machine is turned by up to {by.yaw:g} "
-                "degrees to the left or right.",
+                f"{by.distance:g} m nearer or farther along z, their {varied} varies by up to "
+                f"{by.height:.0%}, the friction of ground and obstacles ({knobs.friction:g}) by up "
+                f"to {by.friction:.0%}, and the machine is turned by up to {by.yaw:g} degrees to "
+                "the left or right.",
                 *_yaw_sentences(knobs.yaw),
             ),
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
@@ -123,10 +129,9 @@ class Jumping(TrialFamily):
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
                 f"A trial succeeds if no block of the machine, not even one that broke off, "
-                f"touches {_obstacle_text(knobs)} from t = 0 on, and at the end the centre of the "
-                f"Starting Block and at least half of the machine's mass are beyond z = "
-                f"{far_side(knobs.walls, knobs.trench):g} m (the far side; it moves with the "
-                "obstacles).",
+                f"touches {untouchable} from t = 0 on, and at the end the centre of the Starting "
+                f"Block and at least half of the machine's mass are beyond z = "
+                f"{knobs.obstacle.far_side:g} m (the far side; it moves with the obstacles).",
                 "At t = 0 every block must be on the near side of the first obstacle; crossing it "
                 "before t = 0 fails the trial.",
             ),
@@ -135,17 +140,15 @@ class Jumping(TrialFamily):
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, or a trench between raised banks; slope and wind."""
-        knobs = self.parameters
-        height = knobs.trench.depth if knobs.trench.length else 0.0
-        return Scene(
-            barrier_things(knobs.walls, knobs.trench, knobs.slope, knobs.friction),
-            knobs.wind.velocity,
-            start=Start(height, yaw=knobs.yaw),
-            friction=knobs.friction,
+        knobs, friction = self.parameters, self.parameters.friction
+        things = (
+            *knobs.obstacle.things(friction),
+            *knobs.slope.things(knobs.obstacle.near_side, knobs.base, friction),
         )
+        start = Start(knobs.base, yaw=knobs.yaw)
+        return Scene(things, knobs.wind.velocity, start=start, friction=friction)
 
     def referee(self, machine: Machine) -> JumpReferee:
-        """A new referee for one trial."""
         return JumpReferee(machine, self.parameters)
 
     def feedback(
@@ -168,10 +171,8 @@ class JumpReferee:
     """Watches for touches of the obstacles, and checks positions at the end."""
 
     def __init__(self, machine: Machine, knobs: JumpingKnobs) -> None:
-        self._machine, self._knobs = machine, knobs
-        self._watched = obstacle_names(knobs.walls, knobs.trench)
-        self._near = near_side(knobs.walls, knobs.trench)
-        self._far = far_side(knobs.walls, knobs.trench)
+        self._machine = machine
+        self._obstacle, self._far = knobs.obstacle, knobs.obstacle.far_side
         self._early: int | None = None
         """A block that was already across at t = 0."""
         self._touch: tuple[float, int, str, float] | None = None
@@ -179,16 +180,16 @@ class JumpReferee:
 
     def start(self, world: WorldView) -> None:
         """Check that no block is across yet."""
-        self._world = world
+        self._world, near = world, self._obstacle.near_side
         blocks = [step.id for step in self._machine if not step.two_ended]
-        self._early = next((i for i in blocks if world.centre(i)[2] > self._near), None)
+        self._early = next((i for i in blocks if world.centre(i)[2] > near), None)
         self.watch(world)
 
     def watch(self, world: WorldView) -> None:
         """Look for the first touch."""
         if self._touch is not None:
             return
-        for name in self._watched:
+        for name in self._obstacle.watched:
             blocks = [body for body in world.touching(name) if isinstance(body, int)]
             if blocks:
                 block = min(blocks)
@@ -197,9 +198,9 @@ class JumpReferee:
 
     def _missed_by(self, world: WorldView, block: int) -> float:
         """Missing height (walls) or distance (trench) of the block, m."""
-        if self._knobs.trench.length:
-            return max(0.0, self._far - world.centre(block)[2])
-        return max(0.0, self._knobs.walls.height - lowest_point(world, self._machine, block))
+        if isinstance(self._obstacle, Walls):
+            return max(0.0, self._obstacle.height - lowest_point(world, self._machine, block))
+        return max(0.0, self._far - world.centre(block)[2])
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
         """Whether and how the trial succeeded or failed."""
@@ -241,7 +242,7 @@ class JumpReferee:
             return f"failed, {block_name(self._machine, self._early)} was across before t = 0"
         if self._touch is not None:
             time, block, name, miss = self._touch
-            what = "short" if self._knobs.trench.length else "too low"
+            what = "too low" if isinstance(self._obstacle, Walls) else "short"
             return (
                 f"failed, {block_name(self._machine, block)} touched the {name} at "
                 f"{number(time)} s, {number(miss)} m {what}"
@@ -278,12 +279,7 @@ _ON_BANK = (
 )
 
 
-def _yaw_sentences(yaw: float) -> tuple[str, ...]:
-    if not yaw:
-        return ()
-    side = "right" if yaw > 0 else "left"
-    return (f"Before that it is turned by {abs(yaw):g} degrees to the {side}.",)
-
-
-def _obstacle_text(knobs: JumpingKnobs) -> str:
-    return "the trench's floor or far wall" if knobs.trench.length else "a wall"
+def _yaw_sentences(yaw: float) -> Iterator[str]:
+    if yaw:
+        side = "right" if yaw > 0 else "left"
+        yield f"Before that it is turned by {abs(yaw):g} degrees to the {side}."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -11,7 +12,7 @@ from pydantic import Field, model_validator
 from agentflow.env.feedback import compose, number, series
 from agentflow.env.rollout import Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import Parameters, WorldView
+from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import (
     GROUND,
     CommonKnobs,
@@ -33,8 +34,6 @@ HOLD = 1.0
 """Time that the object must stay lifted, s."""
 LOOSE = 0.2
 """Time without contact after which the machine no longer holds the object, s."""
-ROUNDING = 1e-6
-"""Tolerance for the rounding error of summed time steps, s."""
 COLOR = (0.2, 0.45, 0.7, 1.0)
 SHAPES = {"box": "box", "ball": "sphere", "cone": "cone"}
 
@@ -112,7 +111,6 @@ class Lifting(TrialFamily):
 
     @property
     def brief(self) -> Brief:
-        """Description for designers, and the constraints that validation checks."""
         by = self.parameters.variation
         return Brief(
             name=self.name,
@@ -154,7 +152,6 @@ class Lifting(TrialFamily):
         return Scene((thing,), self.parameters.wind.velocity)
 
     def referee(self, machine: Machine) -> LiftReferee:  # noqa: ARG002 - only the object counts
-        """A new referee that observes the object."""
         return LiftReferee(self.window)
 
     def feedback(
@@ -286,11 +283,9 @@ def _object_sentences(knobs: Object) -> tuple[str, ...]:
     )
 
 
-def _balance_sentences(balance: float) -> tuple[str, ...]:
-    if not balance:
-        return ()
-    side = "x+" if balance > 0 else "x-"
-    return (
-        f"It is heavier on one side: its centre of mass is {abs(balance):g} m from its centre, "
-        f"towards {side}.",
-    )
+def _balance_sentences(balance: float) -> Iterator[str]:
+    if balance:
+        yield (
+            f"It is heavier on one side: its centre of mass is {abs(balance):g} m from its centre, "
+            f"towards {'x+' if balance > 0 else 'x-'}."
+        )

@@ -73,7 +73,6 @@ class Movement(Family):
 
     @property
     def brief(self) -> Brief:
-        """Description for designers, and the constraints that validation checks."""
         knobs, way = self.parameters, scoring_direction(self.parameters.curve)
         blocks = BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS
         return Brief(
@@ -111,7 +110,6 @@ class Movement(Family):
         return Scene(things, knobs.wind.velocity)
 
     def referee(self, machine: Machine) -> MovementReferee:  # noqa: ARG002 - the root is block 0
-        """A new referee that observes the root."""
         return MovementReferee(centre_line(self.parameters.road, self.parameters.curve))
 
     def feedback(

@@ -99,14 +99,14 @@ class Picking(Family):
 
     @property
     def brief(self) -> Brief:
-        """Description for designers, and the constraints that validation checks."""
-        knobs = self.parameters
+        knobs, (x, _, z) = self.parameters, self.parameters.ball
         return Brief(
             name=self.name,
             objective="Build a machine that lifts the ball out of the pit and carries it away.",
             scene=(
                 *_pit_sentences(knobs.pit),
-                *_ball_sentences(knobs),
+                f"A ball of diameter {DIAMETER:g} m and mass {MASS:g} kg lies on the pit's bottom "
+                f"at x = {x:g}, z = {z:g} m.",
                 *_bar_sentences(knobs),
                 *knobs.wind.sentences(),
             ),
@@ -130,7 +130,6 @@ class Picking(Family):
         return Scene(things, knobs.wind.velocity, start=Start(height=knobs.pit.depth))
 
     def referee(self, machine: Machine) -> PickingReferee:  # noqa: ARG002 - only the ball counts
-        """A new referee that observes the ball."""
         return PickingReferee(self.parameters)
 
     def feedback(
@@ -247,23 +246,14 @@ def _pit_sentences(pit: Pit) -> tuple[str, ...]:
     )
 
 
-def _ball_sentences(knobs: PickingKnobs) -> tuple[str, ...]:
-    x, _, z = knobs.ball
-    return (
-        f"A ball of diameter {DIAMETER:g} m and mass {MASS:g} kg lies on the pit's bottom at "
-        f"x = {x:g}, z = {z:g} m.",
-    )
-
-
-def _bar_sentences(knobs: PickingKnobs) -> tuple[str, ...]:
+def _bar_sentences(knobs: PickingKnobs) -> Iterator[str]:
     bar, half = knobs.bar, knobs.pit.opening / 2
-    if not bar.share:
-        return ()
-    end = bar.share * knobs.pit.opening - half
-    return (
-        f"A bar, {BAR:g} m thick, lies across the pit at z = {knobs.middle:g} m, from x = "
-        f"-{half:g} to x = {end:g} m, its top {bar.below:g} m below ground level.",
-    )
+    if bar.share:
+        end = bar.share * knobs.pit.opening - half
+        yield (
+            f"A bar, {BAR:g} m thick, lies across the pit at z = {knobs.middle:g} m, from x = "
+            f"-{half:g} to x = {end:g} m, its top {bar.below:g} m below ground level."
+        )
 
 
 def _schedule_sentences(times: PickingTimes, window: float) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -87,7 +87,6 @@ class Throwing(Family):
 
     @property
     def brief(self) -> Brief:
-        """Description for designers, and the constraints that validation checks."""
         knobs = self.parameters
         return Brief(
             name=self.name,
@@ -121,7 +120,6 @@ class Throwing(Family):
         return Scene(tuple(things), knobs.wind.velocity, start=knobs.platform.start)
 
     def referee(self, machine: Machine) -> ThrowReferee:
-        """A new referee that observes the boulders."""
         return ThrowReferee(machine, self.parameters)
 
     def feedback(
@@ -261,7 +259,6 @@ _SCORES: Mapping[Mode, Callable[[ThrowingKnobs, float], tuple[str, ...]]] = {
 }
 
 
-def _reload_sentences(count: int) -> tuple[str, ...]:
-    if count == 1:
-        return ()
-    return (f"There are {count} boulders; the score is the mean of their scores.",)
+def _reload_sentences(count: int) -> Iterator[str]:
+    if count > 1:
+        yield f"There are {count} boulders; the score is the mean of their scores."

@@ -64,18 +64,15 @@ def arena_sentences(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> Iterator[str]
         )
 
 
-def _walls(arena: Arena) -> tuple[Thing, ...]:
-    if not arena.height:
-        return ()
-    far, high, thick = arena.distance, arena.height, arena.thickness
-    side: Vec3 = (thick, high, 2 * far + thick)
-    end: Vec3 = (2 * far - thick, high, thick)
-    return (
-        wall("left wall", -far, 0.0, side),
-        wall("right wall", far, 0.0, side),
-        wall("back wall", 0.0, -far, end),
-        wall("front wall", 0.0, far, end),
-    )
+def _walls(arena: Arena) -> Iterator[Thing]:
+    if arena.height:
+        far, high, thick = arena.distance, arena.height, arena.thickness
+        side: Vec3 = (thick, high, 2 * far + thick)
+        end: Vec3 = (2 * far - thick, high, thick)
+        yield wall("left wall", -far, 0.0, side)
+        yield wall("right wall", far, 0.0, side)
+        yield wall("back wall", 0.0, -far, end)
+        yield wall("front wall", 0.0, far, end)
 
 
 def _foot(arena: Arena) -> float:
@@ -91,16 +88,14 @@ def _ramps(arena: Arena, ramps: Ramps) -> Iterator[Thing]:
     up = long / 2 * sin(tilt) - THICK / 2 * cos(tilt)
     wide = 2 * (_foot(arena) + long * cos(tilt))
     s, c = sin(tilt / 2), cos(tilt / 2)
-    for name, sign in (("front", 1.0), ("back", -1.0)):
-        turn = (-sign * s, 0.0, 0.0, c)
-        yield Thing(
-            f"{name} ramp", "box", (wide, THICK, long), (0.0, up, sign * out), turn, color=WOOD
-        )
-    for name, sign in (("right", 1.0), ("left", -1.0)):
-        turn = (0.0, 0.0, sign * s, c)
-        yield Thing(
-            f"{name} ramp", "box", (long, THICK, wide), (sign * out, up, 0.0), turn, color=WOOD
-        )
+    along, across = (wide, THICK, long), (long, THICK, wide)
+    for name, size, place, turn in (
+        ("front", along, (0.0, up, out), (-s, 0.0, 0.0, c)),
+        ("back", along, (0.0, up, -out), (s, 0.0, 0.0, c)),
+        ("right", across, (out, up, 0.0), (0.0, 0.0, s, c)),
+        ("left", across, (-out, up, 0.0), (0.0, 0.0, -s, c)),
+    ):
+        yield Thing(f"{name} ramp", "box", size, place, turn, color=WOOD)
 
 
 def _hurdle(arena: Arena, hurdle: Hurdle) -> Iterator[Thing]:

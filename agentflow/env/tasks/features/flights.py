@@ -12,7 +12,7 @@ from agentflow.env.constants import constants
 from agentflow.env.feedback import block_name, number
 from agentflow.env.rollout import RolloutEvent
 from agentflow.env.scene import Vec3
-from agentflow.env.tasks.base import Body, WorldView
+from agentflow.env.tasks.base import ROUNDING, Body, WorldView
 from agentflow.env.tasks.features.rings import Ring, RingProgress
 from agentflow.machine.tree import Machine
 
@@ -24,8 +24,6 @@ STILL = 0.1
 """Largest motion along z+ of a machine that counts as standing still, m; allows for recoil."""
 RL_HEIGHT = 3.0
 """Height that the boulder must exceed for the `rl` score, m."""
-ROUNDING = 1e-6
-"""Tolerance for the rounding error of summed time steps, s."""
 
 
 @dataclass(frozen=True)

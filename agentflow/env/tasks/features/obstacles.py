@@ -7,7 +7,7 @@ from math import asin, atan2, cos, hypot, pi, sin
 
 from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters
-from agentflow.env.tasks.family import WOOD, wall
+from agentflow.env.tasks.family import WOOD, tilted_plate, wall
 from agentflow.env.tasks.knobs import knob
 
 FACETS = 8
@@ -46,15 +46,15 @@ def ramp_things(ramp: Ramp, width: float) -> Iterator[Thing]:
         yield from quarter_pipe("ramp", ramp.at, ramp.height, ramp.length, width)
 
 
-def ramp_sentences(ramp: Ramp) -> tuple[str, ...]:
+def ramp_sentences(ramp: Ramp) -> Iterator[str]:
     """Describe the quarter-pipe to designers."""
-    if not ramp.height:
-        return ()
-    start, end = ramp.at - ramp.length / 2, ramp.at + ramp.length / 2
-    return (
-        f"A quarter-pipe lies across the whole road: flat at z = {start:g} m, it steepens to its "
-        f"edge at z = {end:g} m, {ramp.height:g} m high; behind the edge it drops to the ground.",
-    )
+    if ramp.height:
+        start, end = ramp.at - ramp.length / 2, ramp.at + ramp.length / 2
+        yield (
+            f"A quarter-pipe lies across the whole road: flat at z = {start:g} m, it steepens to "
+            f"its edge at z = {end:g} m, {ramp.height:g} m high; behind the edge it drops to the "
+            "ground."
+        )
 
 
 def beam_things(beam: Beam, width: float) -> Iterator[Thing]:
@@ -64,14 +64,13 @@ def beam_things(beam: Beam, width: float) -> Iterator[Thing]:
         yield wall("beam", 0.0, beam.at, size, base=beam.clearance)
 
 
-def beam_sentences(beam: Beam) -> tuple[str, ...]:
+def beam_sentences(beam: Beam) -> Iterator[str]:
     """Describe the beam to designers."""
-    if not beam.clearance:
-        return ()
-    return (
-        f"A beam, {beam.thickness:g} m thick, crosses the whole road at z = {beam.at:g} m with "
-        f"{beam.clearance:g} m of clearance below it.",
-    )
+    if beam.clearance:
+        yield (
+            f"A beam, {beam.thickness:g} m thick, crosses the whole road at z = {beam.at:g} m with "
+            f"{beam.clearance:g} m of clearance below it."
+        )
 
 
 def bump(name: str, z: float, height: float, length: float, width: float) -> Thing:
@@ -101,11 +100,5 @@ def quarter_pipe(
     for index in range(FACETS):
         (z0, y0), (z1, y1) = edge[index], edge[index + 1]
         pitch = atan2(y1 - y0, z1 - z0)
-        middle = (
-            0.0,
-            (y0 + y1) / 2 - PLATE / 2 * cos(pitch),
-            (z0 + z1) / 2 + PLATE / 2 * sin(pitch),
-        )
-        turned = (-sin(pitch / 2), 0.0, 0.0, cos(pitch / 2))
         size = (width, PLATE, hypot(z1 - z0, y1 - y0))
-        yield Thing(f"{name} {index}", "box", size, middle, turned, color=WOOD)
+        yield tilted_plate(f"{name} {index}", size, ((y0 + y1) / 2, (z0 + z1) / 2), pitch)

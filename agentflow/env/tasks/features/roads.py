@@ -225,20 +225,21 @@ def _curve_sentences(road: Road, curve: Curve) -> Iterator[str]:
     yield (
         f"At z = {curve.at:g} m the road turns {curve.angle:g} degrees to the right (towards x+): "
         f"its centre line follows a circle of radius {radius:g} m about x = {radius:g} m, z = "
-        f"{curve.at:g} m, to x = {_rounded(x)} m, z = {_rounded(z)} m; the walls stay "
+        f"{curve.at:g} m, to x = {rounded(x)} m, z = {rounded(z)} m; the walls stay "
         f"{2 * road.half_width:g} m apart."
     )
     x, z, heading = line[-1].end if not curve.back else line[-1].position_at(0.0)
     if curve.back:
         yield (
             f"After {curve.further:g} m straight ahead it turns {curve.back:g} degrees to the left "
-            f"on a circle of the same radius, to x = {_rounded(x)} m, "
-            f"z = {_rounded(z)} m."
+            f"on a circle of the same radius, to x = {rounded(x)} m, "
+            f"z = {rounded(z)} m."
         )
     yield f"From there it continues straight{_towards(heading)}."
 
 
-def _rounded(value: float) -> str:
+def rounded(value: float) -> str:
+    """Format with at most one decimal; never "-0"."""
     return f"{round(value, 1) + 0.0:g}"
 
 

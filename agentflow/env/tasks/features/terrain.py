@@ -72,22 +72,20 @@ def stones(stone: Stones, width: float) -> Iterator[Thing]:
         yield Thing(f"stone {index + 1}", "sphere", (size, size, size), (x, 0.0, z), color=STONE)
 
 
-def terrain_sentences(rough: Roughness) -> tuple[str, ...]:
+def terrain_sentences(rough: Roughness) -> Iterator[str]:
     """Describe the ground to designers."""
-    if not rough.height:
-        return ()
-    return (
-        f"From z = {rough.first:g} m to z = {rough.last:g} m the ground is uneven: slabs "
-        f"{SLAB:g} m long and about as wide, tilted at random, rise up to {rough.height:g} m.",
-    )
+    if rough.height:
+        yield (
+            f"From z = {rough.first:g} m to z = {rough.last:g} m the ground is uneven: slabs "
+            f"{SLAB:g} m long and about as wide, tilted at random, rise up to {rough.height:g} m."
+        )
 
 
-def stone_sentences(stone: Stones) -> tuple[str, ...]:
+def stone_sentences(stone: Stones) -> Iterator[str]:
     """Describe the stones to designers."""
-    if not stone.density:
-        return ()
-    return (
-        f"From z = {stone.first:g} m to z = {stone.last:g} m stones are scattered over the whole "
-        f"road, {stone.density:g} per square metre: fixed balls, {stone.smallest:g} to "
-        f"{stone.largest:g} m in diameter, half buried in the ground.",
-    )
+    if stone.density:
+        yield (
+            f"From z = {stone.first:g} m to z = {stone.last:g} m stones are scattered over the "
+            f"whole road, {stone.density:g} per square metre: fixed balls, {stone.smallest:g} to "
+            f"{stone.largest:g} m in diameter, half buried in the ground."
+        )

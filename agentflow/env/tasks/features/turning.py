@@ -8,7 +8,7 @@ from typing import Literal
 from agentflow.env.feedback import number
 from agentflow.env.rollout import Trace, Verdict
 from agentflow.env.scene import Quat
-from agentflow.env.tasks.base import WorldView
+from agentflow.env.tasks.base import ROUNDING, WorldView
 
 SOURCE = 1
 """Block id of the driven cog; the targets' ids follow."""
@@ -39,7 +39,7 @@ class GearingReferee:
     def watch(self, world: WorldView) -> None:
         """Update speeds and times every 0.1 s."""
         time = world.time - self._since
-        if time < INTERVAL - 1e-6:
+        if time < INTERVAL - ROUNDING:
             return
         now = self._read_angles(world)
         source, *targets = (
@@ -62,7 +62,7 @@ class GearingReferee:
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
         """1 or 0; terms: seconds held, greatest speed of each target as required (rad/s)."""
-        success = self._best >= HOLD - 1e-6
+        success = self._best >= HOLD - ROUNDING
         terms: dict[str, float | bool | str | None] = {"success": success, "held": self._best}
         for index, speed in enumerate(self._fastest, start=1):
             terms[f"speed_{index}"] = speed
