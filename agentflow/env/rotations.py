@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Quat
+from agentflow.machine.geometry.vectors import Quat
 
 # Entries of a rotation matrix from doubled products of quaternion components (x y z w, 4 i + j):
 # 1 at the diagonal, plus sign * product, twice.

@@ -9,11 +9,7 @@ from dataclasses import dataclass, field
 from math import cos, pi, radians, sin
 from typing import Literal
 
-Vec3 = tuple[float, float, float]
-Quat = tuple[float, float, float, float]
-"""(x, y, z, w), game frame."""
-
-IDENTITY: Quat = (0.0, 0.0, 0.0, 1.0)
+from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3
 
 
 @dataclass(frozen=True)

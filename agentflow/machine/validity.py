@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
-from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.brief import SIZE_LIMIT, Brief
 from agentflow.machine.formats.parse import Reading, file_problems, read_machine
 from agentflow.machine.geometry.locks import locked_joints
 from agentflow.machine.geometry.placement import Geometry, bounds, overlap_of, place
 from agentflow.machine.geometry.pose import to_metres
+from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.problems import Problem, comma_list
 from agentflow.machine.tree import Machine
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from agentflow.env.rollout import Broken, Feedback, Rollout, Trace
-from agentflow.env.scene import IDENTITY, Quat, Vec3
 from agentflow.env.tasks.base import Body
+from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3
 from agentflow.machine.tree import ROOT, Machine, Step
 
 BOULDER = 2

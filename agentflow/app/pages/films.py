@@ -12,10 +12,11 @@ from agentflow.env.drawing.film import frame_interval, tracked_block
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.physics.model import Color
 from agentflow.env.rollout import Broken, Rollout, RolloutEvent, Trace
-from agentflow.env.scene import IDENTITY, Scene, Thing
+from agentflow.env.scene import Scene, Thing
 from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT
+from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
 from agentflow.report.film import Motion, pack_motion
 

@@ -9,7 +9,7 @@ from math import radians, tan
 import numpy as np
 
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Vec3
+from agentflow.machine.geometry.vectors import Vec3
 
 Size = tuple[int, int]
 """Width and height in pixels."""

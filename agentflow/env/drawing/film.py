@@ -14,9 +14,10 @@ from agentflow.env.drawing.mp4 import save_mp4
 from agentflow.env.drawing.solids import MachineSolids, Pose
 from agentflow.env.drawing.stills import caption, render_image
 from agentflow.env.rollout import Array, Rollout, Trace
-from agentflow.env.scene import IDENTITY, Scene, Thing
+from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Task
 from agentflow.machine.blocks.library import library
+from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
 
 GRID = 5.0

@@ -11,7 +11,7 @@ from typing import TypeAlias
 from PIL import Image, ImageDraw, ImageFont
 
 from agentflow.env.drawing.plans import LevelPlan, Outline, Point, base_name
-from agentflow.env.scene import Vec3
+from agentflow.machine.geometry.vectors import Vec3
 
 WIDTH, TALLEST = 900.0, 420.0
 """Width of a drawing, and maximum height of one plan, in points."""

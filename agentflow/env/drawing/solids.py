@@ -12,9 +12,16 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.model import Assembly, Color, Shape
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import compose, conjugate, rotate
-from agentflow.env.scene import Quat, Thing, Vec3
+from agentflow.env.scene import Thing
 from agentflow.machine.geometry.placement import Geometry, place
-from agentflow.machine.geometry.vectors import add, product, rotate_vector, rotation_from_up
+from agentflow.machine.geometry.vectors import (
+    Quat,
+    Vec3,
+    add,
+    product,
+    rotate_vector,
+    rotation_from_up,
+)
 from agentflow.machine.tree import Machine
 
 BROKEN: Color = (0.85, 0.1, 0.1, 1.0)

@@ -11,8 +11,9 @@ from agentflow.errors import UsageError
 if TYPE_CHECKING:  # an engine's identity needs no physics
     from agentflow.env.physics.model import Assembly, State
     from agentflow.env.rollout import Array
-    from agentflow.env.scene import Quat, Scene, Vec3
+    from agentflow.env.scene import Scene
     from agentflow.env.tasks.base import Body
+    from agentflow.machine.geometry.vectors import Quat, Vec3
 
 
 class TooLargeError(UsageError):

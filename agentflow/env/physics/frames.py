@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Quat, Vec3
+from agentflow.machine.geometry.vectors import Quat, Vec3
 
 WRENCH_ORDER = np.array([0, 2, 1, 3, 5, 4])
 WRENCH_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])

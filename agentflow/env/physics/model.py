@@ -12,7 +12,7 @@ from typing import Literal
 from agentflow.env.physics.laws.flight import PropellerBlade, Thruster
 from agentflow.env.physics.laws.tension import Spring, Winch
 from agentflow.env.rollout import Array
-from agentflow.env.scene import IDENTITY, Quat, Vec3
+from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3
 
 Color = tuple[float, float, float, float]
 JointKind = Literal["fixed", "revolute", "prismatic", "spherical"]

@@ -20,8 +20,15 @@ from agentflow.env.physics.model import Assembly, Joint, Part, State
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, WIDTH, Row, move_rows
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import compose, conjugate, cross, matrices, turn, turn_back
-from agentflow.env.scene import Quat, Vec3
-from agentflow.machine.geometry.vectors import add, dot, product, rotate_vector, subtract
+from agentflow.machine.geometry.vectors import (
+    Quat,
+    Vec3,
+    add,
+    dot,
+    product,
+    rotate_vector,
+    subtract,
+)
 
 
 class Readings:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from agentflow.env.physics.engine import World
-from agentflow.env.scene import Quat, Vec3
 from agentflow.env.tasks.base import Body
+from agentflow.machine.geometry.vectors import Quat, Vec3
 
 
 class RefereeView:

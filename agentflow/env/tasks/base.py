@@ -9,8 +9,9 @@ from typing import ClassVar, Protocol
 from pydantic import BaseModel, ConfigDict
 
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
-from agentflow.env.scene import Quat, Scene, Vec3
+from agentflow.env.scene import Scene
 from agentflow.machine.brief import Brief
+from agentflow.machine.geometry.vectors import Quat, Vec3
 from agentflow.machine.tree import Machine
 
 ROUNDING = 1e-6

@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 from math import cos, sin
 from typing import ClassVar
 
-from agentflow.env.scene import Thing, Vec3
+from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
+from agentflow.machine.geometry.vectors import Vec3
 
 WOOD = (0.71, 0.53, 0.34, 1.0)
 

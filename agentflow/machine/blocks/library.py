@@ -21,8 +21,8 @@ from agentflow.machine.blocks.types import (
     JointType,
     ShapeKind,
     Switch,
-    Vec3,
 )
+from agentflow.machine.geometry.vectors import Vec3
 
 STARTING_BLOCK = 0
 """Type of the first block of every machine that is not built on a plate."""

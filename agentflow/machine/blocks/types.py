@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Vec3 = tuple[float, float, float]
+from agentflow.machine.geometry.vectors import Vec3
+
 Color = tuple[float, float, float, float]
 """Red, green, blue, opacity, each from 0 to 1."""
 

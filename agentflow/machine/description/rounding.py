@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.geometry.balance import HALF_UNITS, moments
 from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.geometry.pose import UNITS, Placed, Units3
+from agentflow.machine.geometry.vectors import Vec3
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,9 @@ from typing import NoReturn
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
-from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.formats.connect import LocatedBlock, connect, facing_of
 from agentflow.machine.formats.parse import MAX_BLOCKS, MAX_COORDINATE, Reading
-from agentflow.machine.geometry.vectors import Quat, add, rotate_vector
+from agentflow.machine.geometry.vectors import Quat, Vec3, add, rotate_vector
 from agentflow.machine.problems import Problem, short_repr, type_problem
 
 START, END, END_TURN = "start-position", "end-position", "end-rotation"

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
-from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.formats.parse import Reading
 from agentflow.machine.geometry.placement import place_step
 from agentflow.machine.geometry.pose import FACINGS, UNITS, Placed, Units3, to_metres
-from agentflow.machine.geometry.vectors import Quat, add
+from agentflow.machine.geometry.vectors import Quat, Vec3, add
 from agentflow.machine.problems import Problem, block_label
 from agentflow.machine.tree import ROOT, Step, renumber
 

@@ -11,9 +11,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.blocks.types import Vec3
 from agentflow.machine.geometry.pose import Placed, Units3, shape, to_metres
-from agentflow.machine.geometry.vectors import add
+from agentflow.machine.geometry.vectors import Vec3, add
 from agentflow.machine.tree import Machine, Step
 
 

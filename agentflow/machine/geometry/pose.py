@@ -9,8 +9,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.blocks.types import DIRECTIONS, Vec3
-from agentflow.machine.geometry.vectors import Quat, add
+from agentflow.machine.blocks.types import DIRECTIONS
+from agentflow.machine.geometry.vectors import Quat, Vec3, add
 from agentflow.machine.problems import block_label
 from agentflow.machine.tree import Step
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 from math import sqrt
 from typing import TypeVar
 
-from agentflow.machine.blocks.types import Vec3
-
+Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 """(x, y, z, w); the formulas hold in right- and left-handed frames alike."""
+
+IDENTITY: Quat = (0.0, 0.0, 0.0, 1.0)
 N = TypeVar("N", int, float)
 
 

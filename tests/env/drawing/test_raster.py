@@ -13,7 +13,8 @@ from PIL import Image
 
 from agentflow.env.drawing.cameras import Camera, project
 from agentflow.env.drawing.raster import OUTLINE, corners_of, draw
-from agentflow.env.scene import Quat, Thing, Vec3
+from agentflow.env.scene import Thing
+from agentflow.machine.geometry.vectors import Quat, Vec3
 
 AHEAD = Camera(eye=(0.0, 5.0, -20.0), target=(0.0, 5.0, 0.0), width=200, height=200)
 FOCAL = 100 / tan(pi / 8)

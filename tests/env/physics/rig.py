@@ -14,10 +14,10 @@ from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import compose, conjugate, rotate
-from agentflow.env.scene import Scene, Vec3
+from agentflow.env.scene import Scene
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.pose import Placed
-from agentflow.machine.geometry.vectors import add
+from agentflow.machine.geometry.vectors import Vec3, add
 from agentflow.machine.tree import Machine
 
 RATE = 120.0

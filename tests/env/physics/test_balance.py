@@ -9,9 +9,9 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
-from agentflow.env.scene import Quat, Scene, Thing, Vec3
+from agentflow.env.scene import Scene, Thing
 from agentflow.machine.geometry.placement import place
-from agentflow.machine.geometry.vectors import rotate_vector
+from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector
 from tests.env.conftest import MakeEngine
 from tests.env.machines import machine
 from tests.env.physics.rig import RATE, weightless

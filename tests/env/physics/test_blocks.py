@@ -10,9 +10,10 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly, Part, Shape
-from agentflow.env.scene import IDENTITY, Scene, Thing
+from agentflow.env.scene import Scene, Thing
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
 from tests.env.machines import BALLASTED, CAR, CRADLE, machine
 

@@ -23,7 +23,8 @@ from agentflow.env.physics.model import (
     Strength,
 )
 from agentflow.env.rollout import Array
-from agentflow.env.scene import IDENTITY, Scene, Start, Thing, Vec3
+from agentflow.env.scene import Scene, Start, Thing
+from agentflow.machine.geometry.vectors import IDENTITY, Vec3
 from tests.env.conftest import MakeEngine
 
 RATE, G = 120.0, 32.81

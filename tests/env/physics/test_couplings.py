@@ -15,8 +15,9 @@ from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.model import Assembly, CogMesh, Joint, JointKind, Part, Shape
 from agentflow.env.physics.spanning_tree import skeleton
 from agentflow.env.rollout import Array
-from agentflow.env.scene import IDENTITY, Scene, Vec3
+from agentflow.env.scene import Scene
 from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import IDENTITY, Vec3
 from agentflow.machine.tree import Machine
 from tests.env.conftest import MakeEngine
 from tests.env.machines import Row, machine

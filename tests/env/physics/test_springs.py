@@ -13,8 +13,9 @@ from agentflow.env.physics.laws.forces import PartLocations
 from agentflow.env.physics.laws.tension import Spring, SpringForce
 from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Scene, Vec3
+from agentflow.env.scene import Scene
 from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import Vec3
 from tests.env.conftest import MakeEngine
 from tests.env.machines import machine
 

@@ -11,9 +11,10 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
 from agentflow.env.rotations import rotate
-from agentflow.env.scene import Scene, Vec3
+from agentflow.env.scene import Scene
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
 from tests.env.machines import Row, machine
 from tests.env.physics.rig import FACINGS, RATE, Rig

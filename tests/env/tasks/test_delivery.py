@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from agentflow.env.rollout import Trace, Verdict
-from agentflow.env.scene import Vec3
 from agentflow.env.tasks.base import Body
 from agentflow.env.tasks.registry import get_task
+from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import LONE_ROOT, FakeWorld, make_trace
 

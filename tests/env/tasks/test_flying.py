@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from agentflow.env.rollout import Verdict
-from agentflow.env.scene import Vec3
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.families.flying import Flying, hoops_of
 from agentflow.env.tasks.registry import get_task
+from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.prompts.text import token_estimate
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from agentflow.env.rollout import Verdict
-from agentflow.env.scene import Vec3
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Body
 from agentflow.env.tasks.families.lifting import OBJECT, Lifting, LiftingKnobs, highest_point_under
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
+from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.prompts.text import token_estimate
 from benchmarks.shelf import load

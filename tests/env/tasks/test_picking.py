@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from agentflow.env.rollout import Verdict
-from agentflow.env.scene import Vec3
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.blocks.library import GRABBER
+from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import ROOT, Machine, Step
 from benchmarks.shelf import load
 from tests.env.fakes import LONE_ROOT, FakeWorld, make_trace

@@ -7,8 +7,8 @@ from math import hypot, inf
 import pytest
 
 from agentflow.env.drawing.raster import corners_of
-from agentflow.env.scene import Vec3
 from agentflow.env.tasks.features.rings import SIDES, Ring, RingProgress
+from agentflow.machine.geometry.vectors import Vec3
 
 NEAR, FAR = Ring((0.0, 7.0, 14.0), 4.0), Ring((0.0, 7.0, 22.0), 4.0)
 

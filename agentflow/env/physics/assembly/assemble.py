@@ -7,12 +7,11 @@ from agentflow.env.physics.assembly.devices import devices_of
 from agentflow.env.physics.assembly.parts import block_parts, end_parts, joint_drive
 from agentflow.env.physics.assembly.shapes import direction_of
 from agentflow.env.physics.model import Assembly, Drive, Joint, Part, Strength
-from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import BlockType
 from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.geometry.pose import Placed
-from agentflow.machine.geometry.vectors import add
+from agentflow.machine.geometry.vectors import Vec3, add
 from agentflow.machine.tree import Machine
 
 

@@ -8,10 +8,9 @@ from math import radians
 from agentflow.env.constants import Constants
 from agentflow.env.physics.assembly.shapes import block_shapes, extents_of
 from agentflow.env.physics.model import Drive, Part, Shape
-from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.types import BlockType
 from agentflow.machine.geometry.pose import Placed
-from agentflow.machine.geometry.vectors import add, length, rotation_from_up, scale, subtract
+from agentflow.machine.geometry.vectors import Vec3, add, length, rotation_from_up, scale, subtract
 
 END_RADIUS = 0.1
 """Radius of the ball at each end of a two-ended block, m."""

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from agentflow.env.physics.model import Shape
-from agentflow.env.scene import Vec3
 from agentflow.machine.blocks.plates import HOLE, plate_of
 from agentflow.machine.blocks.types import DIRECTIONS, BlockType
 from agentflow.machine.geometry.pose import Placed
-from agentflow.machine.geometry.vectors import add, cross, rotation_from_up, scale
+from agentflow.machine.geometry.vectors import Vec3, add, cross, rotation_from_up, scale
 
 WALL = 0.2
 """Thickness of a container's floor and walls, m."""

@@ -15,7 +15,7 @@ from agentflow.env.physics.model import Part
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, Row
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import cross, matrices, turn, turn_back
-from agentflow.env.scene import Vec3
+from agentflow.machine.geometry.vectors import Vec3
 
 
 class DragForce:

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.laws.forces import PartForce, PartLocations
 from agentflow.env.physics.rows import Row
-from agentflow.env.scene import Vec3
-from agentflow.machine.geometry.vectors import add, cross, dot, rotate_vector, scale
+from agentflow.machine.geometry.vectors import Vec3, add, cross, dot, rotate_vector, scale
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from agentflow.env.physics.rows import Row
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Vec3
-from agentflow.machine.geometry.vectors import add, cross, rotate_vector
+from agentflow.machine.geometry.vectors import Vec3, add, cross, rotate_vector
 
 Indices = NDArray[np.intp]
 

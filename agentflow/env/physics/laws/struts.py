@@ -8,8 +8,7 @@ from agentflow.env.physics.frames import swap
 from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_motion
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row
-from agentflow.env.scene import Vec3
-from agentflow.machine.geometry.vectors import add, dot, rotate_vector, scale, subtract
+from agentflow.machine.geometry.vectors import Vec3, add, dot, rotate_vector, scale, subtract
 
 
 class Struts:

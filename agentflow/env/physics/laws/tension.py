@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_motion
 from agentflow.env.physics.rows import Row
-from agentflow.env.scene import Vec3
-from agentflow.machine.geometry.vectors import dot, length, scale, subtract
+from agentflow.machine.geometry.vectors import Vec3, dot, length, scale, subtract
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,16 @@ from agentflow.env.physics.layout import Built
 from agentflow.env.physics.model import Joint, Part, Shape
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Link, Piece
-from agentflow.env.scene import IDENTITY, Quat, Thing, Vec3
-from agentflow.machine.geometry.vectors import add, rotate_vector, scale, subtract
+from agentflow.env.scene import Thing
+from agentflow.machine.geometry.vectors import (
+    IDENTITY,
+    Quat,
+    Vec3,
+    add,
+    rotate_vector,
+    scale,
+    subtract,
+)
 
 MOST_LINKS = 127
 """PyBullet truncates longer bodies without an error."""

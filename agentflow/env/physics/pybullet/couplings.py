@@ -9,8 +9,16 @@ from agentflow.env.physics.layout import Built, Handle
 from agentflow.env.physics.model import Assembly, Joint
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Skeleton
-from agentflow.env.scene import Quat, Vec3
-from agentflow.machine.geometry.vectors import add, cross, length, rotate_vector, scale, subtract
+from agentflow.machine.geometry.vectors import (
+    Quat,
+    Vec3,
+    add,
+    cross,
+    length,
+    rotate_vector,
+    scale,
+    subtract,
+)
 
 STRONGEST = 1e6
 """N or N m: more than anything that a machine can exert."""

@@ -13,8 +13,15 @@ from agentflow.env.physics.layout import Built, Handle
 from agentflow.env.physics.model import Gripper
 from agentflow.env.physics.pybullet.contacts import TOUCH
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.scene import Quat, Vec3
-from agentflow.machine.geometry.vectors import dot, inverse, product, rotate_vector, subtract
+from agentflow.machine.geometry.vectors import (
+    Quat,
+    Vec3,
+    dot,
+    inverse,
+    product,
+    rotate_vector,
+    subtract,
+)
 
 EDGE = 0.05
 """Contacts at most this far behind a grabber's front plane are on its front, m."""

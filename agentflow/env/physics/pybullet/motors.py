@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from agentflow.env.physics.layout import Built
 from agentflow.env.physics.model import Drive, Joint
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.scene import IDENTITY
+from agentflow.machine.geometry.vectors import IDENTITY
 
 Handled = tuple[int, int, Drive]
 """Body number, link number and what the joint does."""

@@ -33,9 +33,9 @@ from agentflow.env.physics.readings import Readings
 from agentflow.env.physics.rows import Row, top_speeds
 from agentflow.env.physics.spanning_tree import Piece, Skeleton, skeleton
 from agentflow.env.rollout import Array
-from agentflow.env.scene import Quat, Scene, Vec3
+from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Body
-from agentflow.machine.geometry.vectors import rotate_vector, subtract
+from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector, subtract
 
 
 @dataclass(frozen=True)

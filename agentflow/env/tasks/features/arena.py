@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import cos, radians, sin
 
-from agentflow.env.scene import Thing, Vec3
+from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import WOOD, wall
 from agentflow.env.tasks.knobs import knob
+from agentflow.machine.geometry.vectors import Vec3
 
 THICK = 0.4
 """Thickness of the ramps, m."""

@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from math import cos, radians, tan
 from typing import ClassVar
 
-from agentflow.env.scene import Thing, Vec3
+from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import tilted_plate, wall
 from agentflow.env.tasks.knobs import knob
+from agentflow.machine.geometry.vectors import Vec3
 
 WIDTH = 60.0
 """Extent of every obstacle along x, m: too wide to go around."""

@@ -11,9 +11,9 @@ import numpy as np
 from agentflow.env.constants import constants
 from agentflow.env.feedback import block_name, number
 from agentflow.env.rollout import RolloutEvent
-from agentflow.env.scene import Vec3
 from agentflow.env.tasks.base import ROUNDING, Body, WorldView
 from agentflow.env.tasks.features.rings import Ring, RingProgress
+from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
 
 FREE_FLIGHT = 0.2

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, dist, hypot, inf, pi, sin, tan
 
-from agentflow.env.scene import Thing, Vec3
+from agentflow.env.scene import Thing
+from agentflow.machine.geometry.vectors import Vec3
 
 EACH, CLOSE = 10.0, 10.0
 """Points for passing a ring, and most points for coming close to the next one."""

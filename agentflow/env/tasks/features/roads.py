@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import atan2, cos, degrees, hypot, inf, pi, radians, sin, tan
 
-from agentflow.env.scene import Thing, Vec3
+from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import WOOD, wall
 from agentflow.env.tasks.knobs import knob
+from agentflow.machine.geometry.vectors import Vec3
 
 FACET = radians(6)
 """Largest angle between neighbouring flat pieces of a curved wall, rad."""

@@ -7,8 +7,8 @@ from typing import Literal
 
 from agentflow.env.feedback import number
 from agentflow.env.rollout import Trace, Verdict
-from agentflow.env.scene import Quat
 from agentflow.env.tasks.base import ROUNDING, WorldView
+from agentflow.machine.geometry.vectors import Quat
 
 SOURCE = 1
 """Block id of the driven cog; the targets' ids follow."""

@@ -12,10 +12,11 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.model import Assembly, Drive, Joint, Part
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.rollout import Array
-from agentflow.env.scene import IDENTITY, Scene
+from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import IDENTITY
 from tests.env.machines import BALLASTED
 from tests.env.physics.rig import weightless
 
