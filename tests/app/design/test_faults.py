@@ -142,7 +142,7 @@ async def test_a_fault_is_typed_bounded_recorded_and_keyless(fault: str, tmp_pat
                 outcome = await client.complete(ask("hi", "designer/1", seed=1))
             except EndpointError as error:
                 outcome = error
-                remarks.keep(str(error))
+                remarks.record(str(error))
             if fault != "20 MB":
                 assert time.perf_counter() - began < 2 * 0.5 + 10.0
             await client.aclose()
