@@ -32,7 +32,7 @@ def reduced(path: Path) -> list[str]:
 class Quiet(Notes):
     """Accepts results of any size."""
 
-    def ended(self, run: str, result: object) -> None:  # noqa: ARG002
+    def run_finished(self, run: str, result: object) -> None:  # noqa: ARG002
         self.said.append(("ended", run))
 
 
