@@ -25,7 +25,8 @@ from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine import Machine, read_machine
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.prompts.registry import PROMPT_SETS
-from agentflow.prompts.render import PromptSet, token_estimate
+from agentflow.prompts.render import PromptSet
+from agentflow.prompts.text import token_estimate
 
 FIT = 3440
 """Token limit of the compact set."""

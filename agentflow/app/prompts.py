@@ -13,7 +13,8 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.formats.detect import read_for
 from agentflow.machine.tree import ROOT, Step
 from agentflow.prompts.registry import PROMPT_SETS
-from agentflow.prompts.render import PromptSet, token_estimate
+from agentflow.prompts.render import PromptSet
+from agentflow.prompts.text import token_estimate
 
 
 def list_prompt_sets() -> list[dict[str, Any]]:

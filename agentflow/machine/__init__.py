@@ -4,35 +4,27 @@ Needs no physics engine and no model: reading, checking or editing a machine tak
 millisecond.
 """
 
-from agentflow.machine.blocks.library import Library, library
-from agentflow.machine.blocks.types import BlockType, Face
-from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.types import BlockType
+from agentflow.machine.brief import Brief
 from agentflow.machine.description.geometry_info import describe, describe_text
 from agentflow.machine.description.tree_text import tree_text
-from agentflow.machine.edits.script import EditOutcome, StepVerdict, apply_script
+from agentflow.machine.edits.script import StepVerdict, apply_script
 from agentflow.machine.formats.json_text import extract_json
-from agentflow.machine.formats.parse import Reading, read_machine
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.geometry.placement import AutoConnection, Geometry, place
-from agentflow.machine.geometry.pose import Placed, PlacedFace
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import ROOT, Machine, Step
 from agentflow.machine.validity import Report, check, spatial_problems
 
 __all__ = [
     "ROOT",
-    "SIZE_LIMIT",
     "AutoConnection",
     "BlockType",
     "Brief",
-    "EditOutcome",
-    "Face",
     "Geometry",
-    "Library",
     "Machine",
-    "Placed",
-    "PlacedFace",
     "Problem",
-    "Reading",
     "Report",
     "Step",
     "StepVerdict",

@@ -30,11 +30,16 @@ class Step:
         return self.parent_b is not None
 
     @property
+    def attachments(self) -> tuple[tuple[int, int], ...]:
+        """(block id, face id) that each end is attached to; () for the root."""
+        if self.parent_b is not None and self.face_id_b is not None:
+            return (self.parent, self.face_id), (self.parent_b, self.face_id_b)
+        return ((self.parent, self.face_id),) if self.parent >= 0 else ()
+
+    @property
     def parents(self) -> tuple[int, ...]:
         """Ids of the blocks it is attached to; () for the root."""
-        if self.parent_b is not None:
-            return (self.parent, self.parent_b)
-        return (self.parent,) if self.parent >= 0 else ()
+        return tuple(parent for parent, _ in self.attachments)
 
     def to_json(self) -> dict[str, int]:
         """The step in the JSON form that models read and write."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -126,21 +125,18 @@ def spatial_problems(
 
 
 def _shared_faces(geometry: Geometry) -> list[Problem]:
-    on_face = Counter(
-        (placed.step.parent, placed.step.face_id)
-        for placed in geometry.blocks
-        if not placed.two_ended
-    )
+    on_face: dict[tuple[int, int], list[int]] = {}
+    for placed in geometry.blocks:
+        if not placed.two_ended:
+            on_face.setdefault((placed.step.parent, placed.step.face_id), []).append(placed.id)
     problems = []
-    for (parent, face), count in on_face.items():
-        if count > 1:
-            sharing = tuple(child for at, child in geometry.children_by_face(parent) if at == face)
+    for (parent, face), sharing in on_face.items():
+        if len(sharing) > 1:
             message = (
-                f"blocks {comma_list(sharing)} share face {face} of "
-                f"{geometry[parent].label}; a face holds only one; "
-                f"{_free(geometry, parent)}"
+                f"blocks {comma_list(sharing)} share face {face} of {geometry[parent].label}; "
+                f"a face holds only one; {_free(geometry, parent)}"
             )
-            problems.append(Problem("face_occupied", sharing, message))
+            problems.append(Problem("face_occupied", tuple(sharing), message))
     return problems
 
 
@@ -163,11 +159,7 @@ def size_problems(
     geometry: Geometry, size_limit: tuple[float, float, float] = SIZE_LIMIT
 ) -> list[Problem]:
     """One problem per axis along which the machine, without plates, exceeds the size limit."""
-    boxed = [
-        placed
-        for placed in geometry.blocks
-        if not placed.two_ended and plate_of(placed.type) is None
-    ]
+    boxed = [block for block in geometry.blocks if block.shape and plate_of(block.type) is None]
     if not boxed:
         return []
     lo, hi = bounds(boxed)
@@ -181,8 +173,7 @@ def size_problems(
         name = "xyz"[axis]
         message = (
             f"the machine is {extent} m along {name}, {round(extent - limit, 3)} m over the limit "
-            f"of {limit} m; {last.label} extends furthest to {name}- and "
-            f"{first.label} to {name}+"
+            f"of {limit} m; {last.label} extends furthest to {name}- and {first.label} to {name}+"
         )
         problems.append(Problem("size_limit", tuple(sorted({last.id, first.id})), message))
     return problems

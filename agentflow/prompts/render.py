@@ -16,8 +16,6 @@ from agentflow.errors import PromptError, UnknownNameError
 from agentflow.prompts.registry import ABOUT, PROMPT_SETS
 from agentflow.prompts.text import CL100K, as_json, clip, guard, oneline, quote, token_estimate
 
-__all__ = ["PromptSet", "block_functions", "token_estimate"]
-
 _ROOM = (1.0, 0.5, 0.25, 0.0)
 """Shares of the usual space for long sections, tried in turn until a prompt fits."""
 _FUNCTIONS = "block_functions.yaml"
@@ -130,7 +128,9 @@ def _walk(folder: Traversable, prefix: str) -> Iterator[tuple[str, str]]:
 
 def _environment(files: Mapping[str, str]) -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(lambda path: _source(files, path)),
+        loader=jinja2.FunctionLoader(
+            lambda path: (files[path], path, None) if path in files else None
+        ),
         undefined=jinja2.StrictUndefined,
         autoescape=False,
         trim_blocks=True,
@@ -140,11 +140,6 @@ def _environment(files: Mapping[str, str]) -> jinja2.Environment:
     filters = {"quote": quote, "guard": guard, "oneline": oneline, "as_json": as_json, "clip": clip}
     environment.filters.update(filters)
     return environment
-
-
-def _source(files: Mapping[str, str], path: str) -> tuple[str, str, None] | None:
-    """Source and file name of a template; the name appears in tracebacks."""
-    return (files[path], path, None) if path in files else None
 
 
 def _template_of(trace: TracebackType | None) -> str | None:

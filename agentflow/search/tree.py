@@ -8,10 +8,19 @@ from __future__ import annotations
 import time
 from typing import Generic
 
+from agentflow.errors import BudgetSpentError
 from agentflow.search.concurrency import EvaluateOnce, run_concurrently
 from agentflow.search.events import Expanded, Observer, Simulated
-from agentflow.search.expansion import Expansion, expand_node
-from agentflow.search.node import C, Evaluate, Evaluation, Expand, Node, SearchCost, SearchResult
+from agentflow.search.node import (
+    Attempt,
+    C,
+    Evaluate,
+    Evaluation,
+    Expand,
+    Node,
+    SearchCost,
+    SearchResult,
+)
 
 
 def is_better(new: Evaluation, old: Evaluation) -> bool:
@@ -60,25 +69,30 @@ class SearchTree(Generic[C]):
         return best
 
     async def grow(self, parent: Node[C], round_: int, width: int) -> list[Node[C]]:
-        """Expand a node, evaluate its new children concurrently, and add them to the tree.
+        """Add up to `width` children to a node and evaluate them concurrently.
+
+        If no attempt is valid, the parent's candidate becomes the only child.
 
         Returns:
             The children by id; empty only if the budget ran out before the first valid one.
         """
-        prefix = f"round-{round_}/node-{parent.id}"
-        expansion = await expand_node(parent, self._expand, prefix, width, self._waves)
-        ids = tuple(range(len(self.nodes), len(self.nodes) + len(expansion.children)))
-        self._record_cost(expansion)
-        self._observe(Expanded(round_, parent.id, expansion.attempts, ids, expansion.fallback))
+        attempts = await self._run_waves(parent, f"round-{round_}/node-{parent.id}", width)
+        new = [(item.candidate, item.label) for item in attempts if item.candidate is not None]
+        self._cost.expansions += bool(attempts)
+        self._cost.attempts += len(attempts)
+        self._cost.valid += len(new)
+        fallback = not new and not self.stopped
+        if fallback:
+            new = [(parent.candidate, "")]
+        ids = tuple(range(len(self.nodes), len(self.nodes) + len(new)))
+        self._observe(Expanded(round_, parent.id, tuple(attempts), ids, fallback))
         evaluations = await run_concurrently(
             self._evaluate(candidate, f"round-{round_}/node-{id_}")
-            for id_, (candidate, _) in zip(ids, expansion.children, strict=True)
+            for id_, (candidate, _) in zip(ids, new, strict=True)
         )
         children = [
             Node(id_, candidate, parent.id, evaluation, label)
-            for id_, (candidate, label), evaluation in zip(
-                ids, expansion.children, evaluations, strict=True
-            )
+            for id_, (candidate, label), evaluation in zip(ids, new, evaluations, strict=True)
         ]
         self.nodes += children
         parent.children += ids
@@ -86,14 +100,29 @@ class SearchTree(Generic[C]):
             self._observe(Simulated(round_, child))
         return children
 
+    async def _run_waves(self, node: Node[C], prefix: str, width: int) -> list[Attempt[C]]:
+        """Run waves of attempts until enough are valid, no waves are left or the budget is spent.
+
+        The first wave makes `width` attempts; each later wave makes one per missing child and is
+        given the earlier attempts. Attempts are numbered across waves.
+        """
+        attempts: list[Attempt[C]] = []
+        for _ in range(self._waves):
+            missing = width - sum(attempt.candidate is not None for attempt in attempts)
+            if not missing or self.stopped:
+                break
+            first = len(attempts) + 1
+            labels = [f"{prefix}/try-{number}" for number in range(first, first + missing)]
+            try:
+                wave = await self._expand(node, labels, tuple(attempts))
+            except BudgetSpentError:
+                wave = ()
+            attempts += wave
+            self.stopped = len(wave) < missing
+        return attempts
+
     def result(self, result: Node[C]) -> SearchResult[C]:
         """The outcome of the search, with `result` as the node that the strategy returns."""
         self._cost.seconds = time.perf_counter() - self._started
         self._cost.rollouts = self._evaluate.count
         return SearchResult(tuple(self.nodes), result.id, self.best().id, self._cost, self.stopped)
-
-    def _record_cost(self, expansion: Expansion[C]) -> None:
-        self.stopped = expansion.stopped
-        self._cost.expansions += bool(expansion.attempts)
-        self._cost.attempts += len(expansion.attempts)
-        self._cost.valid += sum(item.candidate is not None for item in expansion.attempts)

@@ -24,7 +24,8 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.machine.formats.coordinates import read_coordinates
 from agentflow.prompts.registry import PROMPT_SETS
-from agentflow.prompts.render import PromptSet, token_estimate
+from agentflow.prompts.render import PromptSet
+from agentflow.prompts.text import token_estimate
 from agentflow.prompts.text import CL100K
 from tests.agents.fakes import FRAME, PLAN, THROWER, THROWING, machine
 

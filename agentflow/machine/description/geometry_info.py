@@ -35,27 +35,26 @@ def describe(machine: Machine) -> dict[str, object]:
         "support_polygon": [list(corner) for corner in support_polygon(geometry)],
         "stands": stands(geometry),
         "drives": [{"id": wheel, "direction": to} for wheel, to in _drives(geometry)],
-        "pulls": [_pull(placed) for placed in geometry.blocks if _pulls(placed)],
+        "pulls": [_pull(placed) for placed in filter(_pulls, geometry.blocks)],
         "auto_connections": [loop._asdict() for loop in geometry.auto_connections],
     }
 
 
 def _block(geometry: Geometry, frame: GroundFrame, placed: Placed) -> dict[str, object]:
     data: dict[str, object] = {"id": placed.id, "name": placed.name, "type": placed.type}
+    parents = [
+        {"id": parent, "face_id": face, "direction": _direction(geometry, parent, face)}
+        for parent, face in placed.step.attachments
+    ]
     if placed.far is not None:
-        step = placed.step
-        ends = ((step.parent, step.face_id), (step.parent_b, step.face_id_b))
-        data["parents"] = [
-            {"id": parent, "face_id": face, "direction": _direction(geometry, parent, face)}
-            for parent, face in ends
-            if parent is not None and face is not None
-        ]
-        data["end_a"] = list(frame.point(placed.at))
-        data["end_b"] = list(frame.point(placed.far))
-        data["length"] = span_of(placed).length
-        return data
+        return data | {
+            "parents": parents,
+            "end_a": list(frame.point(placed.at)),
+            "end_b": list(frame.point(placed.far)),
+            "length": span_of(placed)[0],
+        }
     return data | {
-        "parent": _parent(geometry, placed),
+        "parent": parents[0] if parents else None,
         "children": [
             {"face_id": face, "id": child} for face, child in geometry.children_by_face(placed.id)
         ],
@@ -72,13 +71,6 @@ def _block(geometry: Geometry, frame: GroundFrame, placed: Placed) -> dict[str, 
             for face in _free_faces(geometry, placed)
         ],
     }
-
-
-def _parent(geometry: Geometry, placed: Placed) -> dict[str, object] | None:
-    parent, face = placed.step.parent, placed.step.face_id
-    if parent < 0:
-        return None
-    return {"id": parent, "face_id": face, "direction": _direction(geometry, parent, face)}
 
 
 def _direction(geometry: Geometry, parent: int, face: int) -> str:
@@ -103,13 +95,13 @@ def _pulls(placed: Placed) -> bool:
 
 
 def _pull(placed: Placed) -> dict[str, object]:
-    pull = span_of(placed)
+    length, direction = span_of(placed)
     return {
         "id": placed.id,
         "from_block": placed.step.parent,
         "to_block": placed.step.parent_b,
-        "direction": None if pull.direction is None else list(pull.direction),
-        "length": pull.length,
+        "direction": None if direction is None else list(direction),
+        "length": length,
     }
 
 
@@ -136,7 +128,6 @@ def _legend(*, short: bool) -> str:
 
 
 def _summary_lines(geometry: Geometry, frame: GroundFrame) -> list[str]:
-    """Lines about the machine as a whole."""
     corners = " ".join(f"({x:g},{z:g})" for x, z in support_polygon(geometry))
     over = "over" if stands(geometry) else "NOT over"
     lines = [
@@ -147,11 +138,10 @@ def _summary_lines(geometry: Geometry, frame: GroundFrame) -> list[str]:
     drives = [f"{wheel} to {to}" if to else f"{wheel} not" for wheel, to in _drives(geometry)]
     if drives:
         lines.append(f"Powered wheels on the ground drive the machine: {', '.join(drives)}.")
-    for placed in geometry.blocks:
-        pull = span_of(placed) if _pulls(placed) else None
-        if pull and pull.direction:
+    for placed in filter(_pulls, geometry.blocks):
+        if direction := span_of(placed)[1]:
             near, far = placed.step.parents
-            to = _vector(pull.direction)
+            to = _vector(direction)
             lines.append(f"{placed.name} {placed.id} pulls {near} along {to}, {far} back.")
     loops = [
         f"{loop.block}.{loop.face_id} with {loop.partner}.{loop.partner_face}"
@@ -163,13 +153,12 @@ def _summary_lines(geometry: Geometry, frame: GroundFrame) -> list[str]:
 
 
 def _block_line(geometry: Geometry, frame: GroundFrame, placed: Placed, *, short: bool) -> str:
-    """The line of one block."""
     step = placed.step
     name = f"{placed.id} {placed.name}"
     if placed.far is not None and step.parent_b is not None:
         ends = f"{step.parent}.{step.face_id} to {step.parent_b}.{step.face_id_b}"
         points = f" {_vector(frame.point(placed.at))} to {_vector(frame.point(placed.far))}"
-        length = f"length {span_of(placed).length:g}"
+        length = f"length {span_of(placed)[0]:g}"
         return f"{name}: from {ends}{'' if short else points}, {length}"
     parts = []
     if step.parent >= 0:
@@ -181,14 +170,13 @@ def _block_line(geometry: Geometry, frame: GroundFrame, placed: Placed, *, short
         parts.append(f"building point {_vector(frame.point(placed.at))}")
     if on_ground(geometry, placed):
         parts.append("on ground")
-    carried = " ".join(f"{child}" for _, child in geometry.children_by_face(placed.id))
+    carried = " ".join(map(str, geometry.children(placed.id)))
     if carried and not short:
         parts.append(f"carries {carried}")
     free = _free_faces(geometry, placed)
     if free:
-        parts.append(
-            f"free {_face_ranges(free) if short else _face_positions(placed, frame, free)}"
-        )
+        faces = _face_ranges(free) if short else _face_positions(placed, frame, free)
+        parts.append(f"free {faces}")
     return f"{name}: {', '.join(parts)}"
 
 

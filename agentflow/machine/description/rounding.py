@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from agentflow.machine.geometry.balance import HALF_UNITS, moments
 from agentflow.machine.geometry.placement import Geometry
 from agentflow.machine.geometry.pose import UNITS, Placed, Units3
-from agentflow.machine.geometry.vectors import Vec3
+from agentflow.machine.geometry.vectors import Vec3, length, subtract
 
 
 @dataclass(frozen=True)
@@ -44,26 +44,18 @@ def one_decimal(value: int, scale: int) -> float:
     return (tenths if value >= 0 else -tenths) / 10
 
 
-@dataclass(frozen=True)
-class Span:
-    """Length and direction of a two-ended block."""
+def span_of(placed: Placed) -> tuple[float, Vec3 | None]:
+    """Length of a two-ended block in metres, and its direction from end a to end b.
 
-    length: float
-    """Metres, one decimal."""
-    direction: Vec3 | None
-    """Unit vector from end a to end b, two decimals; None if the ends coincide."""
-
-
-def span_of(placed: Placed) -> Span:
-    """Length and direction of a two-ended block."""
+    The length has one decimal, the unit vector two; it is None if the ends coincide.
+    """
     assert placed.far is not None
-    along = [far - near for near, far in zip(placed.at, placed.far, strict=True)]
-    square = sum(part * part for part in along)
-    if square == 0:
-        return Span(0.0, None)
-    length = math.sqrt(square)
-    x, y, z = (_two_decimals(part / length) for part in along)
-    return Span(math.floor(length / UNITS * 10 + 0.5) / 10, (x, y, z))
+    along = subtract(placed.far, placed.at)
+    span = length(along)
+    if span == 0:
+        return 0.0, None
+    x, y, z = (_two_decimals(part / span) for part in along)
+    return math.floor(span / UNITS * 10 + 0.5) / 10, (x, y, z)
 
 
 def _two_decimals(value: float) -> float:

@@ -57,14 +57,11 @@ def _line(machine: Machine, step: Step, group: set[int]) -> str:
         a = _face(machine, step.parent, step.face_id)
         return f"{name} from {a} to {_face(machine, step.parent_b, step.face_id_b)}"
     if step.parent in group:
-        return f"{name} on face {step.face_id} {_direction(machine, step.parent, step.face_id)}"
+        direction = library()[machine[step.parent].type].faces[step.face_id].direction
+        return f"{name} on face {step.face_id} {direction}"
     return f"{name} on {_face(machine, step.parent, step.face_id)}"
 
 
 def _face(machine: Machine, parent: int, face: int) -> str:
-    name = library()[machine[parent].type].name
-    return f"{parent} {name} face {face} {_direction(machine, parent, face)}"
-
-
-def _direction(machine: Machine, parent: int, face: int) -> str:
-    return library()[machine[parent].type].faces[face].direction
+    carrier = library()[machine[parent].type]
+    return f"{parent} {carrier.name} face {face} {carrier.faces[face].direction}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from agentflow.machine.blocks.library import library
@@ -41,12 +41,7 @@ class StepVerdict:
 
     def to_json(self) -> dict[str, str]:
         """The verdict as JSON data."""
-        return {
-            "text": self.text,
-            "verdict": self.verdict,
-            "code": self.code,
-            "reason": self.reason,
-        }
+        return asdict(self)
 
 
 @dataclass(frozen=True)

@@ -161,13 +161,19 @@ def file_problems(
     if not steps:
         return [Problem("empty", (), f"the machine is an empty list; write it as {FORM}")]
     allowed = library().core if blocks is None else blocks
-    begin = _required_root(steps[0]) if given is None else given.steps
+    begin = (ROOT,) if given is None else given.steps
+    if given is None and steps[0] is not None and plate_of(steps[0].type):
+        begin = (replace(ROOT, type=steps[0].type),)
     problems = _start_problems(steps, begin)
     for index, step in enumerate(steps):
         if step is None or index < len(begin):
             continue
         if step.id != index:
-            problems.append(_id_problem(step, index))
+            message = (
+                f"item {index} of the list has id {short_repr(step.id)}; ids are 0, 1, 2, ... "
+                f"in list order, so it must be {index}"
+            )
+            problems.append(Problem("id_sequence", (index,), message))
         fault = type_problem(step.type, allowed, two_ended=step.parent_b is not None)
         if fault is not None:
             problems.append(Problem(fault[0], (index,), f"block {index}: {fault[1]}"))
@@ -175,12 +181,6 @@ def file_problems(
         if step.parent_b is not None and step.face_id_b is not None:
             problems += _attachment_problems(index, step.parent_b, step.face_id_b, steps)
     return problems
-
-
-def _required_root(step: Step | None) -> tuple[Step, ...]:
-    """The root that this step must be: its plate if it is one, else the Starting Block."""
-    is_plate = step is not None and plate_of(step.type) is not None
-    return (replace(ROOT, type=step.type),) if step is not None and is_plate else (ROOT,)
 
 
 def _start_problems(steps: Sequence[Step | None], begin: tuple[Step, ...]) -> list[Problem]:
@@ -199,23 +199,14 @@ def _start_problems(steps: Sequence[Step | None], begin: tuple[Step, ...]) -> li
     return problems
 
 
-def _id_problem(step: Step, index: int) -> Problem:
-    message = (
-        f"item {index} of the list has id {short_repr(step.id)}; ids are 0, 1, 2, ... "
-        f"in list order, so it must be {index}"
-    )
-    return Problem("id_sequence", (index,), message)
-
-
 def _attachment_problems(
     index: int, parent: int, face_id: int, steps: Sequence[Step | None]
 ) -> list[Problem]:
     """Problems of one attachment of a block other than the root."""
     if not 0 <= parent < len(steps):
-        message = (
-            f"parent {short_repr(parent)} does not exist; the blocks are 0 to {len(steps) - 1}"
-        )
-        return [Problem("parent_not_found", (index,), f"block {index}: {message}")]
+        message = f"block {index}: parent {short_repr(parent)} does not exist; "
+        message += f"the blocks are 0 to {len(steps) - 1}"
+        return [Problem("parent_not_found", (index,), message)]
     if parent >= index:
         message = f"block {index}: parent {parent} does not come before block {index}"
         return [Problem("parent_not_earlier", (index,), message)]

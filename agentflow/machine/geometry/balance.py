@@ -26,8 +26,7 @@ def mass(geometry: Geometry) -> float:
 
 def centre_of_mass(geometry: Geometry) -> tuple[float, float, float]:
     """Mass-weighted mean of the blocks' centres, machine frame, metres."""
-    (x, y, z), total = _weights(geometry)
-    scale = HALF_UNITS * total
+    (x, y, z), scale = moments(geometry)
     return (x / scale, y / scale, z / scale)
 
 
