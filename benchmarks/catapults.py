@@ -16,14 +16,14 @@ TRIES = 40
 
 
 def catapult(rng: Random) -> Machine:
-    """A valid machine of 8 to 18 blocks; with randomly chosen attachments."""
+    """A valid machine of 8 to 18 blocks with randomly chosen attachments."""
     while True:
-        machine = _grown(rng)
+        machine = _try_catapult(rng)
         if machine is not None:
             return machine
 
 
-def _grown(rng: Random) -> Machine | None:
+def _try_catapult(rng: Random) -> Machine | None:
     plan: list[tuple[tuple[int, ...], int | None]] = [
         *((BASE, None) for _ in range(rng.randint(3, 7))),
         (TOWER, 0),
@@ -35,23 +35,23 @@ def _grown(rng: Random) -> Machine | None:
     ]
     machine = Machine((ROOT,))
     for types, on in plan:
-        grown = _step(rng, machine, types, on)
-        if grown is None:
+        longer = _add_block(rng, machine, types, on)
+        if longer is None:
             return None
-        machine = grown
-    report = check(machine, get_task("throwing").brief)
-    return machine if report.task_valid else None
+        machine = longer
+    return machine if check(machine, get_task("throwing").brief).task_valid else None
 
 
-def _step(rng: Random, machine: Machine, types: tuple[int, ...], on: int | None) -> Machine | None:
-    """One more block on the given one (-1: the last; None: any)."""
+def _add_block(
+    rng: Random, machine: Machine, types: tuple[int, ...], on: int | None
+) -> Machine | None:
+    """Attach a block to block `on` (-1: the last; None: any), or return None."""
     for _ in range(TRIES):
         parent = rng.randrange(len(machine)) if on is None else on % len(machine)
         faces = library()[machine[parent].type].faces
         kind = rng.choice(types)
         face = 0 if kind == BOULDER else rng.randrange(len(faces))
-        grown = Machine((*machine.steps, Step(len(machine), kind, parent, face)))
-        report = check(grown, get_task("throwing").brief)
-        if report.machine_valid:
-            return grown
+        longer = Machine((*machine.steps, Step(len(machine), kind, parent, face)))
+        if check(longer, get_task("throwing").brief).machine_valid:
+            return longer
     return None

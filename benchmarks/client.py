@@ -1,16 +1,15 @@
-"""What the model client costs: many calls at once against a slow server on 127.0.0.1.
+"""Measures the overhead of the model client: concurrent calls to a slow server on 127.0.0.1.
 
     python benchmarks/client.py [--calls 10000] [--repeats 9] [--profile]
 
-Prints, for whole and for streamed answers, the wall time of 64 calls at once, each over a
-connection of its own that has yet to be opened, against a server that takes one second, as a ratio
-to the ideal: 64 bare sockets that connect, send as many bytes and read the answer unparsed, from
-the same server. Both take turns, and the fastest of each counts, because whatever else the machine
-does can only add to them; medians are printed beside them. The last of three columns is httpx
-alone, new connections included: the floor of any client that is built on it.
-Then, over many calls to a server that answers at once, the processor time of this process per call
-(request, connection, reply, record) and what its memory grows by. Prompts are of the size that
-roles send. Exits with 1 when a bound is exceeded.
+For whole and for streamed replies, prints the wall time of 64 concurrent calls, each over a new
+connection, to a server that takes one second, and its ratio to the ideal: 64 bare sockets that
+connect to the same server, send as many bytes and read the reply unparsed. The two are measured in
+turns and the fastest of each counts, because other load only adds time; medians are printed too.
+The third column is httpx alone, new connections included: the minimum for a client built on it.
+Then, over many calls to a server that replies immediately, it prints the CPU time per call
+(request, connection, reply, record) and the growth of memory. Prompts are as long as those of the
+roles. The exit status is 1 if a limit is exceeded.
 """
 
 from __future__ import annotations
@@ -40,19 +39,19 @@ from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
 
 AT_ONCE = 64
-LONGEST = 1.1
-"""Largest wall time of 64 calls at once, in times of bare sockets."""
-COSTLIEST_MS = 3.0
-"""Most processor time per call."""
-GROWTH_MB = 16.0
-"""Most growth of memory from one tenth of the calls to all of them."""
+MAX_RATIO = 1.1
+"""Limit of the wall time of 64 concurrent calls, relative to bare sockets."""
+MAX_CPU_MS = 3.0
+"""Limit of the CPU time per call."""
+MAX_GROWTH_MB = 16.0
+"""Limit of the growth of memory between one tenth of the calls and all of them."""
 PROMPT = "Blocks are attached to faces of earlier blocks; motors turn about z. " * 120
 ANSWER = '{"type": 15, "id": 3, "parent": 2, "face_id": 1}, ' * 40
 CHUNKS = 40
 
 
-def served(latency_s: float, streamed: bool) -> None:
-    """Serve until killed; prints the port first. Reads requests just enough to find their end."""
+def serve(latency_s: float, streamed: bool) -> None:
+    """Print the port, then serve until killed; of requests, only the length is read."""
     head = b"HTTP/1.1 200 OK\r\nContent-Type: %b\r\nContent-Length: %d\r\n\r\n"
     usage = {"prompt_tokens": 4000, "completion_tokens": 700}
     if streamed:
@@ -69,11 +68,11 @@ def served(latency_s: float, streamed: bool) -> None:
         kind = b"application/json"
     start = head % (kind, sum(map(len, lines)))
 
-    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             while True:
-                asked = (await reader.readuntil(b"\r\n\r\n")).lower()
-                size = asked.partition(b"content-length: ")[2].partition(b"\r\n")[0]
+                request = (await reader.readuntil(b"\r\n\r\n")).lower()
+                size = request.partition(b"content-length: ")[2].partition(b"\r\n")[0]
                 await reader.readexactly(int(size))
                 await asyncio.sleep(latency_s)
                 writer.write(start)
@@ -84,7 +83,7 @@ def served(latency_s: float, streamed: bool) -> None:
             writer.close()
 
     async def forever() -> None:
-        server = await asyncio.start_server(serve, "127.0.0.1", 0, backlog=4 * AT_ONCE)
+        server = await asyncio.start_server(answer, "127.0.0.1", 0, backlog=4 * AT_ONCE)
         print(server.sockets[0].getsockname()[1], flush=True)
         await server.serve_forever()
 
@@ -93,7 +92,7 @@ def served(latency_s: float, streamed: bool) -> None:
 
 @contextmanager
 def server(latency_s: float, streamed: bool) -> Iterator[str]:
-    """A server in a process of its own; its base URL."""
+    """Run a server in a separate process and yield its base URL."""
     command = [sys.executable, __file__, "--serve", str(latency_s)]
     command += ["--streamed"] if streamed else []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -105,7 +104,7 @@ def server(latency_s: float, streamed: bool) -> Iterator[str]:
 
 
 async def ask(client: Client, first: int, count: int) -> None:
-    """That many calls, 64 at once."""
+    """Make `count` calls, 64 at a time."""
     numbers = iter(range(first, first + count))
 
     async def worker() -> None:
@@ -119,8 +118,8 @@ async def ask(client: Client, first: int, count: int) -> None:
 
 
 @contextmanager
-def opened(base_url: str) -> Iterator[Client]:
-    """The whole client, with a record on disk."""
+def open_recorded(base_url: str) -> Iterator[Client]:
+    """The complete client, recording to disk."""
     with (
         tempfile.TemporaryDirectory() as folder,
         Tape(Path(folder) / "calls.jsonl", print) as tape,
@@ -134,8 +133,8 @@ def opened(base_url: str) -> Iterator[Client]:
 
 
 async def wall(base_url: str) -> float:
-    """Seconds for 64 calls at once, connections included."""
-    with opened(base_url) as client:
+    """Seconds for 64 concurrent calls, connections included."""
+    with open_recorded(base_url) as client:
         began = time.perf_counter()
         await ask(client, 0, AT_ONCE)
         seconds = time.perf_counter() - began
@@ -161,7 +160,7 @@ async def ideal(port: int) -> float:
 
 
 async def bare_httpx(base_url: str) -> float:
-    """Seconds for the same exchanges by httpx, a client for each, answers unparsed."""
+    """Seconds for the same exchanges with httpx, one client each, replies unparsed."""
     texts = [{"role": role, "content": PROMPT} for role in ("system", "user")]
     certificates = httpx.create_ssl_context()
 
@@ -175,8 +174,8 @@ async def bare_httpx(base_url: str) -> float:
 
 
 async def cost(base_url: str, calls: int, profile: cProfile.Profile | None) -> tuple[float, float]:
-    """Processor milliseconds per call, and megabytes that the last nine tenths of them add."""
-    with opened(base_url) as client:
+    """CPU milliseconds per call, and growth of memory over the last nine tenths of them, MB."""
+    with open_recorded(base_url) as client:
         await ask(client, 0, calls // 10)
         memory, began = resident_mb(), time.process_time()
         if profile:
@@ -191,7 +190,7 @@ async def cost(base_url: str, calls: int, profile: cProfile.Profile | None) -> t
 
 
 def resident_mb() -> float:
-    """Memory of this process now (Linux), else its peak so far."""
+    """Current memory of this process (on Linux; elsewhere its peak), MB."""
     status = Path("/proc/self/statm")
     if status.exists():
         return int(status.read_text().split()[1]) * resource.getpagesize() / 2**20
@@ -199,19 +198,19 @@ def resident_mb() -> float:
 
 
 def main() -> int:
-    """Measure and print; 1 when a bound is exceeded."""
+    """Measure and print; return 1 if a limit is exceeded."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--calls", type=int, default=10_000)
     parser.add_argument("--repeats", type=int, default=9)
-    parser.add_argument("--profile", action="store_true", help="show where the time goes")
+    parser.add_argument("--profile", action="store_true", help="print a profile")
     parser.add_argument("--serve", type=float, help=argparse.SUPPRESS)
     parser.add_argument("--streamed", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.serve is not None:
-        served(options.serve, options.streamed)
-    kept = True
+        serve(options.serve, options.streamed)
+    within = True
     for streamed in (False, True):
-        answers = f"streamed in {CHUNKS} chunks" if streamed else "whole"
+        replies = f"streamed in {CHUNKS} chunks" if streamed else "whole"
         with server(1.0, streamed) as url:
             port = int(url.split(":")[2].split("/")[0])
             rows = [
@@ -225,15 +224,15 @@ def main() -> int:
         with server(0.0, streamed) as url:
             spent, grown = asyncio.run(cost(url, options.calls, profile))
         print(
-            f"{answers}: {AT_ONCE} calls at once take {ours:.3f} s, {ratio:.3f} times the ideal "
+            f"{replies}: {AT_ONCE} concurrent calls take {ours:.3f} s, {ratio:.3f} times the ideal "
             f"of {bare:.3f} s; httpx alone {floor:.3f} s "
             f"(medians of {options.repeats}: {', '.join(f'{m:.3f}' for m in medians)})\n"
-            f"  {spent:.2f} ms of processor per call, {grown:+.1f} MB over {options.calls} calls"
+            f"  {spent:.2f} ms of CPU time per call, {grown:+.1f} MB over {options.calls} calls"
         )
         if profile:
             pstats.Stats(profile).sort_stats("tottime").print_stats(15)
-        kept &= ratio <= LONGEST and spent <= COSTLIEST_MS and grown <= GROWTH_MB
-    return 0 if kept else 1
+        within &= ratio <= MAX_RATIO and spent <= MAX_CPU_MS and grown <= MAX_GROWTH_MB
+    return 0 if within else 1
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Hill climbing by random legal edits, with restarts; finds reference machines."""
+"""Hill climbing with random legal edits and restarts, to find reference machines."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Scores at several step rates, for the machines in tests/machines and the references of movement
-and throwing.
+"""Scores at several step rates, for the machines in tests/machines and the level-1 references of
+movement and throwing.
 
     python benchmarks/convergence.py [--rates 60 120 240 480]
 
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def _machines() -> dict[str, Machine]:
-    """The machines in the folder itself, and the references of level 1, by file name."""
+    """The machines directly in the folder and the level-1 references, by file name."""
     files = {path.name for path in FOLDER.glob("*.json")}
     for family in ("movement", "throwing"):
         files |= {each.machine for each in read(family).references if each.level == family}
@@ -83,8 +83,8 @@ def _summary(rates: list[float], off: dict[float, list[float]], spent: dict[floa
     for rate in rates:
         near = sum(difference <= NEAR for difference in off[rate])
         print(
-            f"{rate:5g} Hz: {near} of {len(off[rate])} within {100 * NEAR:g} %, the worst "
-            f"{100 * max(off[rate], default=0.0):.2f} %; {spent[rate]:.1f} s of processor time"
+            f"{rate:5g} Hz: {near} of {len(off[rate])} within {100 * NEAR:g} %, worst "
+            f"{100 * max(off[rate], default=0.0):.2f} %; {spent[rate]:.1f} s of CPU time"
         )
     print(f"default: {constants()['step_rate']:g} Hz; load average {os.getloadavg()[0]:.1f}")
 

@@ -2,11 +2,11 @@
 
     python benchmarks/difficulty.py [family ...] [--cells FILE] [--out FILE] [--seed S]
 
-Per family a table over its five levels: the score of each of its reference machines
-(tests/machines/<family>.yaml) on every level, the best of 60 machines of the procedural designer,
-and of 60 rollouts of random-dsl; for gearing the passes of 60 placements, by either.
-Every cell is kept in FILE as soon as it is known, under what it depends on, and is not worked out
-again; so an interrupted run goes on where it was.
+Writes one table per family with a column per level: the score of each reference machine
+(tests/machines/<family>.yaml), the best of 60 machines of the procedural designer, and the best of
+60 rollouts of random-dsl; for gearing, how many of 60 placements of each pass.
+Each value is saved in FILE as soon as it is known, with everything it depends on in its key, and
+never computed again, so an interrupted run can be continued.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ CELLS, PAGE = HERE / "data" / "difficulty.jsonl", HERE.parent / "docs" / "diffic
 
 
 class Cells:
-    """Results by what they depend on, one JSON line each."""
+    """Saved results, one JSON line each; the key names everything the result depends on."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -46,7 +46,7 @@ class Cells:
         self._known = {item["key"]: item["value"] for item in map(json.loads, whole)}
 
     def get(self, key: str, work: Callable[[], Any]) -> Any:
-        """The value under a key; worked out and kept when it is new."""
+        """The value of a key, computed and saved if it is new."""
         key = f"{key} {constants().digest}"
         if key not in self._known:
             print(key, file=sys.stderr, flush=True)
@@ -57,14 +57,14 @@ class Cells:
         return self._known[key]
 
 
-def played(name: str, level: str) -> float | None:
-    """Score of a reference machine on a level; None where the level does not allow it."""
+def score_on(name: str, level: str) -> float | None:
+    """Score of a reference machine on a level; None if the level does not allow it."""
     rollout = simulate(load(name), get_task(level))
     return None if rollout.status == "invalid" else rollout.score
 
 
-def designed(level: str, workflow: str, seed: int) -> dict[str, Any]:
-    """Best score, and passes where attempts are counted, of 60 rollouts."""
+def best_of_designs(level: str, workflow: str, seed: int) -> dict[str, Any]:
+    """Best score of 60 rollouts, and the number that passed if the workflow counts attempts."""
     count = {
         "single": {"trajectories": ROLLOUTS, "search": {"rounds": 0}},
         "random-dsl": {"rollouts": ROLLOUTS},
@@ -77,42 +77,43 @@ def designed(level: str, workflow: str, seed: int) -> dict[str, Any]:
 
 
 def rows(family: str, cells: Cells, seed: int) -> list[list[str]]:
-    """The lines of a family's table, the first a heading."""
+    """Rows of a family's table, the header first."""
     levels = [name for name in task_names() if get_task(name).family == family]
     placed = get_task(levels[0]).brief.given != LONE_ROOT
-    table = [["machine", *levels], ["good score", *(_number(good(level)) for level in levels)]]
+    table = [
+        ["machine", *levels],
+        ["good score", *(_number(get_level(level).file.good) for level in levels)],
+    ]
     for name in dict.fromkeys(item.machine for item in read(family).references):
         digest = load(name).digest
         scores = [
-            cells.get(f"{of(level)} {digest}", partial(played, name, level)) for level in levels
+            cells.get(f"{level_key(level)} {digest}", partial(score_on, name, level))
+            for level in levels
         ]
         table.append([Path(name).stem.replace("_", " "), *map(_number, scores)])
     prompts = PromptSet().digest
     kinds = ("placement", "random-placement") if placed else ("single", "random-dsl")
     for kind in kinds:
         found = [
-            cells.get(f"{of(level)} {kind} {seed} {prompts}", partial(designed, level, kind, seed))
+            cells.get(
+                f"{level_key(level)} {kind} {seed} {prompts}",
+                partial(best_of_designs, level, kind, seed),
+            )
             for level in levels
         ]
-        told = "procedural designer" if kind in ("single", "placement") else kind
-        table.append(
-            [f"{told}, {'passes' if placed else 'best'} of {ROLLOUTS}", *map(_told, found)]
-        )
+        designer = "procedural designer" if kind in ("single", "placement") else kind
+        measure = "passes" if placed else "best"
+        table.append([f"{designer}, {measure} of {ROLLOUTS}", *map(_best_or_passes, found)])
     return table
 
 
-def of(level: str) -> str:
-    """A level by name and content."""
+def level_key(level: str) -> str:
+    """Name and content hash of a level."""
     shown = repr(get_task(level).parameters).encode()
     return f"{level} {hashlib.sha256(shown).hexdigest()[:8]}"
 
 
-def good(level: str) -> float:
-    """What a good score is."""
-    return get_level(level).file.good
-
-
-def _told(found: dict[str, Any]) -> str:
+def _best_or_passes(found: dict[str, Any]) -> str:
     return _number(found["best"]) if found["passes"] is None else str(found["passes"])
 
 
@@ -128,7 +129,7 @@ def markdown(table: list[list[str]]) -> str:
 
 
 def main() -> None:
-    """Work out what is missing and write the page."""
+    """Compute the missing values and write the page."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -2,8 +2,8 @@
 
     python benchmarks/fidelity.py [--catapults 200] [--seed 0]
 
-Covers the one throw that is published in full, the plain car, and the distances of random valid
-catapults. The last has no published counterpart; it shows the range of scores.
+Covers the one throw that is published in full, the plain car, and the distances that random valid
+catapults throw. The last has no published counterpart; it shows the range of scores.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections import Counter
 from random import Random
 from statistics import fmean, median, pstdev
 
+from cars import PLAIN_CAR
 from catapults import catapult
 from published import (
     BEFORE_BREAK,
@@ -32,17 +33,6 @@ from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.machine.tree import Machine, Step
-
-PLAIN_CAR = Machine(
-    tuple(
-        Step(i, *row)
-        for i, row in enumerate(
-            ((0, -1, -1), (1, 0, 0), (1, 0, 1), (2, 1, 1), (2, 1, 3), (2, 2, 1), (2, 2, 3))
-        )
-    )
-)
-"""Root, a wooden block on its front and back face, a powered wheel left and right of each."""
 
 
 def main() -> None:
@@ -88,7 +78,7 @@ def _misfits(found: dict[str, Rollout]) -> None:
         ("rotating block, 0.2 and 0.4 s, m", "rotor"),
         ("angle of rotating block and root, rad", "turn"),
         ("rotating block, 0.6 and 0.8 s (broken), m", "after"),
-        ("block 8 when most like its only sample, m", "top_place"),
+        ("block 8, sample closest to the published, m", "top_place"),
         ("the same, m/s", "top_speed"),
     ):
         print(f"  {title:47s}" + "".join(f"{getattr(one, field):26.2f}" for one in each.values()))
@@ -107,7 +97,7 @@ def _misfits(found: dict[str, Rollout]) -> None:
 
 
 def _tower(found: dict[str, Rollout]) -> None:
-    """The tower's top, of which one sample is published: taken at 0.2 s at the latest."""
+    """The top of the tower; its only published sample was taken within the first 0.2 s."""
     only, rate = facts()["tower_top_first"], constants()["step_rate"]
     print(
         f"\nblock {TOWER_TOP}, its only published sample: at {only['position']} m, "

@@ -3,8 +3,8 @@
     python benchmarks/fit.py motor_torque.22=1800:3000:400 motor_speed.22=7:10:1
     python benchmarks/fit.py spring_force=200:1200:200
 
-Prints the misfit of the best ten points, averaged over the machine with ballast and the one with
-ballast and springs. It does not change constants.json; that is for a person to decide.
+Prints the misfits of the ten best points, averaged over the machine with ballast and the one with
+ballast and springs. It does not change constants.json.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ COLUMNS = {
     "top_speed": "the same m/s",
     "first_break": "break - 0.4 s",
 }
-"""What is shown of a misfit: with ballast / with springs too."""
+"""Columns: with ballast / with ballast and springs."""
 
 
 def main() -> None:
-    """Walk the grid."""
+    """Search the grid."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

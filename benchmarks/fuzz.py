@@ -31,13 +31,13 @@ def main() -> int:
         read[f"{role}: {'read' if parsed.output is not None else 'refused'}"] += 1
         codes[parsed.code or "none"] += 1
         characters, seconds, slowest = characters + len(text), seconds + took, max(slowest, took)
-        if wrong := fault(text, parsed, took):
-            faults.append(f"{role}: {wrong}")
+        if problem := fault(text, parsed, took):
+            faults.append(f"{role}: {problem}")
     for name, number in sorted(read.items()):
         print(f"{name:<24} {number}")
     print("codes:", ", ".join(f"{code} {number}" for code, number in codes.most_common()))
     print(
-        f"{characters / 1e6:.1f} M characters in {seconds:.1f} s of processor time, "
+        f"{characters / 1e6:.1f} M characters in {seconds:.1f} s of CPU time, "
         f"{1e5 * seconds / characters * 1e3:.1f} ms per 100,000; slowest {slowest * 1e3:.0f} ms"
     )
     print(f"{len(faults)} faults", *faults[:20], sep="\n")

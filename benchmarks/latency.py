@@ -2,9 +2,9 @@
 
     python benchmarks/latency.py [--task throwing] [--seed 0] [--latency 1] [--workers 2]
 
-A full hierarchical run with all defaults, real physics, and replies that take `latency` seconds.
-The critical path adds up, per trajectory, its calls one after another and the longest simulation
-after each wave of calls, each for as long as it ran without waiting for a worker; plans and
+Performs a full hierarchical run with default settings, real physics, and replies that take
+`latency` seconds. The critical path of a trajectory is the sum of its successive calls and of the
+longest simulation after each wave of calls, not counting time spent waiting for a worker. Plans and
 structures are barriers, because the beam is refilled before each.
 """
 
@@ -28,8 +28,8 @@ from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 
 
-class Slow(ProceduralClient):
-    """The procedural model, asked from afar."""
+class SlowClient(ProceduralClient):
+    """The procedural model with a delay."""
 
     def __init__(self, seed: int, latency: float) -> None:
         super().__init__(seed)
@@ -45,34 +45,34 @@ class Slow(ProceduralClient):
         return reply
 
 
-class Timed(PhysicsLaboratory):
-    """A laboratory that remembers how long each simulation itself took."""
+class TimedLaboratory(PhysicsLaboratory):
+    """A laboratory that knows the duration of each simulation."""
 
     @property
     def seconds(self) -> dict[str, float]:
-        """By machine digest."""
+        """Duration of each simulation by machine digest."""
         return {digest: rollout.wall_seconds for digest, rollout in self.rollouts.items()}
 
 
-class Notes:
-    """Keeps evaluations: which place tried which machine."""
+class EvaluationLog:
+    """Records the machine of each evaluation by label."""
 
     def __init__(self) -> None:
-        self.tried: dict[str, str] = {}
+        self.machines: dict[str, str] = {}
 
     def event(self, kind: str, label: str, **data: Any) -> None:
-        """Note one."""
+        """Record an evaluation."""
         if kind == "evaluation":
-            self.tried[label] = data["machine"]
+            self.machines[label] = data["machine"]
 
     def save_machine(self, digest: str, text: str) -> None:
-        """Not needed."""
+        """Ignored."""
 
 
 def critical_path(
-    spans: list[tuple[str, float, float]], tried: dict[str, str], seconds: dict[str, float]
+    spans: list[tuple[str, float, float]], machines: dict[str, str], seconds: dict[str, float]
 ) -> float:
-    """Seconds of the longest chain."""
+    """Seconds of the longest chain of calls and simulations."""
     barriers: dict[str, float] = defaultdict(float)
     waves: dict[str, dict[str, float]] = defaultdict(dict)
     for label, start, end in spans:
@@ -82,7 +82,7 @@ def critical_path(
         key = f"{stage[0]}/{place[0] if place else ''}" if stage else f"/{place and place[0]}"
         waves[key][wave] = max(waves[key].get(wave, 0.0), end - start)
     rounds: dict[tuple[str, str], float] = defaultdict(float)
-    for label, digest in tried.items():
+    for label, digest in machines.items():
         place, around = re.search(r"traj-\d+", label), re.sub(r"/node-\d+", "", label)
         if place:
             best = max(rounds[place[0], around], seconds.get(digest, 0.0))
@@ -96,25 +96,26 @@ def critical_path(
 
 
 async def measure(options: argparse.Namespace) -> None:
-    """Run once and print both times."""
-    task, client, notes = get_task(options.task), Slow(options.seed, options.latency), Notes()
+    """Run once and print both durations."""
+    task, log = get_task(options.task), EvaluationLog()
+    client = SlowClient(options.seed, options.latency)
     context = AskContext(client, PromptSet())
     async with RolloutPool(options.workers) as pool:
-        laboratory = Timed(task, pool, options.seed)
+        laboratory = TimedLaboratory(task, pool, options.seed)
         start = time.perf_counter()
         result = await WORKFLOWS["hierarchical"](
-            task.brief, lambda _: context, laboratory, WorkflowSettings(), notes, options.seed
+            task.brief, lambda _: context, laboratory, WorkflowSettings(), log, options.seed
         )
         wall = time.perf_counter() - start
-    path = critical_path(client.spans, notes.tried, laboratory.seconds)
+    path = critical_path(client.spans, log.machines, laboratory.seconds)
     physics = sum(laboratory.seconds.values())
     score = result.best.score if result.best else None
     print(f"score {score}; {len(client.spans)} calls, {len(laboratory.rollouts)} rollouts")
-    print(f"physics alone {physics:.1f} s, over {options.workers} workers")
+    print(f"physics alone {physics:.1f} s, on {options.workers} workers")
     floor = max(path, physics / options.workers)
     print(f"wall {wall:.1f} s, critical path {path:.1f} s, ratio {wall / path:.2f}")
-    print(f"floor (critical path, or all physics over the workers) {floor:.1f} s")
-    print(f"ratio to the floor {wall / floor:.2f}")
+    print(f"lower bound (critical path, or all physics divided by workers) {floor:.1f} s")
+    print(f"ratio to the lower bound {wall / floor:.2f}")
 
 
 def main() -> None:

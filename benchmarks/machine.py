@@ -1,7 +1,8 @@
 """Times the machine language on 20-block machines: checks, edit steps, import, memory.
 
-Run: `python benchmarks/machine.py [--seconds S]`. One table on standard output: CPU time of one
-process, so that other work on the machine does not count; beside each figure what dominates it.
+    python benchmarks/machine.py [--seconds S]
+
+Prints one table: rates per second of CPU time of one process, and the modules that dominate each.
 """
 
 from __future__ import annotations
@@ -42,34 +43,34 @@ Work = Callable[[], object]
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=2.0, help="CPU time of each figure")
+    parser.add_argument("--seconds", type=float, default=2.0, help="CPU time to spend on each rate")
     seconds = parser.parse_args().seconds
     rng = Random(0)
     machines = [random_machine(rng, size=(BLOCKS, BLOCKS)) for _ in range(MACHINES)]
     print(f"{MACHINES} random machines of {BLOCKS} blocks; load {os.getloadavg()[0]:.1f}")
     texts = [machine.to_text() for machine in machines]
     replies = [f"Here it is:\n```json\n{text}\n```\nIt should work." for text in texts]
-    broken = [f"```json\n{text[:-2]},\n]\n```" for text in texts]
+    malformed = [f"```json\n{text[:-2]},\n]\n```" for text in texts]
     documents = [json.dumps(to_coordinates(machine)) for machine in machines]
     files = [to_bsg(machine) for machine in machines]
     scripts = [(machine, script(machine, rng)) for machine in machines]
     edits = [lambda m=machine, s=text: apply_script(m, s) for machine, text in scripts]  # type: ignore[misc]
     row("checks, JSON text", checks(texts), seconds)
     row("checks, fenced reply", checks(replies), seconds)
-    row("checks, reply to be repaired", checks(broken), seconds)
+    row("checks, malformed reply", checks(malformed), seconds)
     row("checks, coordinates", checks(documents), seconds)
     row("reads, .bsg", [lambda f=file: read_bsg(f) for file in files], seconds)  # type: ignore[misc]
     row("edit steps", edits, seconds, STEPS)
     draws = [lambda: random_machine(rng, size=(BLOCKS, BLOCKS))]
     row("random machines", draws * 5, seconds)
-    wall, cpu = map(min, zip(*(imported() for _ in range(7)), strict=True))
+    wall, cpu = map(min, zip(*(import_times() for _ in range(7)), strict=True))
     print(f"{'import agentflow.machine':30}{1000 * wall:9.0f} ms wall, {1000 * cpu:.0f} ms CPU")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"{'memory of this process':30}{peak:9.0f} MB")
 
 
 def checks(texts: list[str]) -> list[Work]:
-    """Parse, compile and report, one call per text."""
+    """One call per text that parses, checks and reports it."""
     return [lambda t=text: check(read_any(t)).to_json() for text in texts]  # type: ignore[misc]
 
 
@@ -87,7 +88,7 @@ def script(machine: Machine, rng: Random) -> str:
 
 
 def row(name: str, works: list[Work], seconds: float, steps: float = 1.0) -> None:
-    """Print how many steps per CPU second the works make in turn, and what dominates them."""
+    """Print how many steps per CPU second these calls make in turn, and what dominates them."""
     count = 0
     works[0]()
     turn = cycle(works)
@@ -100,9 +101,9 @@ def row(name: str, works: list[Work], seconds: float, steps: float = 1.0) -> Non
 
 
 def dominant(works: list[Work]) -> str:
-    """The modules in which most of the time goes, by profile, with their shares.
+    """The modules that take most of the time, with their shares.
 
-    What a function spends in built-in ones counts as its own.
+    Time in built-in functions counts for the caller.
     """
     profile = cProfile.Profile(time.process_time)
     profile.enable()
@@ -121,7 +122,7 @@ def dominant(works: list[Work]) -> str:
 
 
 def part(filename: str) -> str:
-    """Module of ours, or who else a file belongs to."""
+    """Our module that a file is, or the package that it belongs to."""
     path = Path(filename)
     if path.is_relative_to(PACKAGE):
         return path.stem
@@ -130,8 +131,8 @@ def part(filename: str) -> str:
     return "generated constructors" if filename.startswith("<") else "standard library"
 
 
-def imported() -> tuple[float, float]:
-    """Wall and CPU seconds that a fresh interpreter needs to import the language."""
+def import_times() -> tuple[float, float]:
+    """Wall and CPU seconds that a fresh interpreter takes to import `agentflow.machine`."""
     done = subprocess.run([sys.executable, "-c", IMPORT], capture_output=True, check=True)
     wall, cpu = map(float, done.stdout.split())
     return wall, cpu

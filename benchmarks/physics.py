@@ -1,10 +1,10 @@
-"""Times a rollout of a 20-block car against a bare loop of the same steps, and the workers.
+"""Compares a rollout of a 20-block car with a bare loop of the same steps, and times the workers.
 
     python benchmarks/physics.py [--repeats N] [--flat ROLLOUTS]
 
-One table on standard output; the fastest turn of each stage. Processor time is given beside wall
-time, because it depends less on what else the machine does; the load average says how much that
-was. `--flat 2000` adds the memory of one worker over so many short rollouts.
+Prints one table with the fastest repetition of each stage. CPU time is printed beside wall time,
+because it depends less on other load. `--flat 2000` adds the memory of one worker during 2,000
+short rollouts.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ SHORT = get_task("movement", {"window": 1})
 RATE = constants()["step_rate"]
 SETTLE = round(constants()["settle_least"] * RATE)
 TICKS = os.sysconf("SC_CLK_TCK")
-Taken = tuple[float, float]
-"""Seconds of processor time and of wall time."""
+Times = tuple[float, float]
+"""Seconds of CPU time and of wall time."""
 
 
 def main() -> None:
@@ -61,15 +61,15 @@ def main() -> None:
 
 
 def _against_bare(repeats: int) -> None:
-    """Stages that do ever more, in turns, so that what else runs disturbs all alike."""
+    """Compare stages of growing work, in turns, so that other load affects all alike."""
     engine, bare = PyBulletEngine(), Bare()
     first = simulate(CAR, TASK, engine=engine)
     assert first.status == "ok", first.feedback.text
     assert first.sim_seconds is not None
     steps = round(first.sim_seconds * RATE) + SETTLE
-    stages: dict[str, Callable[[], Taken]] = {
+    stages: dict[str, Callable[[], Times]] = {
         "bare stepSimulation loop": lambda: _loop(bare, steps),
-        "+ drag, reading everything": lambda: _loop(engine, steps),
+        "+ drag, reading all states": lambda: _loop(engine, steps),
         "+ loads and breakage": lambda: _loop(engine, steps, loads=True),
         "whole rollout": lambda: _timed(lambda: simulate(CAR, TASK, engine=engine)),
     }
@@ -77,34 +77,33 @@ def _against_bare(repeats: int) -> None:
     used, wall = (
         {name: [turn[name][side] for turn in turns] for name in stages} for side in (0, 1)
     )
-    print(f"{steps} steps                      processor ms  x bare     wall ms  x bare")
+    print(f"{steps} steps                            CPU ms  x bare     wall ms  x bare")
     least, floor = (min(each["bare stepSimulation loop"]) for each in (used, wall))
     for name in stages:
         a, b = min(used[name]), min(wall[name])
         print(f"{name:28s} {1e3 * a:12.1f} {a / least:8.2f} {1e3 * b:10.1f} {b / floor:8.2f}")
     whole = min(used["whole rollout"])
-    print(f"rollouts per second of processor time {1 / whole:.1f}")
+    print(f"rollouts per second of CPU time {1 / whole:.1f}")
     engine.close()
     bare.close()
 
 
 class BareWorld(PyBulletWorld):
-    """Takes the same steps as its parent, and does nothing else."""
+    """Only steps."""
 
     def _advance(self) -> None:
         pybullet.stepSimulation(self.client)
 
 
 class Bare(PyBulletEngine):
-    """Builds bare worlds."""
+    """Builds worlds that only step."""
 
     def build(self, assembly: Assembly, scene: Scene, rate: float) -> PyBulletWorld:
-        """Make a bare world."""
         return BareWorld(self.client, self.physics, assembly, scene, rate)
 
 
-def _loop(engine: PyBulletEngine, steps: int, loads: bool = False) -> Taken:
-    """Only steps, building not counted; motors start after the settling time."""
+def _loop(engine: PyBulletEngine, steps: int, loads: bool = False) -> Times:
+    """Time the steps without building the world; motors start after the settling time."""
     assembly = assemble(CAR, place(CAR), constants())
     world = engine.build(assembly, TASK.scene(), RATE)
     filters = Loads(assembly.joints, constants()["load_window"], 1.0 / RATE)
@@ -120,7 +119,7 @@ def _loop(engine: PyBulletEngine, steps: int, loads: bool = False) -> Taken:
     return _timed(run)
 
 
-def _timed(work: Callable[[], object]) -> Taken:
+def _timed(work: Callable[[], object]) -> Times:
     spent, began = time.process_time(), time.perf_counter()
     work()
     return time.process_time() - spent, time.perf_counter() - began
@@ -130,7 +129,7 @@ def _timed(work: Callable[[], object]) -> Taken:
 
 
 async def _workers(repeats: int) -> None:
-    """Start, memory, and what a second worker brings."""
+    """Print start-up time, memory, and the speed-up by a second worker."""
     began = time.perf_counter()
     async with RolloutPool(1) as pool:
         await pool.run(CAR, SHORT)
@@ -138,30 +137,30 @@ async def _workers(repeats: int) -> None:
         began = time.perf_counter()
         await pool.run(CAR, SHORT)
         start = first - (time.perf_counter() - began)
-        spent = sum(map(_processor_seconds, pool.pids))
-    print(f"start of a worker                     {start:.2f} s, {spent:.2f} s of processor time")
+        spent = sum(map(_cpu_seconds, pool.pids))
+    print(f"start of a worker                     {start:.2f} s, {spent:.2f} s of CPU time")
     found = {}
     for count in (1, 2):
         async with RolloutPool(count) as pool:
             await asyncio.gather(*(pool.run(CAR, SHORT) for _ in range(2 * count)))
-            before = sum(map(_processor_seconds, pool.pids))
+            before = sum(map(_cpu_seconds, pool.pids))
             began = time.perf_counter()
             await asyncio.gather(*(pool.run(CAR, TASK) for _ in range(4 * repeats)))
-            taken = time.perf_counter() - began
-            used = sum(map(_processor_seconds, pool.pids)) - before
-            found[count] = (taken, used)
+            wall = time.perf_counter() - began
+            used = sum(map(_cpu_seconds, pool.pids)) - before
+            found[count] = (wall, used)
             memory = max(_memory(pid, "VmHWM") for pid in pool.pids)
     gain, share = found[1][0] / found[2][0], 2 * found[1][1] / found[2][1]
-    most = _alone(1, repeats) / _alone(2, repeats) * 2
-    print(f"two bare loops in processes of their own {most:.2f} x one: what this machine can give")
+    most = _time_bare_loops(1, repeats) / _time_bare_loops(2, repeats) * 2
+    print(f"two bare loops in two processes       {most:.2f} x one (the limit of this machine)")
     print(f"two workers                           {gain:.2f} x one by wall time")
-    print(f"  against the bare loops              {gain / most:.2f}")
-    print(f"  as if they had a core each          {share:.2f} x one by processor time per rollout")
-    print(f"memory of a worker, at most           {memory:.1f} MB")
+    print(f"  relative to the bare loops          {gain / most:.2f}")
+    print(f"  by CPU time per rollout             {share:.2f} x one")
+    print(f"peak memory of a worker               {memory:.1f} MB")
 
 
-def _alone(processes: int, repeats: int) -> float:
-    """Wall seconds that so many processes take, each for the bare loops of as many rollouts."""
+def _time_bare_loops(processes: int, repeats: int) -> float:
+    """Wall seconds of so many processes that each run the bare loops of 4 * `repeats` rollouts."""
     context = multiprocessing.get_context("spawn")
     begin = context.Barrier(processes + 1)
     running = [
@@ -186,7 +185,7 @@ def _bare_loops(begin: Barrier, count: int) -> None:
 
 
 async def _flat(rollouts: int) -> None:
-    """Memory of one worker along many rollouts."""
+    """Print the memory of one worker during many rollouts."""
     async with RolloutPool(1) as pool:
         for done in range(1, rollouts + 1):
             await pool.run(CAR, SHORT)
@@ -194,13 +193,13 @@ async def _flat(rollouts: int) -> None:
                 print(f"memory after {done:5d} rollouts          {_memory(pool.pids[0]):6.1f} MB")
 
 
-def _processor_seconds(pid: int) -> float:
+def _cpu_seconds(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / TICKS
 
 
 def _memory(pid: int, field: str = "VmRSS") -> float:
-    """MB."""
+    """A memory field of a process, MB."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     return next(float(line.split()[1]) for line in lines if line.startswith(field + ":")) / 1024
 

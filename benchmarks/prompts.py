@@ -1,8 +1,9 @@
-"""Measures the length of prompts: every set, role and level-1 task, machines of ten blocks.
+"""Measures prompt lengths for every set, role and level-1 task, with machines of ten blocks.
 
-Run: python benchmarks/prompts.py [SET ...]
-Counts with cl100k_base where the tiktoken package and its vocabulary are at hand
-(TIKTOKEN_CACHE_DIR), else by the estimate that the package carries.
+    python benchmarks/prompts.py [SET ...]
+
+Counts cl100k_base tokens if the tiktoken package and its vocabulary are available
+(TIKTOKEN_CACHE_DIR), else uses the package's own estimate.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ FIT = 3440
 
 
 def counter() -> tuple[str, Callable[[str], int]]:
-    """The tokenizer's name and its count."""
+    """Name of a tokenizer, and its function to count tokens."""
     try:
         import tiktoken
 
@@ -44,26 +45,26 @@ def counter() -> tuple[str, Callable[[str], int]]:
 
 
 def ten_blocks(brief: Brief) -> Machine:
-    """A frame with a mast; for tasks with a boulder, that on top."""
-    hung = [(1, 0, 0), (1, 0, 1), (15, 1, 1), (15, 1, 3), (15, 2, 1), (15, 2, 3), (63, 0, 4)]
-    hung += [(22, 7, 5), (36, 7, 0)] if 36 in brief.required else [(22, 7, 5), (63, 8, 3)]
+    """A frame with a mast, and the boulder on top if the task has one."""
+    blocks = [(1, 0, 0), (1, 0, 1), (15, 1, 1), (15, 1, 3), (15, 2, 1), (15, 2, 3), (63, 0, 4)]
+    blocks += [(22, 7, 5), (36, 7, 0)] if 36 in brief.required else [(22, 7, 5), (63, 8, 3)]
     steps = [{"type": 0, "id": 0, "parent": -1, "face_id": -1}]
-    for number, (kind, parent, face) in enumerate(hung, start=1):
+    for number, (kind, parent, face) in enumerate(blocks, start=1):
         steps.append({"type": kind, "id": number, "parent": parent, "face_id": face})
     machine = read_machine(steps, brief.blocks).machine
     assert machine is not None
     return machine
 
 
-def questions(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
-    """Every role's question about a task; placing is all there is to ask where blocks are given."""
+def prompt_inputs(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
+    """Name, role and input of every prompt for a task; only the placer's if blocks are given."""
     task = get_task(name)
     if task.brief.given != LONE_ROOT:
         yield "placement", Placer(), PlacerInput(task.brief)
         return
     brief, machine = task.brief, ten_blocks(task.brief)
     rollout = simulate(machine, task)
-    told = rollout.feedback.text
+    feedback = rollout.feedback.text
     wanted = {"duration": [0.0, 3.0], "properties": ["position", "rotation", "velocity"]}
     states = answer_queries(machine, rollout, [{"id": block, **wanted} for block in (0, 3, 9)]).text
     history = History()
@@ -76,9 +77,10 @@ def questions(name: str) -> Iterator[tuple[str, Role[Any, Any], Any]]:
     yield "whole machine", Designer(), DesignerInput(brief)
     yield "extension", Designer(), DesignerInput(brief, machine=machine)
     yield "inspection", Inspector(), InspectorInput(brief, machine)
-    yield "queries", Querier(), QuerierInput(brief, machine, 4.5, told)
+    yield "queries", Querier(), QuerierInput(brief, machine, 4.5, feedback)
     yield "blind", Refiner(), RefinerInput(brief, machine, critique="word " * 150)
-    yield "feedback", Refiner(), RefinerInput(brief, machine, None, "", history, 4.5, told, states)
+    refinement = RefinerInput(brief, machine, None, "", history, 4.5, feedback, states)
+    yield "feedback", Refiner(), refinement
 
 
 def main(names: list[str]) -> None:
@@ -88,7 +90,7 @@ def main(names: list[str]) -> None:
     for name in names or PROMPT_SETS:
         prompts = PromptSet(name)
         for task in tasks:
-            for what, role, given in questions(task):
+            for what, role, given in prompt_inputs(task):
                 system, user = map(count, prompts.render(role.name, role.variables(given)))
                 over = "" if system + user <= FIT else f"  over {FIT}"
                 label = f"{name:<12}{task:<11}{role.name:<14}{what:<14}"

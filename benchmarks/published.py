@@ -1,6 +1,6 @@
 """The published throw: machines, measurements and misfit.
 
-The facts are in data/published_throw.json. Only the first moments can be compared: what follows the
+The data is in data/published_throw.json. Only the beginning can be compared: the motion after the
 first impact and the first break is chaotic.
 """
 
@@ -25,15 +25,15 @@ from agentflow.machine.tree import Machine
 DATA = Path(__file__).parent / "data" / "published_throw.json"
 BOULDER, ROTOR, ROOT, TOWER_TOP = 13, 10, 0, 8
 LAST = 3
-"""Index of the last boulder sample that is compared: 0.6 s, just before it meets the wall."""
+"""Index of the last boulder sample to compare: 0.6 s, just before it hits the wall."""
 BEFORE_BREAK = 2
-"""Index of the last sample of rotor and root that is compared: 0.4 s, when the tower breaks."""
+"""Index of the last sample of rotor and root to compare: 0.4 s, when the tower breaks."""
 FIRST = 1
-"""Index of the sample before which the tower's top must have been as its only one says: 0.2 s."""
+"""Index of the sample by which the only sample of the tower's top was taken: 0.2 s."""
 PLACE, TURN, MOMENT, PACE = 0.3, 0.1, 0.03, 1.0
-"""Differences that weigh the same in a fit: m, rad, s, m/s."""
+"""Differences of equal weight in a fit: m, rad, s, m/s."""
 AFTER = 1.0
-"""The same after the break, m: it multiplies every difference before it."""
+"""The same after the break, m; larger, because the break multiplies earlier differences."""
 
 
 @cache
@@ -44,7 +44,7 @@ def facts() -> dict[str, Any]:
 
 
 def machines() -> dict[str, Machine]:
-    """The machine with ever more of its guessed blocks."""
+    """The published machine without, with some, and with all of its guessed blocks."""
     printed, guessed = facts()["machine"], facts()["guessed"]
     return {
         "printed blocks": _read(printed),
@@ -60,8 +60,7 @@ def _read(steps: list[dict[str, int]]) -> Machine:
 
 
 def throw(machine: Machine, physics: Constants | None = None, window: float = 1.0) -> Rollout:
-    """Run one of the machines in the published yard, under other constants if need be; every step
-    is kept."""
+    """Simulate one of the machines in the published arena and record every step."""
     engine = PyBulletEngine(physics or constants())
     try:
         task, step = get_task("throwing", {"window": window}), 1 / constants()["step_rate"]
@@ -70,36 +69,36 @@ def throw(machine: Machine, physics: Constants | None = None, window: float = 1.
         engine.close()
 
 
-def samples(kept: Array) -> Array:
-    """Those of (T, ...) states at every step that were taken when the published ones were."""
-    return kept[:: round(facts()["interval"] * constants()["step_rate"])]
+def samples(states: Array) -> Array:
+    """Select from (T, ...) states at every step those at the times of the published samples."""
+    return states[:: round(facts()["interval"] * constants()["step_rate"])]
 
 
 @dataclass(frozen=True)
 class Misfit:
-    """How far a rollout is from the published one."""
+    """Differences between a rollout and the published one."""
 
     boulder: float
-    """Root mean square per coordinate of the boulder over 0 to 0.6 s, m."""
+    """Root mean square per coordinate of the boulder from 0 to 0.6 s, m."""
     rotor: float
     """The same of the rotating block at 0.2 and 0.4 s, m."""
     after: float
-    """The same at 0.6 and 0.8 s, m: after the break only the springs still pull at the arm."""
+    """The same at 0.6 and 0.8 s, m; after the break only the springs pull at the arm."""
     turn: float
     """Root mean square angle of rotating block and root at 0.2 and 0.4 s, rad."""
     top_place: float
-    """Root mean square per coordinate of the tower's top, m, at that moment of the first 0.2 s at
-    which it is most like its only published sample; when in them that was taken is not known."""
+    """Root mean square per coordinate of the tower's top, m, at the moment of the first 0.2 s that
+    is closest to its only published sample, whose exact time is unknown."""
     top_speed: float
-    """The same of its velocity at that moment, m/s."""
+    """The same for its velocity at that moment, m/s."""
     first_break: float
-    """Time of the first break minus the published one, s; nan when nothing breaks."""
+    """Time of the first break minus the published one, s; nan if nothing breaks."""
     right_block: bool
     """Whether the first block that breaks off is the published one."""
 
     @property
     def cost(self) -> float:
-        """What a fit makes small."""
+        """The quantity that a fit minimises."""
         late = self.first_break if np.isfinite(self.first_break) else 1.0
         return float(
             (self.boulder / PLACE) ** 2
@@ -143,7 +142,7 @@ def misfit(rollout: Rollout) -> Misfit:
 
 
 def _top(trace: Trace) -> tuple[float, float]:
-    """The tower's top against its only sample: differences of place and velocity, m and m/s."""
+    """Differences of the tower's top from its only sample in position (m) and velocity (m/s)."""
     only = facts()["tower_top_first"]
     soon = slice(0, FIRST * round(facts()["interval"] * constants()["step_rate"]) + 1)
     place = trace.position[soon, TOWER_TOP] - np.array(only["position"])

@@ -5,9 +5,9 @@
     python benchmarks/references.py --update [family ...]
     python benchmarks/references.py --table [family ...]
 
-The first searches by random legal edits and writes the best machine found; `--aim` names the term
-of the score that decides between equal scores. `--update` simulates what the files list and writes
-the scores into them; `--table` prints each reference on every level of its family.
+The first form searches by random legal edits and writes the best machine found; `--aim` names the
+score term that breaks ties. `--update` simulates the listed machines and writes their scores into
+the files; `--table` prints the score of each reference on every level of its family.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SIZE, COLORS = (480, 360), 48
 
 
 def main() -> None:
-    """Do what the options ask for."""
+    """Update, print or search, as the options say."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -57,23 +57,23 @@ def main() -> None:
 
 
 def search(options: argparse.Namespace) -> None:
-    """Look for a better machine and keep it; without rollouts only the picture is drawn."""
+    """Search for a better machine and save it; with no rollouts, only draw the picture."""
     task = get_task(options.task)
     start = load_file(options.start) if options.start else None
     out = options.out or options.start or Path(f"{task.name.replace('/', '-')}.json")
     machine = start
     if options.rollouts:
         rng = Random(options.seed)
-        tell = partial(_tell, out)
-        found = asyncio.run(climb(task, options.rollouts, rng, start, options.aim, tell))
+        save = partial(_save, out)
+        found = asyncio.run(climb(task, options.rollouts, rng, start, options.aim, save))
         machine = found.machine
         print(f"{out}: {found.value[0]:.{DIGITS}f}")
     if options.picture and machine is not None:
         draw(machine, out.with_suffix(".png"))
 
 
-def _tell(out: Path, count: int, found: Found) -> None:
-    """Keep what is the best so far, so that a search can be broken off."""
+def _save(out: Path, count: int, found: Found) -> None:
+    """Save the best machine so far, so that the search can be interrupted."""
     out.write_text(found.machine.to_text() + "\n", encoding="utf-8")
     blocks = len(found.machine)
     print(f"{count:6d} {found.value[0]:10.3f} {found.value[1]:10.3f} {blocks:4d}", file=sys.stderr)
@@ -88,13 +88,13 @@ def draw(machine: Machine, path: Path) -> None:
 
 
 def score_of(machine: Machine, level: str, power: bool = True) -> float:
-    """Rounded as it is kept; not a number where there is none."""
+    """Score rounded as in the files; nan if there is none."""
     score = simulate(machine, get_task(level), power=power).score
     return float("nan") if score is None else round(score, DIGITS)
 
 
 def update(shelf: Shelf) -> None:
-    """Simulate a family's references and cheats, write the references' scores, tell all."""
+    """Simulate and print a family's references and cheats; write the scores of the references."""
     found = []
     for item in shelf.references:
         score = score_of(load(item.machine), item.level)
@@ -110,7 +110,7 @@ def update(shelf: Shelf) -> None:
 
 
 def table(shelf: Shelf) -> None:
-    """Each reference on every level of its family."""
+    """Print the score of each reference on every level of its family."""
     levels = [name for name in task_names() if get_task(name).family == shelf.family]
     print(f"{'machine':36s}" + "".join(f"{level:>12s}" for level in levels))
     for name in dict.fromkeys(item.machine for item in shelf.references):

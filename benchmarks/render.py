@@ -1,7 +1,8 @@
 """Times pictures and films of rollouts, in CPU time of one core.
 
-Run: `python benchmarks/render.py`. One line per rollout; a second of film of 640x480 at 10 frames
-per second must take at most one second.
+    python benchmarks/render.py
+
+Prints one line per rollout. A second of film (640x480, 10 frames) must take at most one second.
 """
 
 from __future__ import annotations
@@ -12,28 +13,20 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from cars import CAR, CATAPULT, PLAIN_CAR
+
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
 from agentflow.env.drawing.stills import render_png
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
-from agentflow.machine.tree import Machine, Step
+from agentflow.machine.tree import Machine
 
 FPS, SIZE = 10, (640, 480)
-CAR = ((0, -1, -1), (1, 0, 0), (1, 0, 1), (2, 1, 1), (2, 1, 3), (2, 2, 1), (2, 2, 3))
-TOWER = (
-    *((63, 0, 4), (1, 7, 0), (15, 8, 0), (15, 7, 7), (15, 7, 8), (15, 7, 9)),
-    *((15, 7, 10), (15, 7, 11), (15, 7, 12), (1, 7, 3), (1, 7, 6), (35, 16, 0), (35, 17, 0)),
-)
-CATAPULT = (
-    *((0, -1, -1), (1, 0, 1), (1, 0, 2), (1, 0, 0), (1, 1, 2), (1, 2, 4), (1, 0, 3), (1, 6, 6)),
-    *((1, 7, 6), (15, 8, 0), (22, 8, 4), (63, 10, 3), (30, 11, 0), (36, 12, 0), (35, 10, 0)),
-)
-"""(type, parent, face) of each block."""
 CASES = (
-    ("car", CAR, "movement/1"),
-    ("tall car", CAR + TOWER, "movement/2"),
-    ("tall car", CAR + TOWER, "movement/3"),
+    ("car", PLAIN_CAR, "movement/1"),
+    ("tall car", CAR, "movement/2"),
+    ("tall car", CAR, "movement/3"),
     ("catapult", CATAPULT, "throwing/1"),
     ("catapult", CATAPULT, "throwing/3"),
 )
@@ -44,13 +37,12 @@ def main() -> None:
     columns = ("picture", "sheet", "gif per s", "mp4 per s", "glb")
     print(f"{'machine':10}{'task':12}{'blocks':>7}" + "".join(f"{c:>11}" for c in columns))
     with tempfile.TemporaryDirectory() as folder:
-        for name, rows, level in CASES:
-            machine = Machine(tuple(Step(i, *row) for i, row in enumerate(rows)))
-            figures = "".join(f"{value:>9.3f} s" for value in measured(machine, level, folder))
+        for name, machine, level in CASES:
+            figures = "".join(f"{value:>9.3f} s" for value in measure(machine, level, folder))
             print(f"{name:10}{level:12}{len(machine):>7}{figures}")
 
 
-def measured(machine: Machine, level: str, folder: str) -> list[float]:
+def measure(machine: Machine, level: str, folder: str) -> list[float]:
     """Seconds for a picture, a sheet, one second of film as GIF and as MP4, and a .glb."""
     task, still, film = get_task(level), Path(folder) / "x.png", Path(folder) / "x"
     rollout = simulate(machine, task, interval=1.0 / FPS)
@@ -67,7 +59,7 @@ def measured(machine: Machine, level: str, folder: str) -> list[float]:
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Processor time of all threads; the best of two, since the computer does other things too."""
+    """CPU time of all threads; the better of two attempts."""
     times = []
     for _ in range(2):
         start = time.process_time()

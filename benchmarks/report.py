@@ -1,7 +1,9 @@
 """Measures reports: file size, time until interactive, frames per second.
 
-Usage: python benchmarks/report.py [--run RUN]   (without one, a run with 200 candidates is made)
-Chromium draws without a graphics card here; frames are counted in the page.
+    python benchmarks/report.py [--run RUN]
+
+Without --run, makes a run with 200 candidates first. Chromium renders without a GPU; the page
+itself counts the frames.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ from tests.report.browser import chromium
 
 BLOCKS = 60
 SECONDS = 4.0
-"""How long a film is watched."""
+"""Time for which a film is played, s."""
 COUNT = """const [seconds, done] = arguments;
 const player = document.querySelector(".player"), speed = player.querySelector(".transport select");
 let frames = 0;
@@ -60,7 +62,7 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        run = given.run or candidates(folder)
+        run = given.run or make_run(folder)
         begun = time.monotonic()
         file = report(run, folder / "run.html", films=200, workers=2, say=lambda *_: None)
         machines = RunRecord.of(read_typed_events(run)).machines
@@ -68,23 +70,23 @@ def main() -> None:
         print(f"time to write         {time.monotonic() - begun:.1f} s")
         print(f"size                  {file.stat().st_size / 1e6:.2f} MB")
         with chromium(folder / "profile", (1440, 900)) as driver:
-            show(driver, "run", file)
-            show(driver, f"{BLOCKS} blocks", large_machine(folder))
+            print_speed(driver, "run", file)
+            print_speed(driver, f"{BLOCKS} blocks", large_machine(folder))
 
 
-def show(driver: webdriver.Chrome, name: str, file: Path) -> None:
-    """Open a page three times, then watch its film."""
-    soonest = min(opened(driver, file) for _ in range(3))
+def print_speed(driver: webdriver.Chrome, name: str, file: Path) -> None:
+    """Open a page three times, then play its film."""
+    fastest = min(open_page(driver, file) for _ in range(3))
     frames = driver.execute_async_script(COUNT, SECONDS)
     size = driver.execute_script(
         "const { width, height } = document.querySelector('canvas'); return [width, height]"
     )
-    print(f"{name}: interactive   {soonest:.2f} s")
+    print(f"{name}: interactive   {fastest:.2f} s")
     print(f"{name}: film          {frames:.0f} frames per second at {json.dumps(size)} pixels")
 
 
-def opened(driver: webdriver.Chrome, file: Path) -> float:
-    """Seconds until the first picture of the film is there and its buttons answer."""
+def open_page(driver: webdriver.Chrome, file: Path) -> float:
+    """Seconds until the film's first frame is visible and its buttons work."""
     driver.get("about:blank")
     begun = time.monotonic()
     driver.get(file.as_uri())
@@ -95,15 +97,15 @@ def opened(driver: webdriver.Chrome, file: Path) -> float:
     return time.monotonic() - begun
 
 
-def candidates(folder: Path) -> Path:
-    """A run of the embedded model with some 200 candidates."""
+def make_run(folder: Path) -> Path:
+    """Make a run of the procedural model with about 200 candidates."""
     settings = {"trajectories": 8, "search": {"rounds": 6}}
     config = build_config({"task": "throwing", "seed": 0, "settings": settings})
     return Path(design(config, folder)["run"])
 
 
 def large_machine(folder: Path) -> Path:
-    """A page with one random machine of many blocks."""
+    """Write a page with one large random machine."""
     task, chance = get_task("movement"), random.Random(4)
     machine = random_machine(chance, task.brief, size=(BLOCKS, BLOCKS))
     shapes = Shapes()

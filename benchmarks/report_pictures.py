@@ -1,6 +1,6 @@
 """Takes the screenshots for docs/report.md: light, dark, and on a phone.
 
-Usage: python benchmarks/report_pictures.py [docs/pictures]
+python benchmarks/report_pictures.py [docs/pictures]
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ setTimeout(done, 600);"""
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture: window in pixels, colours, moment of the film in seconds, and whether loads."""
+    """One screenshot: window size in pixels, time of the film in seconds, and page settings."""
 
     name: str
     size: tuple[int, int]
@@ -57,7 +57,7 @@ def main() -> None:
 
 
 def photograph(driver: webdriver.Chrome, page: Path, shot: Shot) -> Image.Image:
-    """The window of a page at one moment of its film."""
+    """Take a screenshot of a page at one moment of its film."""
     width, height = shot.size
     metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": shot.phone}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)

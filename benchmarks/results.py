@@ -39,7 +39,7 @@ FURTHER = {
     "search_strategy": ("expansions",),
     "additional_tasks": ("players",),
 }
-"""Sweep -> views beside the published layout."""
+"""Sweep -> views to show in addition to the published layout."""
 HEAD = """\
 # Results of the shipped sweeps
 
@@ -74,7 +74,7 @@ def main() -> None:
 
 
 def section(folder: Path) -> str:
-    """A sweep: what it is, how it is made, its tables."""
+    """Section about a sweep: description, command, tables."""
     document, sweep = read_folder(folder)
     swept = read_sweep_result(folder)
     made = (
@@ -90,13 +90,13 @@ def section(folder: Path) -> str:
 
 
 def commits(runs: Iterable[FinishedRun]) -> str:
-    """Of the code that made these runs, in the order of the runs."""
+    """Commits of the code that made these runs, in the order of the runs."""
     made = dict.fromkeys(str(read_document(run.path)["commit"]) for run in runs)
     return ", ".join(f"`{commit[:10]}`" for commit in made)
 
 
 def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
-    """The best machine of each family, drawn."""
+    """Section with a picture of the best machine of each family."""
     best: dict[str, tuple[float, FinishedRun]] = {}
     for folder in folders:
         for run in read_sweep_result(folder).finished:

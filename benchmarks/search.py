@@ -3,10 +3,10 @@
     python benchmarks/search.py [--seeds 200] [--rounds 20] [--width 4]
 
 Candidates are points of a grid, a refinement is a random step, and some refinements are refused.
-MCTS-style and best-of-N search expand `rounds` times into `width` children each; random search
-makes one child per expansion, so it is also shown with `rounds` x `width` expansions, which costs
-as many evaluations. `smooth`: one hill. `deceptive`: a broad low hill away from a narrow high one.
-`noisy`: one hill under bumps that no step can see over. Scores are shares of the highest point.
+MCTS-style and best-of-N search make `rounds` expansions of `width` children each. Random search
+makes one child per expansion, so it is also run with `rounds` x `width` expansions, which costs as
+many evaluations. `smooth` has one hill, `deceptive` a broad low hill far from a narrow high one,
+and `noisy` one hill covered with bumps. Scores are relative to the highest point.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from agentflow.search.settings import SearchSettings
 
 Point = tuple[int, int]
 REFUSED = 0.3
-"""Share of refinements that give nothing."""
+"""Share of refinements that are refused."""
 START = (0, 0)
 
 
 def smooth(point: Point) -> float:
-    """One hill, its top at (12, 9)."""
+    """One hill with its top at (12, 9)."""
     return math.exp(-math.dist(point, (12, 9)) / 8)
 
 
@@ -40,7 +40,7 @@ def deceptive(point: Point) -> float:
 
 
 def noisy(point: Point) -> float:
-    """The smooth hill under bumps of up to 0.3, fixed for every point."""
+    """The smooth hill with a fixed bump of up to 0.3 at each point."""
     bump = random.Random(f"bump/{point}").uniform(-0.3, 0.0)
     return max(0.0, smooth(point) + bump)
 
@@ -53,7 +53,7 @@ DOMAINS: dict[str, Callable[[Point], float]] = {
 
 
 class Field:
-    """Random steps on one domain; what a label gives depends on seed, node and label alone."""
+    """Random steps on one domain; a step depends only on seed, point and label."""
 
     def __init__(self, domain: Callable[[Point], float], seed: int) -> None:
         self._domain, self._seed = domain, seed
@@ -76,8 +76,10 @@ class Field:
         return Evaluation(True, self._domain(point))
 
 
-async def once(name: str, domain: str, seed: int, settings: SearchSettings) -> tuple[float, ...]:
-    """Result, best met, expansions, attempts and evaluations of one search."""
+async def run_search(
+    name: str, domain: str, seed: int, settings: SearchSettings
+) -> tuple[float, ...]:
+    """Result, best candidate, expansions, attempts and evaluations of one search."""
     field = Field(DOMAINS[domain], seed)
     root = Evaluation(True, DOMAINS[domain](START))
     found = await STRATEGIES[name](START, root, field.expand, field.evaluate, settings)
@@ -96,15 +98,16 @@ def main() -> None:
     longer = equal.model_copy(update={"rounds": options.rounds * options.width})
     ways = [(name, name, equal) for name in STRATEGIES]
     ways.append((f"random x{options.width}", "random", longer))
-    print(f"{options.seeds} seeds; mean (standard error) of the result, mean of the best met")
+    print(f"{options.seeds} seeds; mean (standard error) of the result, mean of the best candidate")
     print(
-        f"{'domain':<10} {'strategy':<10} {'result':>15} {'best met':>9} "
+        f"{'domain':<10} {'strategy':<10} {'result':>15} {'best':>9} "
         f"{'expansions':>11} {'attempts':>9} {'rollouts':>9}"
     )
     for domain in DOMAINS:
         for label, name, settings in ways:
             rows = [
-                asyncio.run(once(name, domain, seed, settings)) for seed in range(options.seeds)
+                asyncio.run(run_search(name, domain, seed, settings))
+                for seed in range(options.seeds)
             ]
             result, best, *costs = (list(column) for column in zip(*rows, strict=True))
             error = statistics.stdev(result) / math.sqrt(len(result)) if len(result) > 1 else 0.0

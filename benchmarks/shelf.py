@@ -1,7 +1,4 @@
-"""Reads and writes tests/machines/<family>.yaml, which list reference machines and cheats.
-
-What is found and simulated is references.py's and the tests'.
-"""
+"""Reads and writes tests/machines/<family>.yaml, which list reference machines and cheats."""
 
 from __future__ import annotations
 
@@ -17,17 +14,17 @@ from agentflow.machine.tree import Machine
 
 FOLDER = Path(__file__).parent.parent / "tests" / "machines"
 DIGITS = 6
-"""Decimals of a score that are kept."""
+"""Decimals of the scores in the files."""
 HEAD = """\
-# References: machine and picture are files of this folder; score is what
-# `benchmarks/references.py --update` got on the platform named here; how: by hand or by search;
-# intended: whether it does the job in the intended way, by the look of its film.
-# Cheats: the machine must not score more than `most` at any of the levels.
+# References: machine and picture are files in this folder; score was computed by
+# `benchmarks/references.py --update` on this platform; how: by hand or by search;
+# intended: whether its film shows that it solves the task in the intended way.
+# Cheats: the machine must not score more than `most` on any of the levels.
 """
 
 
 class Reference(BaseModel):
-    """A machine that shows that a level can be solved."""
+    """A machine that proves a level solvable."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -41,16 +38,16 @@ class Reference(BaseModel):
 
 
 class Cheat(BaseModel):
-    """A machine that tries to fool the score of some levels."""
+    """A machine that tries to exploit the score of some levels."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     machine: str
     levels: tuple[str, ...]
     why: str
-    """What it tries."""
+    """What it exploits."""
     most: float = 0.0
-    """In the unit of the score; what settling contacts move is more than 0."""
+    """Highest acceptable score; more than 0 if settling contacts move it a little."""
 
 
 class Shelf(BaseModel):
@@ -65,47 +62,43 @@ class Shelf(BaseModel):
 
 
 def here() -> str:
-    """What scores depend on besides machine, task and seed; equal words, equal bits."""
+    """Platform and package versions; where they are equal, scores are bitwise equal."""
     packages = ", ".join(f"{name} {version(name)}" for name in ("pybullet", "numpy"))
     return f"{platform.system()} {platform.machine()}, {packages}"
 
 
 def families() -> tuple[str, ...]:
-    """The families that have a file."""
+    """Families that have a file."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.yaml")))
 
 
 def read(family: str) -> Shelf:
-    """A family's file.
-
-    Raises:
-        OSError, yaml.YAMLError, pydantic.ValidationError: there is none, or none of this form.
-    """
+    """Read a family's file."""
     text = (FOLDER / f"{family}.yaml").read_text(encoding="utf-8")
     return Shelf.model_validate(yaml.safe_load(text))
 
 
 def write(shelf: Shelf) -> None:
-    """Keep a family's file."""
+    """Write a family's file."""
     data = shelf.model_dump(mode="json", exclude_defaults=True)
     text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=100)
     (FOLDER / f"{shelf.family}.yaml").write_text(HEAD + text, encoding="utf-8")
 
 
 def load(name: str) -> Machine:
-    """The machine of a file, by its path in the folder.
+    """Load a machine by its path in the folder.
 
     Raises:
-        ValueError: it holds no machine.
+        ValueError: The file contains no machine.
     """
     return load_file(FOLDER / name)
 
 
 def load_file(path: Path) -> Machine:
-    """The machine of a file.
+    """Load a machine.
 
     Raises:
-        ValueError: it holds no machine.
+        ValueError: The file contains no machine.
     """
     reading = read_machine(path.read_text(encoding="utf-8"), range(1000))
     if reading.machine is None:

@@ -1,7 +1,6 @@
 """Start-up time of commands: minimum and median wall and CPU time of a fresh process.
 
-Required: `--help` under 300 ms, `check` under 400 ms. The least is what the machine can do; the
-median also tells what else it was doing.
+Targets for the minimum: `--help` under 300 ms, `check` under 400 ms.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ COMMANDS = (
 )
 
 
-def timed(arguments: list[str]) -> tuple[float, float]:
+def time_process(arguments: list[str]) -> tuple[float, float]:
     """Wall and CPU milliseconds of one process."""
     before, began = os.times(), time.perf_counter()
     subprocess.run([sys.executable, *arguments], stdout=subprocess.DEVNULL, check=True)
@@ -40,10 +39,10 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=15)
     count = parser.parse_args().times
     for name, arguments in COMMANDS:
-        walls, used = zip(*(timed(arguments) for _ in range(count)), strict=True)
+        walls, used = zip(*(time_process(arguments) for _ in range(count)), strict=True)
         print(
-            f"{name:<26} wall {min(walls):4.0f} ms least, {statistics.median(walls):4.0f} median; "
-            f"CPU {min(used):4.0f} ms least, {statistics.median(used):4.0f} median"
+            f"{name:<26} wall {min(walls):4.0f} ms min, {statistics.median(walls):4.0f} median; "
+            f"CPU {min(used):4.0f} ms min, {statistics.median(used):4.0f} median"
         )
 
 

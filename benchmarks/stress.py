@@ -2,8 +2,8 @@
 
     python benchmarks/stress.py [--machines 2000] [--workers 2] [--seed 0]
 
-Sound is a typed result all of whose numbers are finite. Prints how results are spread,
-the slowest rollouts, the memory of the workers at the end, and every fault; exit status 1 if any.
+A sound result is typed and has only finite numbers. Prints the number of results per status, the
+slowest rollouts, the final memory of the workers, and every fault; exit status 1 if there are any.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def main() -> None:
 def cases(count: int, seed: int = 0) -> Iterator[tuple[str, Task, Machine]]:
     """Name, task and machine of each case: the tasks in turn, each machine from its own seed.
 
-    A task of ten trials has its turn in every tenth round, the first one included, so that every
-    task costs about the same number of rollouts.
+    A task with ten trials only takes part in every tenth round, starting with the first, so every
+    task takes about the same number of rollouts.
     """
     tasks = [get_task(name) for name in task_names()]
     rounds = ((turn, task) for turn in itertools.count() for task in tasks)
@@ -59,17 +59,17 @@ def cases(count: int, seed: int = 0) -> Iterator[tuple[str, Task, Machine]]:
 
 
 def faults(rollout: Rollout) -> list[str]:
-    """What is wrong with a result; [] for a sound one."""
+    """Faults of a result; [] if it is sound."""
     found = []
     if (rollout.score is not None) != (rollout.status in SCORED):
         found.append(f"score {rollout.score} with status {rollout.status}")
     if rollout.status == "invalid":
-        found.append(f"a valid machine is refused: {rollout.feedback.text}")
+        found.append(f"a valid machine is rejected: {rollout.feedback.text}")
     try:
         json.dumps(rollout_json(rollout), allow_nan=False)
     except ValueError as error:
         found.append(f"result: {error}")
-    # a machine that diverges while it settles has nothing recorded
+    # a machine that diverges while settling has no trace
     traced = {"ok": (True,), "diverged": (True, False)}.get(rollout.status, (False,))
     if (rollout.trace is not None) not in traced:
         found.append(f"trace {rollout.trace is not None} with status {rollout.status}")
@@ -115,7 +115,7 @@ async def _run(count: int, workers: int, seed: int) -> int:
 
 
 def _memory(pid: int) -> float:
-    """MB, resident."""
+    """Resident memory of a process, MB."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
     return next(float(line.split()[1]) for line in lines if line.startswith("VmRSS:")) / 1024
 

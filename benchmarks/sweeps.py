@@ -1,7 +1,7 @@
-"""Measures the overhead of a sweep per event, and the time of a table over its runs.
+"""Measures the overhead of a sweep per event, and the time to make tables from its runs.
 
-Machines are random, no model is asked, and every rollout is one that was simulated beforehand, so
-that what is left is bookkeeping: run directories, events, machines, the store, the log.
+Machines are random, no model is called, and every rollout is a copy of one simulated beforehand, so
+only bookkeeping remains: run directories, events, machines, the store, the log.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ SWEEP = {
 
 
 class StandIn:
-    """A simulator that has always just simulated the same throw."""
+    """A simulator that always returns the same throw."""
 
     def __init__(self) -> None:
         machine = read_any(THROWER.read_text(encoding="utf-8")).machine
@@ -79,7 +79,7 @@ class Silent:
 
 
 async def in_memory(plans: list[RunPlan], pool: StandIn, tape: Tape) -> float:
-    """Seconds of processor time for the same runs without any record on disk."""
+    """CPU seconds of the same runs without recording to disk."""
     began = time.process_time()
     for plan in plans:
         models = open_models(plan.config, tape, Budget(), print, {})
@@ -105,13 +105,13 @@ def main() -> None:
         run_sweep(plan, where, watcher, jobs=2, resume=False, pool=pool)
         whole, wall = time.process_time() - began, time.perf_counter() - wall
         print(f"{len(plan.runs)} runs, {watcher.events} events, {wall:.1f} s wall")
-        print(f"without a record: {bare:.1f} s of processor; as a sweep: {whole:.1f} s")
+        print(f"CPU time without recording: {bare:.1f} s; as a sweep: {whole:.1f} s")
         print(f"bookkeeping: {1000 * (whole - bare) / watcher.events:.2f} ms per event (limit 2)")
         for name in ("published", "scores", "expansions", "usage"):
             began, wall = time.process_time(), time.perf_counter()
             view(where, name)
             spent, wall = time.process_time() - began, time.perf_counter() - wall
-            print(f"table {name}: {spent:.2f} s of processor, {wall:.2f} s wall (limit 5)")
+            print(f"table {name}: {spent:.2f} s CPU, {wall:.2f} s wall (limit 5)")
 
 
 if __name__ == "__main__":

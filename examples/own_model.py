@@ -1,7 +1,7 @@
-"""Run a workflow with a model function of your own: here one that always proposes the same car.
+"""Run a workflow with your own model function; this one always proposes the same car.
 
-Put a call of your model in place of `answer`; it gets the messages of a chat and gives a text. It
-may be a coroutine function. Everything else (retries, record, replay) is as for any model.
+Replace the body of `answer` with a call to your model: it receives the messages of a chat and
+returns text, and may be async. Retries, recording and replay work as for any model.
 """
 
 import json
@@ -30,4 +30,4 @@ with tempfile.TemporaryDirectory() as folder:
         out=folder,
     )
     print(f"{design.model}: {design.score:.1f} m with {len(design.machine)} blocks")
-    print(f"kept in {design.run.name}:", *sorted(path.name for path in design.run.iterdir()))
+    print(f"saved in {design.run.name}:", *sorted(path.name for path in design.run.iterdir()))

@@ -1,4 +1,4 @@
-"""Check, simulate and score a machine; and what a model's reply is worth, for training."""
+"""Check, simulate and score a machine, and compute the reward of a model's reply for training."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ report = agentflow.check(CAR, task="movement")
 print("valid:", report.task_valid)
 
 rollout = agentflow.simulate(CAR, "movement")
-print(f"drives {rollout.score:.1f} m; the simulation is {rollout.digest} again and again")
+print(f"drives {rollout.score:.1f} m; the digest is always {rollout.digest}")
 
 calm = agentflow.simulate(CAR, "movement", power=False)
 print(f"with power off {calm.score:.1f} m")

@@ -8,7 +8,7 @@ from typing import ClassVar
 from agentflow.env.feedback import compose
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import Parameters, World
+from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
@@ -19,7 +19,7 @@ BLOCKS = (0, 1, 2, 15, 16, 22, 35, 41, 63)
 
 
 class Crate(Parameters):
-    """What is to be pushed."""
+    """The crate to push."""
 
     distance: float = knob(10, 5, 50, "m", "z of the crate's middle")
     edge: float = knob(2, 0.5, 5, "m", "length of an edge")
@@ -27,14 +27,14 @@ class Crate(Parameters):
 
 
 class PushingKnobs(CommonKnobs):
-    """What can be set about a level."""
+    """Knobs of a pushing level."""
 
     crate: Crate = Crate()
 
 
 @dataclass(frozen=True)
 class Pushing(Family):
-    """Score: how much farther along z+ the crate's centre is at the end than at t = 0, m."""
+    """Score: distance along z+ from the crate's position at t = 0 to its position at the end, m."""
 
     family: ClassVar[str] = "pushing"
     knobs: ClassVar[type[CommonKnobs]] = PushingKnobs
@@ -42,7 +42,7 @@ class Pushing(Family):
 
     @property
     def brief(self) -> Brief:
-        """What designers are told and what validity checks."""
+        """Description for designers, and the constraints that validation checks."""
         crate = self.parameters.crate
         return Brief(
             name=self.name,
@@ -55,8 +55,8 @@ class Pushing(Family):
             ),
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
-                "Score: how many metres farther along z+ the crate's centre is at the end of the "
-                "window than at t = 0; never below 0.",
+                "Score: the distance in metres along z+ from the position of the crate's centre at "
+                "t = 0 to its position at the end of the window; at least 0.",
             ),
             blocks=BLOCKS,
         )
@@ -71,29 +71,29 @@ class Pushing(Family):
         )
 
     def referee(self, machine: Machine) -> PushingReferee:  # noqa: ARG002
-        """A fresh observer of the crate."""
+        """A new referee that observes the crate."""
         return PushingReferee()
 
     def feedback(
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
-        """How far the crate came."""
+        """Distance that the crate moved."""
         line = f"Crate: {verdict.terms['pushed']:.2f} m towards z+"
         return compose(machine, trace, broken, verdict, "m", (line,), {}, ())
 
 
 class PushingReferee:
-    """Follows the crate."""
+    """Tracks the crate's centre step by step."""
 
-    def start(self, world: World) -> None:
-        """Remember where the crate stands."""
+    def start(self, world: WorldView) -> None:
+        """Record where the crate rests."""
         self._start = self._end = world.centre(CRATE)[2]
 
-    def watch(self, world: World) -> None:
-        """Keep where the crate is."""
+    def watch(self, world: WorldView) -> None:
+        """Record where the crate is now."""
         self._end = world.centre(CRATE)[2]
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
-        """Score and its one term."""
+        """Score and its only term."""
         pushed = self._end - self._start
         return Verdict(max(0.0, pushed), {"pushed": pushed})
