@@ -83,11 +83,11 @@ class Role(ABC, Generic[In, Out]):
     @classmethod
     @abstractmethod
     def sample(cls, brief: Brief, machine: Machine) -> In:
-        """Its input for a task and a machine, as in its first question in a run."""
+        """The input of its first question in a run, for a task and a machine."""
 
     @classmethod
     def stage_at(cls, place: str) -> str:  # noqa: ARG003
-        """Stage of a call by its place, the label without the role: "feedback/traj-1/..."."""
+        """Stage of a call, by its label without the role ("feedback/traj-1/...")."""
         return cls.stage
 
     @abstractmethod
@@ -100,12 +100,12 @@ class Role(ABC, Generic[In, Out]):
 
     @abstractmethod
     def parse(self, text: str, given: In) -> Parsed[Out]:
-        """Read a whole reply; never raises, whatever the text."""
+        """Read a whole reply; never raises."""
 
 
 @dataclass(frozen=True)
 class AskContext:
-    """Everything else that asking a role takes: client, prompts, sampling, retries."""
+    """How to ask a role: client, prompts, sampling, retries."""
 
     client: Client
     prompts: PromptSet
@@ -122,15 +122,10 @@ async def ask(role: Role[In, Out], given: In, context: AskContext, label: str) -
     passed to `context.on_attempt` before the next one starts.
 
     Args:
-        role: its prompts and parser are used.
-        given: its typed input.
-        context: model, prompts, sampling, number of attempts.
-        label: names the question within the run; attempts are labelled `<label>/attempt-<i>`.
-
-    Raises:
-        EndpointError: The endpoint cannot be used.
-        BudgetSpentError: The budget has run out.
-        ReplayMissError: The request was not recorded, and the client only replays.
+        role: Its prompts and parser are used.
+        given: Its typed input.
+        context: Model, prompts, sampling, number of attempts.
+        label: Names the question within the run; attempts are labelled `<label>/attempt-<i>`.
     """
     system, user = context.prompts.render(role.name, role.variables(given))
     conversation = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import groupby
 
 from agentflow.agents.replies import Representation, machine_text
@@ -19,6 +20,22 @@ EXAMPLE = 15
 SAMPLE_REPORT = "Score: 0.00\nBroken: none"
 """A short simulation report, for sample inputs of roles."""
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+
+
+@dataclass(frozen=True)
+class RoleInput:
+    """What the inputs of most roles have in common."""
+
+    brief: Brief
+    spatial: bool = field(default=True, kw_only=True)
+    """Whether to include 3D information."""
+    representation: Representation = field(default="tree", kw_only=True)
+    """How whole machines are written."""
+
+    def context(self, machine: Machine | None) -> dict[str, object]:
+        """Template variables of the task and of a machine."""
+        shown = machine_context(machine, spatial=self.spatial, representation=self.representation)
+        return {**task_context(self.brief), **shown}
 
 
 def task_context(brief: Brief) -> dict[str, object]:
@@ -72,32 +89,32 @@ def report_context(score: float | None, feedback: str) -> dict[str, object]:
 
 
 def block_rows(kinds: Sequence[BlockType]) -> list[dict[str, object]]:
-    """The rows of the block table; `faces_short` refers to an earlier row with the same faces."""
+    """The rows of the block table: size x, y, z in m, mass in kg, faces as id:direction@x,y,z.
+
+    `faces_short` refers to an earlier row with the same faces.
+    """
     first: dict[tuple[Face, ...], int] = {}
     rows = []
     for kind in kinds:
         same = first.setdefault(kind.faces, kind.type)
-        short = (
-            _faces_text(kind.faces) if same == kind.type or not kind.faces else f"as type {same}"
+        repeated = kind.faces and same != kind.type
+        faces = (f"{f.id}:{f.direction}@{_join(f.position, ',')}" for f in kind.faces)
+        rows.append(
+            {
+                "type": kind.type,
+                "name": kind.name,
+                "size": _join(kind.size, "x") if kind.size else "two-ended",
+                "mass": f"{kind.mass:g}",
+                "faces": " ".join(faces) or "none",
+                "faces_short": f"as type {same}" if repeated else _faces_text(kind.faces),
+                "function": block_functions()[kind.type],
+            }
         )
-        rows.append({**block_row(kind), "faces_short": short})
     return rows
 
 
-def block_row(kind: BlockType) -> dict[str, object]:
-    """One row of the block table: size x, y, z in m, mass in kg, faces as id:direction@x,y,z."""
-    return {
-        "type": kind.type,
-        "name": kind.name,
-        "size": _join(kind.size, "x") if kind.size else "two-ended",
-        "mass": f"{kind.mass:g}",
-        "faces": " ".join(_face_text(face) for face in kind.faces) or "none",
-        "function": block_functions()[kind.type],
-    }
-
-
 def _faces_text(faces: Sequence[Face]) -> str:
-    """Faces by direction, a coordinate that differs listed per id: `Left 1 2 @-0.5,0,0.5/1.5`."""
+    """Faces by direction; coordinates that differ are listed by id: `Left 1 2 @-0.5,0,0.5/1.5`."""
     groups = []
     for direction, group in groupby(faces, key=lambda face: face.direction):
         members = list(group)
@@ -108,10 +125,6 @@ def _faces_text(faces: Sequence[Face]) -> str:
         where = ",".join(axis[0] if len(set(axis)) == 1 else "/".join(axis) for axis in axes)
         groups.append(f"{direction} {' '.join(str(face.id) for face in members)} @{where}")
     return "; ".join(groups) or "none"
-
-
-def _face_text(face: Face) -> str:
-    return f"{face.id}:{face.direction}@{_join(face.position, ',')}"
 
 
 def _join(numbers: Sequence[float], by: str) -> str:

@@ -9,15 +9,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import machine_context, task_context
+from agentflow.agents.context import RoleInput
 from agentflow.agents.meta_designer import ROOT_TYPE, Blueprint, Structure
-from agentflow.agents.replies import (
-    Representation,
-    machine_items,
-    no_machine,
-    read_reply,
-    rejection,
-)
+from agentflow.agents.replies import machine_items, no_machine, read_reply, rejection
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 
@@ -27,10 +21,9 @@ _FENCE = re.compile(r"^[ \t]*```.*?(?:^[ \t]*```[ \t]*$|\Z)", re.MULTILINE | re.
 
 
 @dataclass(frozen=True)
-class DesignerInput:
+class DesignerInput(RoleInput):
     """What to build."""
 
-    brief: Brief
     blueprint: Blueprint | None = None
     structure: str | None = None
     """Name of the blueprint's structure to build; None for the whole machine."""
@@ -38,9 +31,6 @@ class DesignerInput:
     """The machine so far; the design must extend it."""
     last: bool = False
     """Whether this structure completes the machine."""
-    spatial: bool = True
-    """Whether to include 3D information on the machine so far."""
-    representation: Representation = "tree"
     rationale: str = ""
     """A plan from another run that the design should follow."""
 
@@ -76,12 +66,14 @@ class Designer(Role[DesignerInput, Design]):
         """Task, blocks, blueprint, the structure to build and the machine so far."""
         part = given.part
         return {
-            **task_context(given.brief),
-            **machine_context(
-                given.machine, spatial=given.spatial, representation=given.representation
-            ),
+            **given.context(given.machine),
             "blueprint": _outline(given.blueprint, part),
-            "structure": part and _structure_context(part),
+            "structure": part
+            and {
+                "name": part.name,
+                "types": sorted({ROOT_TYPE, *part.types}),
+                "guidance": part.guidance,
+            },
             "last": given.last,
             "rationale": given.rationale,
         }
@@ -119,14 +111,6 @@ def _outline(blueprint: Blueprint | None, part: Structure | None) -> dict[str, A
     return data
 
 
-def _structure_context(part: Structure) -> dict[str, object]:
-    return {
-        "name": part.name,
-        "types": sorted({ROOT_TYPE, *part.types}),
-        "guidance": part.guidance,
-    }
-
-
 def _find_altered_block(machine: Machine, given: DesignerInput) -> tuple[str, str] | None:
     if given.machine is None:
         return None
@@ -134,10 +118,10 @@ def _find_altered_block(machine: Machine, given: DesignerInput) -> tuple[str, st
     for step, old in zip(given.machine, was, strict=True):
         new = machine[step.id] if step.id < len(machine) else None
         if new != step:
-            fate = "left out" if new is None else f"changed to {json.dumps(now[step.id])}"
+            change = "left out" if new is None else f"changed to {json.dumps(now[step.id])}"
             return (
                 "given_altered",
-                f"Block {step.id} of the current machine, {json.dumps(old)}, was {fate}. "
+                f"Block {step.id} of the current machine, {json.dumps(old)}, was {change}. "
                 f"Repeat its {len(given.machine)} steps unchanged and append new ones.",
             )
     if len(machine) == len(given.machine):

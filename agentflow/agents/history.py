@@ -1,4 +1,4 @@
-"""The edit history in a refiner's prompt: earlier edits with verdicts, scores before and after."""
+"""The edit history in a refiner's prompt: earlier edits with verdicts and scores."""
 
 from __future__ import annotations
 

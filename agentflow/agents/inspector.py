@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import machine_context, task_context
+from agentflow.agents.context import RoleInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.orientation import ID_LIST, orientation_score, read_orientation
-from agentflow.agents.replies import Representation, find_sections
+from agentflow.agents.replies import find_sections
 from agentflow.machine.brief import Brief
 from agentflow.machine.description.tree_text import tree_text
 from agentflow.machine.geometry.placement import place
@@ -29,18 +29,13 @@ _NOTHING = frozenset({"", "none", "no defects", "no defect", "no defects found"}
 
 
 @dataclass(frozen=True)
-class InspectorInput:
+class InspectorInput(RoleInput):
     """A machine to inspect."""
 
-    brief: Brief
     machine: Machine
     blueprint: Blueprint | None = None
     groups: Mapping[str, Sequence[int]] = field(default_factory=dict)
     """Structure -> ids of its blocks, if known; the tree is then grouped by structure."""
-    spatial: bool = True
-    """Whether to include 3D information."""
-    representation: Representation = "tree"
-    """How the machine is written."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +76,7 @@ class Inspector(Role[InspectorInput, Inspection]):
     def variables(self, given: InspectorInput) -> Mapping[str, object]:
         """Task, blocks, blueprint, machine, 3D information and tree."""
         return {
-            **task_context(given.brief),
-            **machine_context(
-                given.machine, spatial=given.spatial, representation=given.representation
-            ),
+            **given.context(given.machine),
             "blueprint": given.blueprint and given.blueprint.to_json(),
             "tree": tree_text(given.machine, given.groups or None),
         }

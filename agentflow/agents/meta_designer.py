@@ -50,10 +50,7 @@ class Blueprint:
 
     def find(self, name: str) -> Structure:
         """The structure of this name; raises KeyError if there is none."""
-        for structure in self.structures:
-            if structure.name == name:
-                return structure
-        raise KeyError(name)
+        return {structure.name: structure for structure in self.structures}[name]
 
     def to_json(self) -> dict[str, Any]:
         """The blueprint in the notation that models read and write."""
@@ -141,7 +138,7 @@ class _Refused(Exception):
 
 
 def _object_in(text: str) -> tuple[dict[str, Any] | None, bool]:
-    """The object in a text that looks like a blueprint, else any, and whether it was repaired."""
+    """The first object in a text that looks like a blueprint, else any; whether it was repaired."""
     other: tuple[dict[str, Any] | None, bool] = (None, False)
     for value, repaired in iter_json(text, dict):
         if "machine_structure" in value:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import SAMPLE_REPORT, machine_context, report_context, task_context
-from agentflow.agents.replies import Representation, find_sections
+from agentflow.agents.context import SAMPLE_REPORT, RoleInput, report_context
+from agentflow.agents.replies import find_sections
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.json_text import extract_json
 from agentflow.machine.tree import Machine
@@ -19,19 +19,14 @@ _NOTHING = frozenset({"", "none", "no feedback required", "no queries"})
 
 
 @dataclass(frozen=True)
-class QuerierInput:
+class QuerierInput(RoleInput):
     """A simulated machine."""
 
-    brief: Brief
     machine: Machine
     score: float | None = None
-    """None if the rollout failed through no fault of the machine."""
+    """None if the simulation crashed or timed out."""
     feedback: str = ""
     """The default feedback of the simulation."""
-    spatial: bool = True
-    """Whether to include 3D information."""
-    representation: Representation = "tree"
-    """How the machine is written."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +52,7 @@ class Querier(Role[QuerierInput, Inquiry]):
     def variables(self, given: QuerierInput) -> Mapping[str, object]:
         """Task, machine, 3D information and the report of the simulation."""
         return {
-            **task_context(given.brief),
-            **machine_context(
-                given.machine, spatial=given.spatial, representation=given.representation
-            ),
+            **given.context(given.machine),
             **report_context(given.score, given.feedback),
         }
 

@@ -1,4 +1,4 @@
-"""The refiner: improves a machine, given everything known about it."""
+"""The refiner: improves a machine from everything known about it."""
 
 from __future__ import annotations
 
@@ -7,16 +7,10 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import SAMPLE_REPORT, machine_context, report_context, task_context
+from agentflow.agents.context import SAMPLE_REPORT, RoleInput, report_context
 from agentflow.agents.history import History
 from agentflow.agents.meta_designer import Blueprint
-from agentflow.agents.replies import (
-    Representation,
-    find_sections,
-    no_machine,
-    read_reply,
-    rejection,
-)
+from agentflow.agents.replies import find_sections, no_machine, read_reply, rejection
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.commands import script_lines
 from agentflow.machine.edits.script import StepVerdict, apply_script
@@ -36,10 +30,9 @@ GEOMETRIC = frozenset({"face_occupied", "overlap", "size_limit"})
 
 
 @dataclass(frozen=True)
-class RefinerInput:
+class RefinerInput(RoleInput):
     """A machine and what is known about it; empty fields are left out of the prompt."""
 
-    brief: Brief
     machine: Machine
     blueprint: Blueprint | None = None
     critique: str = ""
@@ -53,10 +46,6 @@ class RefinerInput:
     """Answers to a querier's queries."""
     earlier: tuple[str, ...] = ()
     """Verdicts on earlier replies to the same question."""
-    spatial: bool = True
-    """Whether to include 3D information."""
-    representation: Representation = "tree"
-    """How whole machines are written; edit commands are the same in both."""
     format: Literal["steps", "whole_machine"] = "steps"
     """Whether to ask for edit commands or for a whole machine."""
     images: tuple[str, ...] = ()
@@ -65,15 +54,13 @@ class RefinerInput:
 
 @dataclass(frozen=True)
 class Refinement:
-    """A valid machine that differs from the given one, and the reasoning behind it."""
+    """A valid machine that differs from the given one."""
 
-    thought: str
-    description: str
-    prediction: str
     machine: Machine
+    description: str
+    """The edit in the refiner's words."""
     script: str = ""
     """The edit commands; "" for a whole machine."""
-    steps: tuple[StepVerdict, ...] = ()
 
 
 class Refiner(Role[RefinerInput, Refinement]):
@@ -96,10 +83,7 @@ class Refiner(Role[RefinerInput, Refinement]):
     def variables(self, given: RefinerInput) -> Mapping[str, object]:
         """Everything known about the machine that is not switched off."""
         return {
-            **task_context(given.brief),
-            **machine_context(
-                given.machine, spatial=given.spatial, representation=given.representation
-            ),
+            **given.context(given.machine),
             **report_context(given.score, given.feedback),
             "blueprint": given.blueprint and given.blueprint.to_json(),
             "critique": given.critique,
@@ -133,24 +117,22 @@ def _read_script(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refine
         code = next((step.code for step in outcome.steps if step.code), "bad_format")
         problem = "The script fails; the machine is unchanged:\n" + verdict_text(outcome.steps)
         return Parsed(None, problem, code, spatial=False if code in GEOMETRIC else None)
-    return _check(found, given, outcome.machine, script, outcome.steps, repaired=False)
+    return _check(found, given, outcome.machine, script)
 
 
 def _read_machine(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
     report = read_reply(found[STEPS], given.brief, given.representation)
     if report.machine is None:
         return no_machine(report, f"<{STEPS}>")
-    return _check(found, given, report.machine, "", (), repaired=report.repaired)
+    return _check(found, given, report.machine, repaired=report.repaired)
 
 
 def _check(
     found: Mapping[str, str],
     given: RefinerInput,
     machine: Machine,
-    script: str,
-    steps: tuple[StepVerdict, ...],
-    *,
-    repaired: bool,
+    script: str = "",
+    repaired: bool = False,
 ) -> Parsed[Refinement]:
     report = check(machine, given.brief)
     refused = rejection(machine, report, given.brief, complete=True)
@@ -159,14 +141,7 @@ def _check(
     if refused is not None:
         code, problem = refused
         return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)
-    refinement = Refinement(
-        thought=found.get(THOUGHT, ""),
-        description=found.get(DESCRIPTION, ""),
-        prediction=found.get(PREDICTION, ""),
-        machine=machine,
-        script=script,
-        steps=steps,
-    )
+    refinement = Refinement(machine, found.get(DESCRIPTION, ""), script)
     return Parsed(refinement, repaired=repaired, spatial=report.spatial_valid)
 
 

@@ -25,11 +25,7 @@ ROLES: Registry[type[Role[Any, Any]]] = Registry(
 
 
 def model_roles() -> tuple[str, ...]:
-    """Roles that can have their own model and sampling; the others use the model of one of these.
-
-    Raises:
-        ConfigError: A role from another distribution cannot be loaded.
-    """
+    """Roles that can have their own model and sampling; the others share one of these."""
     return tuple(name for name, role in ROLES.items() if role.model_role in ("", name))
 
 

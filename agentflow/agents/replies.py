@@ -21,7 +21,7 @@ Representation = Literal["tree", "coordinates"]
 REQUIRED_COUNT = "required_count"
 """Code of having more or fewer blocks of a type than the task requires."""
 MAX_PROBLEMS = 8
-"""Most problems listed at once; the first usually cause the others."""
+"""Maximum number of problems listed; the first usually cause the others."""
 _TAG = re.compile(r"<(/?)([^<>\n]{1,80})>")
 
 
@@ -39,14 +39,10 @@ def machine_text(machine: Machine, representation: Representation) -> str:
 def read_reply(
     text: str, brief: Brief, representation: Representation, given: Machine | None = None
 ) -> Report:
-    """Read and check the last machine of a reply; never raises, whatever the text.
+    """Read and check the last machine of a reply or of a section of it; never raises.
 
-    Args:
-        text: the reply or a section of it.
-        brief: the task.
-        representation: how the machine is written.
-        given: a machine that the reply may begin with. Coordinates do not say which block a block
-            is attached to; blocks in the positions of given ones keep the given attachments.
+    The reply may begin with the `given` machine. Coordinates do not say which block a block is
+    attached to, so blocks in the positions of given ones keep the given attachments.
     """
     if representation == "tree":
         return check(read_machine(text, brief.blocks, brief.given), brief)
@@ -83,14 +79,10 @@ def problem_list(problems: Sequence[Problem]) -> str:
 def rejection(
     machine: Machine, report: Report, brief: Brief, *, complete: bool
 ) -> tuple[str, str] | None:
-    """Why a machine cannot be accepted, as (code, problem); None if it can.
+    """Why a file-valid machine cannot be accepted, as (code, problem); None if it can.
 
-    Args:
-        machine: a file-valid machine.
-        report: its validity under the brief.
-        brief: the task.
-        complete: whether it must be task-valid. An incomplete machine must still not have more
-            blocks of a type than the task requires, because later steps cannot remove them.
+    A complete machine must be task-valid. An incomplete one must still not have more blocks of a
+    type than the task requires, because later steps cannot remove them.
     """
     if not report.machine_valid or (complete and not report.task_valid):
         problems = [item for item in report.problems if complete or item.code != REQUIRED_COUNT]
@@ -114,18 +106,11 @@ class _Tag:
 
 
 def find_sections(text: str, names: Iterable[str]) -> dict[str, str]:
-    """Find the named XML-like sections of a reply; never raises, linear in the text's length.
+    """Find the named XML-like sections of a reply: name -> stripped content, if found.
 
     Tags may have any letter case, and spaces, underscores or hyphens between words. An unclosed
     section ends at the next known tag or at the end of the text. If a name is repeated, the last
-    closed section counts, or else the last unclosed one. Text outside sections is ignored.
-
-    Args:
-        text: the whole reply.
-        names: the names to look for, as they should appear in the result.
-
-    Returns:
-        Name -> stripped content, for the names that were found.
+    closed section counts, or else the last unclosed one. Never raises; linear in the text's length.
     """
     known = {_key(name): name for name in names}
     closed: dict[str, str] = {}

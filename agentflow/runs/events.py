@@ -34,12 +34,15 @@ class RunEvent:
     def __init_subclass__(
         cls, kind: str, needs: tuple[str, ...] = (), optional: tuple[str, ...] = ()
     ) -> None:
+        known = cls.kinds.get(kind, cls)
+        if (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+            owner = f"{known.__module__}.{known.__qualname__}"
+            raise ValueError(f"the event kind {kind!r} is already used by {owner}")
         cls.kind, cls.needs, cls.optional = kind, needs, optional
         cls.kinds[kind] = cls
 
     @property
     def label(self) -> str:
-        """The place as text."""
         return str(self.place)
 
     @property
@@ -66,12 +69,15 @@ class FirstAttempt:
     """... and it was accepted."""
 
     def __and__(self, other: FirstAttempt) -> FirstAttempt:
-        """Both, for designs that build on each other."""
+        """How far both got, for designs that build on each other."""
         return FirstAttempt(
             self.parsed and other.parsed,
             self.spatial and other.spatial,
             self.valid and other.valid,
         )
+
+
+FLAWLESS = FirstAttempt(parsed=True, spatial=True, valid=True)
 
 
 @dataclass(frozen=True)
@@ -183,7 +189,7 @@ class CandidateEvent(RunEvent, kind="candidate", needs=("trajectory",)):
 
 @dataclass(frozen=True)
 class StageEvent(RunEvent, kind="stage"):
-    """A stage ended: its row of the stage table; see `workflows.statistics.row`."""
+    """A stage ended: its row of the stage table; see `workflows.statistics.stage_row`."""
 
     name: str
     trajectories: int
@@ -237,7 +243,7 @@ class ExpandEvent(RunEvent, kind="expand", needs=("trajectory", "round")):
     children: tuple[int, ...]
     """Ids of the new nodes."""
     fallback: bool
-    """Whether no attempt was valid and the only child is the parent's machine again."""
+    """Whether no attempt was valid, so the only child has the parent's machine."""
 
     @property
     def valid(self) -> int:
@@ -327,11 +333,7 @@ class DrawingEvent(RunEvent, kind="drawing"):
 
 
 def typed(event: Event) -> RunEvent | Event:
-    """The typed event; the event itself if its kind is unknown.
-
-    Raises:
-        ValueError: The event has a wrong label, or lacks a value or has one of a wrong type.
-    """
+    """The typed event, or the event itself if its kind is unknown; ValueError if it is damaged."""
     known = RunEvent.kinds.get(event.kind)
     if known is None:
         return event
@@ -339,15 +341,21 @@ def typed(event: Event) -> RunEvent | Event:
     for part in known.needs:
         if not place.has(part):
             raise ValueError(f"the label of {event.kind} {event.label!r} has no {part}")
-    return _read({**event.data, "place": place, "at": event.at}, event)
+    from pydantic import ValidationError
+
+    try:
+        read: RunEvent = _adapter(event.kind).validate_python(
+            {**event.data, "place": place, "at": event.at}
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ValueError(f"{event.kind} {event.label}: {where}: {first['msg']}") from None
+    return read
 
 
 def read_typed_events(path: Path) -> Iterator[RunEvent | Event]:
-    """The recorded events in order, one at a time, typed where their kind is known.
-
-    Raises:
-        RunError: An event is damaged; the message has file and line.
-    """
+    """The recorded events in order, one at a time, typed if their kind is known."""
     for event in read_events(path):
         try:
             yield typed(event)
@@ -359,21 +367,9 @@ def _plain(value: Any) -> Any:
     """A value as JSON data."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    return (
-        {key: _plain(item) for key, item in vars(value).items()} if is_dataclass(value) else value
-    )
-
-
-def _read(content: Mapping[str, Any], event: Event) -> RunEvent:
-    from pydantic import ValidationError
-
-    try:
-        read: RunEvent = _adapter(event.kind).validate_python(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(map(str, first["loc"]))
-        raise ValueError(f"{event.kind} {event.label}: {where}: {first['msg']}") from None
-    return read
+    if is_dataclass(value):
+        return {key: _plain(item) for key, item in vars(value).items()}
+    return value
 
 
 @cache

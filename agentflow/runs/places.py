@@ -40,7 +40,7 @@ class Place:
     """
 
     name: str = ""
-    """Stage of an event; role of a call, with its use where it has several."""
+    """Stage of an event; role of a call, and what it is asked for if it has several uses."""
     structure: int = 0
     """This and the other numbers count from 1; 0 is none."""
     trajectory: int = 0
@@ -53,7 +53,7 @@ class Place:
 
     @classmethod
     def parse(cls, label: str) -> Place:
-        """Read a label; whatever is not a numbered part at its end is the name."""
+        """Read a label; everything before the numbered parts at its end is the name."""
         found = _PLACE.fullmatch(label)
         assert found is not None
         numbers = {part: int(found[part]) for part in _PARTS.values() if found[part]}

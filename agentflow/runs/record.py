@@ -1,4 +1,4 @@
-"""What the events of a run add up to, in one pass; metrics, reports and displays all use it."""
+"""Totals of a run's events, for metrics, reports and displays."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RunRecord:
     """Answered model calls."""
     valid_calls: int = 0
     tokens: int = 0
-    """As reported by the endpoint; 0 where it reports none."""
+    """As reported by the endpoint; 0 if it reports none."""
     evaluations: int = 0
     machines: set[str] = field(default_factory=set)
     """Content hashes of the simulated machines."""

@@ -1,4 +1,4 @@
-"""What workflows use and yield: laboratory and record, candidates, stages and results."""
+"""The types that workflows use and return: laboratory, record, candidates, stages, results."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Candidate:
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Structure -> ids of its blocks as built; empty once the machine was edited."""
     edit: EditRecord | None = None
-    """The refinement that made it; its score after is that of the candidate."""
+    """The refinement that made it, without the score after it."""
     search_cost: SearchCost = field(default_factory=SearchCost)
     """Cost of its search; zeros outside the feedback loop."""
 
@@ -120,6 +120,6 @@ class WorkflowResult:
     best_stage: StageName | None
     stages: tuple[Stage, ...]
     stopped: Literal["budget"] | None
-    """What ended it early, if anything."""
+    """Why it ended early, if it did."""
     reason: str
     """Why there is no best machine; empty if there is one."""

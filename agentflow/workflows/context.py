@@ -1,7 +1,4 @@
-"""The context of a workflow: asks roles, simulates machines, records and counts it all.
-
-A spent budget is noticed only here.
-"""
+"""The context of a workflow: asks roles, simulates machines, records and counts everything."""
 
 from __future__ import annotations
 
@@ -69,13 +66,23 @@ class WorkflowContext:
         """Take the arguments of a `Workflow`, and its name."""
         self.brief, self.settings = brief, settings
         self.spent: BudgetSpentError | None = None
-        """Set once the budget has run out; then no further question will be answered."""
+        """Set once the budget has run out; no further question will be answered."""
         self._workflow, self._contexts, self._seed = workflow, contexts, seed
         self._laboratory, self._record = laboratory, record
         self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
         self._stages: list[Stage] = []
         self._counts: dict[str, _Count] = {}
         """By stage name; trajectories may be in different stages at the same time."""
+
+    @property
+    def role_input(self) -> dict[str, Any]:
+        """The fields of `RoleInput`, for the inputs of roles."""
+        settings = self.settings
+        return {
+            "brief": self.brief,
+            "spatial": settings.spatial,
+            "representation": settings.representation,
+        }
 
     def stream(self, name: str) -> random.Random:
         """A random stream for one purpose, derived from the run's seed and the name."""
@@ -97,9 +104,9 @@ class WorkflowContext:
             role: Role to ask.
             given: Its input.
             place: Place of the question; unique in the run.
-            stage: Stage to which the calls are counted.
+            stage: Stage that the calls count for.
             model_role: Role whose model and sampling to use, if not its own.
-            once: Whether to make one attempt only, as searches do.
+            once: Make only one attempt, as searches do.
         """
         own = self._contexts(model_role or role.model_role or role.name)
         count = self._counts[stage]

@@ -1,6 +1,6 @@
-"""The placement workflows: many independent attempts to complete the structure that a task gives.
+"""The placement workflows: independent attempts to complete the structure that a task gives.
 
-No attempt knows of another and none is refined; the result counts how many succeed.
+Nothing is refined; the result counts how many attempts succeed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from dataclasses import replace
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.errors import UsageError
 from agentflow.machine.edits.random import random_machine
-from agentflow.runs.events import FirstAttempt
+from agentflow.runs.events import FLAWLESS
 from agentflow.runs.places import INITIAL, Place
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate, WorkflowResult
@@ -49,7 +49,7 @@ async def random_placement(run: WorkflowContext) -> WorkflowResult:
         except UsageError as error:
             placed.append(Candidate(attempt, reason=str(error)))
         else:
-            placed.append(Candidate(attempt, machine, first=FirstAttempt(True, True, True)))
+            placed.append(Candidate(attempt, machine, first=FLAWLESS))
     run.end_stage(INITIAL, await simulate(run, INITIAL, placed))
     return run.result()
 

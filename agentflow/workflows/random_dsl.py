@@ -6,12 +6,11 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from agentflow.agents.history import EditRecord
 from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.random import random_edit, random_machine
 from agentflow.machine.tree import Machine
-from agentflow.runs.events import EditEvent, FirstAttempt
+from agentflow.runs.events import FLAWLESS, EditEvent, FirstAttempt
 from agentflow.runs.places import BLIND, FEEDBACK, INITIAL, Place
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import SearchCost
@@ -22,7 +21,6 @@ from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.shared import simulate
 from agentflow.workflows.workflow import Workflow
 
-VALID = FirstAttempt(parsed=True, spatial=True, valid=True)
 MAX_REPEATS = 20
 """Attempts to find an edit that leads to a new machine before a climb gives up."""
 
@@ -31,7 +29,7 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     """Random machines, one random edit each, then edits of each trajectory's best machine.
 
     The stages are those of the other workflows. `settings.rollouts` limits the simulations of the
-    whole run; by default every stage has one per trajectory, as published.
+    whole run; by default every stage has one per trajectory, as in the published baseline.
     """
     settings = run.settings
     rngs = {t: run.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
@@ -58,7 +56,7 @@ def _rollouts(settings: WorkflowSettings) -> int:
 
 def _draw(brief: Brief, trajectory: int, rng: random.Random) -> Candidate:
     try:
-        return Candidate(trajectory, random_machine(rng, brief), first=VALID)
+        return Candidate(trajectory, random_machine(rng, brief), first=FLAWLESS)
     except UsageError as error:
         return Candidate(trajectory, reason=str(error))
 
@@ -72,9 +70,8 @@ async def _edit_each(
         assert candidate.machine is not None
         machine = _edit(run, candidate.machine, rngs[candidate.trajectory])
         reason = "" if machine else "no edit is legal"
-        first = VALID if machine else FirstAttempt()
-        edit = EditRecord("a random edit", "Success", before=candidate.score) if machine else None
-        edited.append(Candidate(candidate.trajectory, machine, None, first, reason, edit=edit))
+        first = FLAWLESS if machine else FirstAttempt()
+        edited.append(Candidate(candidate.trajectory, machine, None, first, reason))
     return await simulate(run, BLIND, edited)
 
 
@@ -107,7 +104,7 @@ class _Climber:
     search_cost: SearchCost
 
     def next(self, run: WorkflowContext) -> Machine | None:
-        """A machine one edit away from the best that was not tried yet; None if none is found."""
+        """An untried machine one edit away from the best; None if none is found."""
         assert self.best.machine is not None
         for _ in range(MAX_REPEATS):
             machine = _edit(run, self.best.machine, self.rng)
@@ -155,9 +152,15 @@ async def _step(run: WorkflowContext, climber: _Climber, round_: int) -> bool:
     climber.search_cost.expansions += 1
     climber.search_cost.valid += 1
     if kept:
-        edit = EditRecord("a random edit", "Success", before=old.score, after=evaluation.score)
-        climber.best = Candidate(old.trajectory, machine, evaluation, VALID, edit=edit)
+        climber.best = Candidate(old.trajectory, machine, evaluation, FLAWLESS)
     return True
 
 
-RANDOM_DSL = Workflow("random-dsl", random_dsl, lambda _: {}, _rollouts, asks_models=False)
+RANDOM_DSL = Workflow(
+    "random-dsl",
+    random_dsl,
+    calls=lambda _: {},
+    rollouts=_rollouts,
+    asks_models=False,
+    has_rollout_limit=True,
+)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from agentflow.errors import UsageError
 from agentflow.registry import Registry, instance_of
 
 if TYPE_CHECKING:
+    from agentflow.machine.brief import Brief
     from agentflow.workflows.workflow import Workflow
 
 WORKFLOWS: Registry[Workflow] = Registry(
@@ -22,3 +24,12 @@ WORKFLOWS: Registry[Workflow] = Registry(
     },
     instance_of("agentflow.workflows.workflow:Workflow"),
 )
+
+
+def check_fit(name: str, brief: Brief) -> None:
+    """Raise UnknownNameError or UsageError unless a workflow exists and fits a task."""
+    if not WORKFLOWS[name].fits(brief):
+        fitting = [item for item, workflow in WORKFLOWS.items() if workflow.fits(brief)]
+        raise UsageError(
+            f"the workflow {name} does not fit {brief.name}; use --workflow {' or '.join(fitting)}"
+        )

@@ -31,7 +31,7 @@ async def single(run: WorkflowContext) -> WorkflowResult:
 
 
 def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
-    """Without a querier, and with the strategy `random`, which is a plain chain."""
+    """Without a querier, and with the strategy `random`, which refines the last machine."""
     chain = settings.search.model_copy(update={"strategy": "random"})
     return settings.model_copy(update={"querier": False, "search": chain})
 

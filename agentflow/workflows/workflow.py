@@ -1,15 +1,13 @@
-"""Workflows: what one is, which tasks it fits, and what it will probably cost."""
+"""The type of workflows: their stages, the tasks they fit, and their expected cost."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 
-from agentflow.errors import UsageError
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.workflows.base import AskContexts, Laboratory, Record, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
-from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
 
 
@@ -25,22 +23,24 @@ def completes_machines(brief: Brief) -> bool:
 
 @dataclass(frozen=True)
 class Workflow:
-    """A way from a brief to a machine, to be registered in `workflows.registry.WORKFLOWS`."""
+    """A way to get from a brief to a machine, registered in `workflows.registry.WORKFLOWS`."""
 
     name: str
     stages: Callable[[WorkflowContext], Awaitable[WorkflowResult]]
-    """Runs its stages, one after the other, and returns `run.result()`."""
+    """Runs its stages one after the other and returns `run.result()`."""
     calls: Callable[[WorkflowSettings], Mapping[str, int]]
     """Role -> calls of a run in which every first attempt is valid, for cost estimates."""
     rollouts: Callable[[WorkflowSettings], int]
-    """Simulations of such a run if no two machines are equal."""
+    """Simulations of such a run if no two of its machines are equal."""
     fits: Callable[[Brief], bool] = designs_machines
-    """Whether it is meant for a task."""
+    """Whether it can be used for a task."""
     adapt: Callable[[WorkflowSettings], WorkflowSettings] = lambda settings: settings
-    """The settings that it uses, from those of the configuration."""
+    """Turns the configured settings into those that it uses."""
     asks_models: bool = True
+    has_rollout_limit: bool = False
+    """Whether `settings.rollouts` limits its simulations."""
     counts_passes: bool = False
-    """Whether its attempts are independent, so that the result counts those that pass."""
+    """Whether its attempts are independent and the result counts those that pass."""
 
     async def __call__(
         self,
@@ -56,35 +56,11 @@ class Workflow:
         Args:
             brief: The task as designers see it.
             contexts: Client, prompts and sampling of each role.
-            laboratory: Simulates machines at the task.
-            settings: The switches.
+            laboratory: Simulates machines for the task.
+            settings: As configured.
             record: Receives every event.
-            seed: Of the workflow's own random choices, each from a stream named after it.
-
-        Raises:
-            EndpointError: The endpoint cannot be used; the run can be resumed later.
-            ReplayMissError: A request was not recorded, and the client only replays.
+            seed: Random seed of the workflow's own choices.
         """
         used = self.adapt(settings)
         run = WorkflowContext(self.name, brief, contexts, laboratory, used, record, seed)
         return await self.stages(run)
-
-
-def check_fit(name: str, brief: Brief) -> None:
-    """Refuse a workflow that is not meant for a task.
-
-    Raises:
-        UnknownNameError: There is no such workflow.
-        UsageError: It does not fit; names those that do.
-    """
-    if WORKFLOWS[name].fits(brief):
-        return
-    fitting = [item for item, workflow in WORKFLOWS.items() if workflow.fits(brief)]
-    if designs_machines(brief):
-        raise UsageError(
-            f"{brief.name} gives nothing to complete; use --workflow {', '.join(fitting)}"
-        )
-    raise UsageError(
-        f"{brief.name} has no {name} workflow: nothing is refined there, cogs are placed again "
-        f"and again; use --workflow {' or '.join(fitting)}"
-    )

@@ -74,6 +74,16 @@ def _made(cls: Any, chance: random.Random) -> Any:
     return made
 
 
+def test_a_kind_cannot_be_declared_twice() -> None:
+    owner = r"'edit' is already used by agentflow\.runs\.events\.EditEvent"
+    with pytest.raises(ValueError, match=owner):
+
+        class Edit(RunEvent, kind="edit"):
+            """An event of a plugin."""
+
+    assert RunEvent.kinds["edit"].__module__ == "agentflow.runs.events"
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_written_is_read(kind: str, tmp_path: Path) -> None:
     chance = random.Random(kind)

@@ -26,10 +26,9 @@ from agentflow.workflows.base import (
     Stage,
     WorkflowResult,
 )
-from agentflow.workflows.registry import WORKFLOWS
+from agentflow.workflows.registry import WORKFLOWS, check_fit
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.statistics import count_passes
-from agentflow.workflows.workflow import check_fit
 
 TASK = get_task("gearing")
 BRIEF = TASK.brief
@@ -156,8 +155,8 @@ def test_only_what_fits_is_accepted() -> None:
     with pytest.raises(UsageError) as caught:
         check_fit("hierarchical", BRIEF)
     assert str(caught.value) == (
-        "gearing has no hierarchical workflow: nothing is refined there, cogs are placed again and "
-        "again; use --workflow placement or random-placement"
+        "the workflow hierarchical does not fit gearing; use --workflow placement or "
+        "random-placement"
     )
-    with pytest.raises(UsageError, match=r"^throwing gives nothing to complete; use --workflow "):
+    with pytest.raises(UsageError, match=r"^the workflow random-placement does not fit throwing; "):
         check_fit("random-placement", get_task("throwing").brief)

@@ -23,8 +23,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
 from agentflow.prompts.render import PromptSet
 from agentflow.search.registry import STRATEGIES
-from agentflow.workflows.registry import WORKFLOWS
-from agentflow.workflows.workflow import check_fit
+from agentflow.workflows.registry import WORKFLOWS, check_fit
 
 
 @dataclass(frozen=True)

@@ -86,9 +86,9 @@ def design(
             result = run.resume(resume, run_options)
         else:
             built = load_config(config, settings or (), options)
-            if rollouts is not None and built.workflow != "random-dsl":
+            if rollouts is not None and not WORKFLOWS[built.workflow].has_rollout_limit:
                 raise UsageError(
-                    "--rollouts works only with --workflow random-dsl; for other workflows use "
+                    f"--rollouts does not work with --workflow {built.workflow}; use "
                     "--set search.rounds=N and --set trajectories=N"
                 )
             result = run.design(built, out, run_options)

@@ -9,14 +9,18 @@ from dataclasses import dataclass, field, replace
 from agentflow.agents.designer import Designer, DesignerInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.machine.tree import Machine
-from agentflow.runs.events import BeamEvent, ConstructionEndEvent, FirstAttempt, RefillEvent
+from agentflow.runs.events import (
+    FLAWLESS,
+    BeamEvent,
+    ConstructionEndEvent,
+    FirstAttempt,
+    RefillEvent,
+)
 from agentflow.runs.places import INITIAL, Place
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.shared import failure_reason, first_attempt_of
-
-FLAWLESS = FirstAttempt(parsed=True, spatial=True, valid=True)
 
 
 @dataclass(frozen=True)
@@ -89,13 +93,11 @@ async def _build_structure(
     """Ask `candidates` designers for a structure on a machine; take the first valid design."""
     structure = blueprint.structures[number - 1]
     given = DesignerInput(
-        brief=run.brief,
+        **run.role_input,
         blueprint=blueprint,
         structure=structure.name,
         machine=slot.machine,
         last=number == len(blueprint.structures),
-        spatial=run.settings.spatial,
-        representation=run.settings.representation,
         rationale=run.settings.rationale(place),
     )
 

@@ -1,6 +1,6 @@
-"""The feedback loop: a search per trajectory, whose nodes are machines with feedback.
+"""The feedback loop: one search per trajectory, whose nodes are machines with feedback.
 
-Feedback comes from the simulation and from one querier-refiner interaction per node.
+Feedback is the simulation's report and the answers to one querier per node.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from agentflow.workflows.stages.shared import edit_record, failure_reason, first
 
 @dataclass(frozen=True)
 class Version:
-    """A machine in a search and how it came about; versions of the same machine are equal."""
+    """A machine in a search and how it was made; versions of the same machine are equal."""
 
     machine: Machine
     edit: EditRecord | None = field(default=None, compare=False)
@@ -41,13 +41,9 @@ class Version:
 async def feedback_loop(
     run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None, *, model_role: str = ""
 ) -> Candidate:
-    """Search from a trajectory's machine; returns the best machine of the tree.
+    """Search from a trajectory's valid machine; returns the best machine of the tree.
 
-    Args:
-        run: The run.
-        candidate: A valid, simulated machine.
-        blueprint: The blueprint that it was built to.
-        model_role: Role whose model and sampling refine, if not the refiner's own.
+    `model_role` is the role whose model and sampling refine, if not the refiner's own.
     """
     numbers = run.settings.search
     assert candidate.machine is not None
@@ -72,7 +68,6 @@ class Trajectory:
     def __init__(
         self, run: WorkflowContext, number: int, blueprint: Blueprint | None, model_role: str
     ) -> None:
-        """For the trajectory with this number, refined by that role's model."""
         self.first = FirstAttempt()
         """How far the first attempt of the search got."""
         self._run, self._blueprint, self._model_role = run, blueprint, model_role
@@ -97,11 +92,7 @@ class Trajectory:
     async def expand(
         self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
     ) -> list[Attempt[Version]]:
-        """Run one wave of refiners on a node; they are told the results of earlier waves.
-
-        Raises:
-            BudgetSpentError: The budget ran out before any of them answered.
-        """
+        """Run one wave of refiners on a node; they are told the results of earlier waves."""
         self._scores[node.candidate.machine] = node.evaluation.score
         if not earlier:
             self._history = self._history_of(node)
@@ -134,13 +125,13 @@ class Trajectory:
         return Attempt(label, version, edit.script)
 
     def _place(self, name: str, label: str) -> Place:
-        """A place of this trajectory, from the search's own label."""
+        """The place in this trajectory of a label of the search."""
         return replace(Place.parse(label), name=name, trajectory=self._number)
 
     def _given(self, node: Node[Version], earlier: Sequence[Attempt[Version]]) -> RefinerInput:
         settings = self._run.settings
         return RefinerInput(
-            brief=self._run.brief,
+            **self._run.role_input,
             machine=node.candidate.machine,
             blueprint=self._blueprint,
             history=self._history if settings.history else History(),
@@ -148,9 +139,7 @@ class Trajectory:
             feedback="" if settings.feedback == "score_only" else _feedback(node),
             queried=self._queried.get(node.id, ""),
             earlier=tuple(_verdict(attempt) for attempt in earlier),
-            spatial=settings.spatial,
             format=settings.refinement,
-            representation=settings.representation,
             images=self._views,
         )
 
@@ -173,12 +162,10 @@ class Trajectory:
         """Ask the querier about a node; "" if there is no valid reply or no query in it."""
         run, machine = self._run, node.candidate.machine
         given = QuerierInput(
-            brief=run.brief,
+            **run.role_input,
             machine=machine,
             score=node.evaluation.score,
             feedback=_feedback(node),
-            spatial=run.settings.spatial,
-            representation=run.settings.representation,
         )
         place = Place(Querier.name, trajectory=self._number, node=node.id)
         outcome = await run.ask(Querier(), given, place, stage=FEEDBACK)
@@ -188,7 +175,7 @@ class Trajectory:
 
 
 def _verdict(attempt: Attempt[Version]) -> str:
-    """What later attempts of the same expansion are told about this one."""
+    """The result of an attempt, as later attempts of the same expansion are told."""
     if attempt.candidate is None:
         return attempt.note
     return f"{attempt.note}\n(accepted: make another change than this one)"

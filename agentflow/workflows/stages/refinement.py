@@ -1,4 +1,4 @@
-"""What follows the first machines in the iterative and hierarchical workflows."""
+"""The stages after the first machines in the iterative and hierarchical workflows."""
 
 from __future__ import annotations
 
@@ -17,15 +17,10 @@ from agentflow.workflows.stages.shared import refine_blindly, simulate
 async def refine(
     run: WorkflowContext, designed: Sequence[Candidate], blueprint: Blueprint | None
 ) -> WorkflowResult:
-    """Inspector and blind refinement, then the feedback loop.
+    """Simulate the designed machines, refine each blindly, then run the feedback loop on it.
 
     Trajectories do not wait for each other: one may search while the first machine of another is
     being simulated. What a trajectory does depends only on its own answers and on the budget.
-
-    Args:
-        run: The run, in its first stage.
-        designed: The machines of that stage, not simulated yet.
-        blueprint: The blueprint that the machines were built to.
     """
     over = run.spent is not None
     initial: list[Candidate] = []
@@ -64,12 +59,7 @@ async def refine(
 
 
 def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
-    """Role -> calls of a run that designs and refines, if every first attempt is valid.
-
-    Args:
-        settings: The switches.
-        designs: Designer calls per trajectory.
-    """
+    """Role -> calls of a run with so many designer calls per trajectory, without retries."""
     many, search = settings.trajectories, settings.search
     return {
         "designer": many * designs,

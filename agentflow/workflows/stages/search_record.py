@@ -20,14 +20,12 @@ from agentflow.workflows.context import WorkflowContext
 
 
 class SearchRecorder:
-    """An observer that records the search of one trajectory."""
+    """An observer that records the search at one place: a stage and a trajectory."""
 
     def __init__(self, run: WorkflowContext, place: Place) -> None:
-        """Record to a run; `place` is the search's stage and trajectory."""
         self._run, self._place = run, place
 
     def __call__(self, event: SearchEvent) -> None:
-        """Record one event."""
         round_ = replace(self._place, round=event.round)
         if isinstance(event, Selected):
             self._run.note(SelectEvent(round_, event.path))
@@ -36,8 +34,8 @@ class SearchRecorder:
                 ExpandAttempt(item.label, item.candidate is not None, item.note)
                 for item in event.attempts
             )
-            found = ExpandEvent(round_, event.node, attempts, event.children, event.fallback)
-            self._run.note(found)
+            expand = ExpandEvent(round_, event.node, attempts, event.children, event.fallback)
+            self._run.note(expand)
         elif isinstance(event, Simulated):
             node, evaluation = event.node, event.node.evaluation
             made = (event.round, node.parent or 0, node.label, node.candidate.machine.digest)

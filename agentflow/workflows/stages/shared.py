@@ -23,7 +23,7 @@ UNANSWERED = "the budget ran out before an answer"
 
 
 def first_attempt_of(outcome: RoleOutcome[Any] | None) -> FirstAttempt:
-    """How far the first attempt of a question got."""
+    """How far the first attempt at a question got."""
     if outcome is None or not outcome.attempts:
         return FirstAttempt()
     parsed = outcome.attempts[0].parsed
@@ -31,14 +31,14 @@ def first_attempt_of(outcome: RoleOutcome[Any] | None) -> FirstAttempt:
 
 
 def failure_reason(outcome: RoleOutcome[Any] | None) -> str:
-    """Why a question gave no output: the problem of its last attempt."""
+    """Why a question has no valid answer: the problem of its last attempt."""
     if outcome is None:
         return UNANSWERED
     return outcome.attempts[-1].parsed.problem if outcome.attempts else "no attempt was allowed"
 
 
 def candidate_of(trajectory: int, outcome: RoleOutcome[Any] | None) -> Candidate:
-    """The machine that a question gave, not simulated yet, or why there is none."""
+    """The machine in the answer, not simulated yet, or why there is none."""
     first = first_attempt_of(outcome)
     if outcome is None or outcome.output is None:
         return Candidate(trajectory, first=first, reason=failure_reason(outcome))
@@ -49,12 +49,7 @@ async def design_machines(run: WorkflowContext) -> list[Candidate]:
     """Ask one designer per trajectory for a whole machine; nothing is simulated yet."""
 
     async def design(trajectory: int) -> Candidate:
-        given = DesignerInput(
-            run.brief,
-            spatial=run.settings.spatial,
-            representation=run.settings.representation,
-            rationale=run.settings.rationale(trajectory),
-        )
+        given = DesignerInput(**run.role_input, rationale=run.settings.rationale(trajectory))
         place = Place(Designer.name, trajectory=trajectory)
         return candidate_of(trajectory, await run.ask(Designer(), given, place, stage=INITIAL))
 
@@ -86,18 +81,16 @@ async def refine_blindly(
 ) -> Candidate:
     """Criticise a machine, refine it once without feedback from a simulation, simulate it.
 
-    A trajectory whose refiner gives nothing valid within its retries ends here.
+    A trajectory ends here if its refiner gives no valid machine within its retries.
     """
     critique = await _critique(run, candidate, blueprint)
     assert candidate.machine is not None
     given = RefinerInput(
-        brief=run.brief,
+        **run.role_input,
         machine=candidate.machine,
         blueprint=blueprint,
         critique=critique,
-        spatial=run.settings.spatial,
         format=run.settings.refinement,
-        representation=run.settings.representation,
         images=await run.views(candidate.machine),
     )
     place = Place("refiner/blind", trajectory=candidate.trajectory)
@@ -119,12 +112,10 @@ async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Bluep
     if not run.settings.inspector or candidate.machine is None:
         return ""
     given = InspectorInput(
-        run.brief,
-        candidate.machine,
-        blueprint,
+        **run.role_input,
+        machine=candidate.machine,
+        blueprint=blueprint,
         groups=candidate.groups,
-        spatial=run.settings.spatial,
-        representation=run.settings.representation,
     )
     place = Place(Inspector.name, trajectory=candidate.trajectory)
     outcome = await run.ask(Inspector(), given, place, stage=BLIND)

@@ -13,9 +13,8 @@ from agentflow.errors import UsageError
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.validity import check
-from agentflow.workflows.registry import WORKFLOWS
+from agentflow.workflows.registry import WORKFLOWS, check_fit
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.workflow import check_fit
 from tests.llm.procedural.asking import PROMPTS, brief_of
 from tests.workflows.world import Notes, Shelf
 
