@@ -52,10 +52,12 @@ def test_faces_are_numbered_row_by_row_from_the_corner() -> None:
 def test_nothing_can_be_attached_over_a_hole() -> None:
     x, z = PIERCED.hole_centres[0]
     assert len(PIERCED.hole_centres) == 12
-    assert len(PIERCED.closed_faces) == 12 * 25
-    assert not PIERCED.has_face(x + HOLE / 2, z)
-    assert PIERCED.has_face(x + HOLE / 2 + 0.5, z)
-    closed = min(PIERCED.closed_faces)
+    assert len(library()[PIERCED.type].closed) == 12 * 25
+    with pytest.raises(ConfigError, match=r"is over a hole of the plate$"):
+        PIERCED.face(x + HOLE / 2, z)
+    beside = PIERCED.face(x + HOLE / 2 + 0.5, z)
+    assert beside in library()[PIERCED.type].open_faces
+    closed = min(library()[PIERCED.type].closed)
     report = check(Machine((Step(0, PIERCED.type, -1, -1), Step(1, 15, 0, closed))))
     assert [problem.message for problem in report.problems] == [
         f"block 1: face {closed} of block 0 (Plate) is over a hole; nothing can be attached to it"
@@ -113,7 +115,7 @@ def test_overlaps_on_a_plate_are_reported_briefly() -> None:
 def test_at_most_24_free_faces_are_listed(free: int, end: str) -> None:
     tiny = Plate(5, 1)
     brief = replace(BRIEF, given=Machine((Step(0, tiny.type, -1, -1),)))
-    faces = [face for face in range(tiny.row_length**2) if face not in tiny.closed_faces]
+    faces = library()[tiny.type].open_faces
     cogs = (Step(i, 38, 0, face) for i, face in enumerate(faces[free:], start=1))
     problem = check(Machine((*brief.given, *cogs)), brief).problems[0]
     told = problem.message.partition("free faces of block 0: ")[2]

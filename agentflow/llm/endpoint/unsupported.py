@@ -97,7 +97,9 @@ def _format_type(form: object) -> str:
 def _unsupported_parameter(response: ErrorResponse, sent: Mapping[str, object]) -> str | None:
     if response.status not in _STATUSES:
         return None
-    named = [name for name in _OPTIONAL if name in sent and _is_named(name, response)]
+    field = response.param.split(".")[0]
+    optional = [name for name in _OPTIONAL if name in sent]
+    named = [name for name in optional if name == field or _position(name, response.message) >= 0]
     if "response_format" in named:
         return "response_format"  # for any message: the request also works without it
     words = f"{response.message} {response.code}".replace("_", " ")
@@ -105,14 +107,9 @@ def _unsupported_parameter(response: ErrorResponse, sent: Mapping[str, object]) 
         return None
     if "top_p" in named and "temperature" in named and _EITHER_OR.search(response.message):
         return "top_p"
-    field = response.param.split(".")[0]
     if field in named:
         return field
     return min(named, key=lambda name: _position(name, response.message))
-
-
-def _is_named(name: str, response: ErrorResponse) -> bool:
-    return response.param.split(".")[0] == name or _position(name, response.message) >= 0
 
 
 def _position(name: str, message: str) -> int:

@@ -9,6 +9,7 @@ import random
 import re
 from collections.abc import Mapping, Sequence
 
+from agentflow.errors import ConfigError
 from agentflow.llm.procedural.reading import Prompt
 from agentflow.machine import Geometry, Machine, Step, library, place
 from agentflow.machine.blocks.plates import plate_of
@@ -65,9 +66,11 @@ def _try_chain(
 def _add_cog(machine: Machine, wanted: Mapping[int, int], kind: int, x: float, z: float) -> Machine:
     """Add a cog unless it lacks a face or room, locks the gears or turns a target wrongly."""
     plate = plate_of(machine[0].type)
-    if plate is None or not plate.has_face(x, z):
+    assert plate is not None
+    try:
+        longer = Machine((*machine, Step(len(machine), kind, 0, plate.face(x, z))))
+    except ConfigError:
         return machine
-    longer = Machine((*machine, Step(len(machine), kind, 0, plate.face(x, z))))
     geometry = place(longer)
     speeds = _cog_speeds(geometry)
     right = all(speeds[i] * sense > 0 for i, sense in wanted.items() if i in speeds)

@@ -84,18 +84,17 @@ class ReplayClient:
 def _explain_miss(tape: Tape, model: str, request: Request) -> str:
     """The nearest recorded request and the first field that differs."""
     requested = _fields(model, request)
-    nearest: RecordedCall | None = None
-    best = (False, -1.0, -1)
-    for call in tape.calls():
+
+    def likeness(call: RecordedCall) -> tuple[bool, float, int]:
         known = _fields(call.model, call.request)
         label, role = call.request.label, call.request.role
-        rank = (
+        return (
             label == request.label,
             (role == request.role) + SequenceMatcher(None, label, request.label).ratio(),
             sum(known.get(name) == value for name, value in requested.items()),
         )
-        if rank > best:
-            best, nearest = rank, call
+
+    nearest = max(tape.calls(), key=likeness, default=None)
     miss = f"{tape.path} does not hold the call {request.label!r}"
     if nearest is None:
         return f"{miss}; it holds no calls"

@@ -53,22 +53,13 @@ class Plate:
         Raises:
             ConfigError: The place is off the plate or over a hole.
         """
-        column, line = self._grid(x, z)
+        column, line = (round(part / GRID) + self.row_length // 2 for part in (x, z))
         if not (0 <= column < self.row_length and 0 <= line < self.row_length):
             raise ConfigError(f"x = {x:g}, z = {z:g} m is not on a plate {self.size} m wide")
         face = line * self.row_length + column
-        if face in self.closed_faces:
-            raise ConfigError(f"x = {x:g}, z = {z:g} m lies over a hole of the plate")
+        if face in plate_type(self.type).closed:
+            raise ConfigError(f"x = {x:g}, z = {z:g} m is over a hole of the plate")
         return face
-
-    def has_face(self, x: float, z: float) -> bool:
-        """Whether a block can be attached at x and z, m from the plate's middle."""
-        column, line = self._grid(x, z)
-        inside = 0 <= column < self.row_length and 0 <= line < self.row_length
-        return inside and line * self.row_length + column not in self.closed_faces
-
-    def _grid(self, x: float, z: float) -> tuple[int, int]:
-        return round(x / GRID) + self.row_length // 2, round(z / GRID) + self.row_length // 2
 
     def face_position(self, face: int) -> tuple[float, float]:
         """x and z of a face, m from the plate's middle."""
@@ -89,11 +80,6 @@ class Plate:
             if all(max(abs(x - u), abs(z - v)) > 6 for u, v in centres):
                 centres.append((x, z))
         return tuple((x * GRID, z * GRID) for x, z in sorted(centres))
-
-    @property
-    def closed_faces(self) -> frozenset[int]:
-        """Faces that lie within a hole or on its rim."""
-        return plate_type(self.type).closed
 
     def block_type(self) -> BlockType:
         """The plate as a block type."""

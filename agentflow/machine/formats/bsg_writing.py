@@ -33,14 +33,10 @@ def to_bsg(machine: Machine) -> str:
     _vector(world, "Rotation", FACINGS["z+"].quaternion)
     blocks = SubElement(root, "Blocks")
     for placed in geometry.blocks:
-        _write_block(blocks, placed, _guid(machine, placed.id))
+        digest = hashlib.sha256(f"{machine.digest}/{placed.id}".encode()).digest()
+        _write_block(blocks, placed, str(uuid.UUID(bytes=digest[:16], version=4)))
     indent(root)
     return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(root, "unicode") + "\n"
-
-
-def _guid(machine: Machine, block_id: int) -> str:
-    digest = hashlib.sha256(f"{machine.digest}/{block_id}".encode()).digest()
-    return str(uuid.UUID(bytes=digest[:16], version=4))
 
 
 def _write_block(blocks: Element, placed: Placed, guid: str) -> None:
@@ -50,7 +46,10 @@ def _write_block(blocks: Element, placed: Placed, guid: str) -> None:
     _vector(transform, "Rotation", placed.quaternion)
     _vector(transform, "Scale", (1.0, 1.0, 1.0))
     data = SubElement(block, "Data")
-    for tag, key, value in _settings(placed):
+    block_type = library()[placed.type]
+    flipped = block_type.powered_wheel and placed.facing == "x-"
+    settings = (*block_type.bsg, ("Boolean", "flipped", "True")) if flipped else block_type.bsg
+    for tag, key, value in settings:
         entry = SubElement(data, tag, key=key)
         (SubElement(entry, "String") if tag == "StringArray" else entry).text = value
     if placed.far is not None:
@@ -60,13 +59,6 @@ def _write_block(blocks: Element, placed: Placed, guid: str) -> None:
             entry = SubElement(data, "Vector3", key=key)
             for name, part in zip("XYZ", vector, strict=True):
                 SubElement(entry, name).text = f"{part:.9g}"
-
-
-def _settings(placed: Placed) -> list[tuple[str, str, str]]:
-    """Tag, key and value of a block's settings in the game."""
-    block = library()[placed.type]
-    flipped = block.powered_wheel and placed.facing == "x-"
-    return [*block.bsg, *([("Boolean", "flipped", "True")] if flipped else [])]
 
 
 def _vector(parent: Element, tag: str, values: Iterable[float]) -> None:

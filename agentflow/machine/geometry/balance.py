@@ -1,6 +1,6 @@
 """Mass, centre of mass and support polygon of a machine at rest on flat ground.
 
-Exact: masses are whole multiples of 0.05 kg, centres of 0.025 m.
+Exact, because masses are whole multiples of 0.05 kg and centres of 0.025 m.
 """
 
 from __future__ import annotations

@@ -16,9 +16,14 @@ Bond = tuple[Piece, Piece]
 def locked_joints(geometry: Geometry) -> list[Problem]:
     """One warning (`locked`) for each block of a file-valid machine whose joint cannot move."""
     groups = _Groups()
-    joints = dict(_joints(geometry))
-    for bond in _rigid_bonds(geometry):
-        groups.join(bond)
+    joints: dict[int, Bond] = {}
+    for placed in geometry.blocks[1:]:
+        bond = (placed.step.parent, 0), (placed.id, 0)
+        joint = library()[placed.type].joint
+        if joint.moves:
+            joints[placed.id] = bond
+        elif joint.kind == "fixed":
+            groups.join(bond)
     found = []
     for bridge, holder in _extra_bonds(geometry):
         groups.join(bridge)
@@ -29,22 +34,8 @@ def locked_joints(geometry: Geometry) -> list[Problem]:
     return sorted(found, key=lambda problem: problem.blocks)
 
 
-def _joints(geometry: Geometry) -> Iterator[tuple[int, Bond]]:
-    """Each block with a moving joint, and the pieces that the joint connects."""
-    for placed in geometry.blocks:
-        if placed.step.parent >= 0 and library()[placed.type].joint.moves:
-            yield placed.id, ((placed.step.parent, 0), (placed.id, 0))
-
-
-def _rigid_bonds(geometry: Geometry) -> Iterator[Bond]:
-    """Rigid connections of blocks to their parents, including first ends of two-ended blocks."""
-    for placed in geometry.blocks:
-        if placed.step.parent >= 0 and library()[placed.type].joint.kind == "fixed":
-            yield (placed.step.parent, 0), (placed.id, 0)
-
-
 def _extra_bonds(geometry: Geometry) -> Iterator[tuple[Bond, int]]:
-    """All other rigid connections, each with the block that makes it (last in the bond)."""
+    """Rigid connections other than to parents, each with the block that makes it (last)."""
     for placed in geometry.blocks:
         if placed.two_ended:
             yield ((placed.step.parents[1], 0), (placed.id, 1)), placed.id

@@ -1,6 +1,6 @@
 """Place the blocks of a construction tree: poses, boxes, free faces and closed loops.
 
-Exact: all arithmetic is on integers, in units of 0.05 m.
+All arithmetic is exact, on integers in units of 0.05 m.
 """
 
 from __future__ import annotations

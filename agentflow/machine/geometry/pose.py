@@ -1,6 +1,6 @@
 """Poses of single blocks: the six orientations, oriented block types, placed blocks.
 
-Exact: all arithmetic is on integers, in units of 0.05 m.
+All arithmetic is exact, on integers in units of 0.05 m.
 """
 
 from __future__ import annotations
@@ -120,14 +120,6 @@ class PlacedFace(NamedTuple):
     position: Vec3
     facing: str
     """Outward normal, and the facing of a block attached here."""
-
-    def to_json(self) -> dict[str, object]:
-        """The face as JSON data."""
-        return {
-            "face_id": self.face_id,
-            "position": list(self.position),
-            "facing": self.facing,
-        }
 
 
 class Placed(NamedTuple):
@@ -255,7 +247,7 @@ class Placed(NamedTuple):
             "quaternion": list(self.quaternion),
             "box_min": list(self.box_min),
             "box_max": list(self.box_max),
-            "faces": [face.to_json() for face in self.faces],
+            "faces": [{**face._asdict(), "position": list(face.position)} for face in self.faces],
         }
 
 
