@@ -1,11 +1,12 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import agentflow.machine.blocks
 from agentflow.errors import UnknownNameError
-from agentflow.machine.blocks.library import library, load_library
+from agentflow.machine.blocks.library import Library, library, load_library
 from agentflow.machine.blocks.types import Blade, Face, JointType
 
 DOCUMENT = json.loads(
@@ -78,3 +79,13 @@ def test_a_wrong_entry_is_refused(change: dict[str, object], message: str) -> No
 def test_a_type_defined_twice_is_refused() -> None:
     with pytest.raises(ValueError, match="block type 0 is defined twice"):
         load_library({**DOCUMENT, "blocks": DOCUMENT["blocks"][:1] * 2})
+
+
+def test_the_digest_covers_physics_and_no_texts() -> None:
+    wheel = library()[2]
+    changes = {"mass": 9.0, "name": "Rim", "color": (0.0, 0.0, 0.0), "motor_name": "rims"}
+    found = {
+        name: Library({**library(), 2: replace(wheel, **{name: value})}).digest
+        for name, value in changes.items()
+    }
+    assert [name for name in changes if found[name] != library().digest] == ["mass"]

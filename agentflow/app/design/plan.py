@@ -21,6 +21,7 @@ from agentflow.env.physics.engines import default_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
+from agentflow.machine.blocks.library import library
 from agentflow.prompts.render import PromptSet
 from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.registry import WORKFLOWS, check_fit
@@ -65,19 +66,16 @@ class RunPlan:
             "prompts": self.prompts.digest,
             "demands": hashlib.sha256(repr(self.task.brief).encode()).hexdigest()[:16],
             "constants": constants().digest,
+            "blocks": library().digest,
             "engine": self.engine,
         }
 
     def changes_since(self, document: Mapping[str, Any]) -> str:
-        """Which conditions differ from those in a run.yaml, in words; "" if none does.
-
-        An engine that was not recorded is not a difference; see `engine_note`.
-        """
-        recorded = {"engine": self.engine, **document}
+        """Which recorded conditions of a run.yaml differ now, in words; "" if none does."""
         return " and ".join(
-            f"engine ({engine_change(recorded[name], now)})" if name == "engine" else name
+            f"engine ({engine_change(document[name], now)})" if name == "engine" else name
             for name, now in self.conditions.items()
-            if recorded.get(name) != now
+            if document.get(name, now) != now
         )
 
     def engine_note(self, document: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
 from agentflow.errors import RunError, UsageError
 from agentflow.files import write_atomically
+from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 
@@ -31,6 +32,7 @@ def _setting(task: Task, seed: int) -> str:
     setting = {
         "agentflow": __version__,
         "constants": constants().digest,
+        "blocks": library().digest,
         "engine": str(default_engine().identity),
         "family": task.family,
         "parameters": task.parameters.model_dump(mode="json"),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache
+from dataclasses import replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, get_args
 
@@ -46,6 +48,13 @@ class Library(Mapping[int, BlockType]):
             key for key, block in self._types.items() if block.shape == "container"
         )
         """Type ids of blocks that may overlap with the blocks that they hold."""
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of everything that affects geometry and physics, 16 hex digits; no texts or colours."""
+        texts: Any = {"name": "", "color": (), "motor_name": None, "schedule_text": None, "bsg": ()}
+        content = repr([replace(block, **texts) for block in self._types.values()])
+        return hashlib.sha256(content.encode()).hexdigest()[:16]
 
     def __getitem__(self, block_type: int) -> BlockType:
         found = self._types.get(block_type)

@@ -27,6 +27,7 @@ RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
     [
         ({}, ""),
         ({"engine": "pybullet 3.2.7"}, "engine (pybullet 3.2.7, now 3.2.8)"),
+        ({"blocks": "0"}, "blocks"),
         ({"engine": "other 3.2.8"}, "engine (other 3.2.8, now pybullet 3.2.8)"),
         (
             {"prompts": "0", "engine": "pybullet 3.2.7"},
