@@ -51,9 +51,9 @@ class Library(Mapping[int, BlockType]):
 
     @cached_property
     def digest(self) -> str:
-        """Hash of everything that affects geometry and physics, 16 hex digits; no texts or colours."""
-        texts: Any = {"name": "", "color": (), "motor_name": None, "schedule_text": None, "bsg": ()}
-        content = repr([replace(block, **texts) for block in self._types.values()])
+        """Hash of all that affects geometry and physics, 16 hex digits; no texts or colours."""
+        blank: Any = {"name": "", "color": (), "motor_name": None, "schedule_text": None, "bsg": ()}
+        content = repr([replace(block, **blank) for block in self._types.values()])
         return hashlib.sha256(content.encode()).hexdigest()[:16]
 
     def __getitem__(self, block_type: int) -> BlockType:
