@@ -6,7 +6,7 @@ Heavy imports happen inside the commands that need them.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
@@ -62,13 +62,21 @@ def common(
     """Options of all commands. `--debug` may come anywhere; cli.main reads it."""
 
 
+def print_result(value: Any, as_json: bool, show: Callable[[Any], object]) -> None:
+    """Print a result as JSON, or with `show` for people."""
+    if as_json:
+        print_json(value)
+    else:
+        show(value)
+
+
 def print_json(value: Any) -> None:
-    """Print one line of ASCII JSON and flush it, for programs that read line by line."""
+    """Print one line of ASCII JSON and flush it."""
     print(json.dumps(_finite(value), allow_nan=False), flush=True)
 
 
 def _finite(value: Any) -> Any:
-    """Replace NaN and infinities by null, as JSON has no such numbers."""
+    """Replace NaN and infinities, which JSON does not have, by null."""
     if isinstance(value, float) and not isfinite(value):
         return None
     if isinstance(value, Mapping):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +9,13 @@ from agentflow.app.inspect.rationales import unfollowed_rationales
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, place
-from agentflow.metrics.failures import KINDS, Failures, failures
+from agentflow.metrics.failure_kinds import KINDS
+from agentflow.metrics.failures import Failures, failures
 from agentflow.runs import find_runs, read_document
 from agentflow.runs.events import read_typed_events
 
 DRIVING = frozenset({"movement", "delivery"})
-"""Families whose machines drive along z, so that powered wheels must turn about x."""
+"""Families whose machines drive along z: powered wheels must turn about x."""
 STAYING = frozenset({"gearing"})
 """Families whose machines turn in place."""
 
@@ -26,22 +26,11 @@ def count_failures(path: Path) -> dict[str, Any]:
     Returns:
         `runs`, `replies`, `refused`, `machines`; `kinds`, each with name, level, unit, rule and
         count; `codes` of the refused replies and their counts.
-
-    Raises:
-        RunError: There is no run, or one is damaged.
     """
     runs = list(find_runs(path))
     if not runs:
-        raise RunError(f"{path} holds no run")
-    total = Failures()
-    for run in runs:
-        family = str(read_document(run).get("config", {}).get("task", "")).partition("/")[0]
-        total += failures(
-            read_typed_events(run),
-            _misfaced_in(run, family),
-            unfollowed_rationales(run),
-            in_place=family in STAYING,
-        )
+        raise RunError(f"{path} contains no run")
+    total = sum(map(_failures_of, runs), Failures())
     return {
         "runs": len(runs),
         "replies": total.replies,
@@ -61,22 +50,24 @@ def count_failures(path: Path) -> dict[str, Any]:
     }
 
 
+def _failures_of(run: Path) -> Failures:
+    family = str(read_document(run).get("config", {}).get("task", "")).partition("/")[0]
+    return failures(
+        read_typed_events(run),
+        lambda digest: misfaced(recorded_machine(run, digest), family),
+        unfollowed_rationales(run),
+        in_place=family in STAYING,
+    )
+
+
 def misfaced(machine: Machine, family: str) -> bool:
-    """Whether a block faces the wrong way, by the rule of `metrics.failures.FACING`."""
+    """Whether a block faces the wrong way, by the rule of `failure_kinds.FACING`."""
     geometry = place(machine)
     for block in geometry.blocks:
         kind = library()[block.type]
-        holds = kind.shape == "container" and geometry.children(block.id)
-        if holds and block.facing != "y+":
+        loaded = kind.shape == "container" and geometry.children(block.id)
+        if loaded and block.facing != "y+":
             return True
-        wheel = kind.powered_wheel
-        if wheel and family in DRIVING and block.facing[0] != "x":
+        if kind.powered_wheel and family in DRIVING and block.facing[0] != "x":
             return True
     return False
-
-
-def _misfaced_in(run: Path, family: str) -> Callable[[str], bool]:
-    def judge(digest: str) -> bool:
-        return misfaced(recorded_machine(run, digest), family)
-
-    return judge

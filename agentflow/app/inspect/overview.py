@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,9 @@ from typing import Any
 from agentflow.app.design.models import cost_function
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
-from agentflow.config.run import DesignConfig, build_config
+from agentflow.config.run import build_config
 from agentflow.errors import RunError, UsageError
-from agentflow.metrics.usage import Spent, bill
+from agentflow.metrics.usage import bill
 from agentflow.runs import find_runs, read_calls, read_document, state_of
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
@@ -23,9 +23,6 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
 
     Each is `run`, `state` (done, running, stopped, damaged), `task`, `workflow`, `model`, `seed`,
     `score`, `calls`, `cost`, `problem` (why it is damaged, or empty).
-
-    Raises:
-        RunError: The folder does not exist.
     """
     if not folder.is_dir():
         raise RunError(f"there is no folder {folder}")
@@ -33,36 +30,23 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
         try:
             yield _summary(path)
         except UsageError as error:
-            yield {**_NOTHING, "run": str(path), "state": "damaged", "problem": str(error)}
+            yield _row(path, "damaged", {}, str(error))
 
 
-_NOTHING: dict[str, Any] = {
-    "run": "",
-    "state": "",
-    "task": None,
-    "workflow": None,
-    "model": None,
-    "seed": None,
-    "score": None,
-    "calls": None,
-    "cost": None,
-    "problem": "",
-}
+def _row(path: Path, state: str, result: Mapping[str, Any], problem: str = "") -> dict[str, Any]:
+    keys = ("task", "workflow", "model", "seed", "score", "calls", "cost")
+    known = {key: result.get(key) for key in keys}
+    return {"run": str(path), "state": state, **known, "problem": problem}
 
 
 def _summary(path: Path) -> dict[str, Any]:
     state, document = state_of(path), read_document(path)
-    known = (
-        read_finished(path)
-        if state == "done"
-        else _so_far(path, build_config(document.get("config")))
-    )
-    found = {key: known.get(key) for key in _NOTHING}
-    return {**found, "run": str(path), "state": state, "problem": ""}
+    done = state == "done"
+    return _row(path, state, read_finished(path) if done else _result_so_far(path, document))
 
 
-def _so_far(path: Path, config: DesignConfig) -> dict[str, Any]:
-    """The summary of an unfinished run."""
+def _result_so_far(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
+    config = build_config(document.get("config"))
     record = RunRecord.of(read_typed_events(path))
     return {
         "task": config.task,
@@ -75,14 +59,11 @@ def _so_far(path: Path, config: DesignConfig) -> dict[str, Any]:
 
 
 def run_details(path: Path) -> dict[str, Any]:
-    """One run: the keys of `run_list`, and how it came to its result.
+    """One run in detail.
 
-    Further keys: `blocks`, `best_stage`, `stages` (rows of the stage table), `stopped`, `reason`,
-    `spent` (calls, tokens, seconds and money by role), `failures` (see `count_failures`),
-    `remarks`, `config`, and the rest of run.yaml.
-
-    Raises:
-        RunError: It is not a run directory, or is damaged.
+    The keys of `run_list` and `blocks`, `best_stage`, `stages` (rows of the stage table),
+    `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role), `failures` (see
+    `count_failures`), `remarks`, `config`, and the rest of run.yaml.
     """
     document = read_document(path)
     summary = _summary(path)
@@ -98,14 +79,10 @@ def run_details(path: Path) -> dict[str, Any]:
         "stopped": result.get("stopped"),
         "reason": result.get("reason", ""),
         "spent": {
-            "total": _spent(spent.total),
-            **{role: _spent(item) for role, item in spent.roles.items()},
+            role: {**asdict(item), "tokens": item.tokens}
+            for role, item in {"total": spent.total, **spent.roles}.items()
         },
         "failures": count_failures(path),
         "remarks": record.remarks,
         **{key: value for key, value in document.items() if key != "schema"},
     }
-
-
-def _spent(item: Spent) -> dict[str, Any]:
-    return {**asdict(item), "tokens": item.tokens}

@@ -1,7 +1,7 @@
 """Checks whether a run's designs have the blocks that their own rationale counts.
 
-The rule is `metrics.failures.RATIONALE`. It takes a number right before a block name, which is
-rarely meant otherwise, and ignores the rest of the rationale.
+The rule is `failure_kinds.RATIONALE`: a number right before a block name counts blocks; the rest
+of the rationale is ignored.
 """
 
 from __future__ import annotations
@@ -29,9 +29,6 @@ def unfollowed_rationales(run: Path) -> frozenset[str]:
 
     Of designs built structure by structure, only those of the last structure are judged, each as a
     whole machine.
-
-    Raises:
-        RunError: The record is damaged.
     """
     designs = _whole_designs(run)
     return frozenset(

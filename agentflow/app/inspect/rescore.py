@@ -1,4 +1,4 @@
-"""Rescoring: simulate the machines of a run again in today's environment."""
+"""Rescoring: simulates the machines of a run again with the current environment."""
 
 from __future__ import annotations
 
@@ -21,17 +21,13 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
 
     Args:
         path: The run, finished or not; it is not changed.
-        workers: Number of processes; None takes the run's configuration.
+        workers: Number of processes; None: as configured in the run.
 
     Returns:
         `run`, `task`, `constants` and `engine` (`recorded` and `now`), `identical` (number of
         machines with a bit-for-bit identical rollout), and `machines`: each with `machine`, `place`
         (where it was first simulated), `recorded` and `now` (status and score), `difference` of
         the scores (None if one is missing) and `identical`.
-
-    Raises:
-        RunError: It is not a run directory, or is damaged.
-        UsageError: Its task no longer exists.
     """
     document = read_document(path)
     plan = RunPlan.of(build_config(document.get("config")))
@@ -61,7 +57,7 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
 
 
 def _compare(evaluation: EvaluationEvent, rollout: Rollout) -> dict[str, Any]:
-    """Compare a recorded evaluation with the same machine's rollout of today."""
+    """Compare a recorded evaluation with a new rollout of the same machine."""
     old, new = evaluation.score, rollout.score
     return {
         "machine": evaluation.machine,

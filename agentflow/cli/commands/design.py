@@ -18,6 +18,7 @@ from agentflow.cli.root import (
     Settings,
     commands,
     print_json,
+    print_result,
 )
 from agentflow.errors import EndpointError, UsageError
 from agentflow.workflows.registry import WORKFLOWS
@@ -132,6 +133,6 @@ def doctor(
 
     options = {"model.name": model, "model.base_url": base_url}
     found = check_endpoint(load_config(config, settings or (), options), role).model_dump()
-    print_json(found) if as_json else show_diagnosis(found)
+    print_result(found, as_json, show_diagnosis)
     if found["problem"]:
         raise EndpointError(found["problem"])

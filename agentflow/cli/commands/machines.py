@@ -8,15 +8,12 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from agentflow.cli.root import Json, Knobs, commands, print_json
+from agentflow.cli.root import Json, Knobs, commands, print_json, print_result
 from agentflow.errors import UsageError
 
 Task = Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Source = Annotated[str, typer.Argument(help="Machine file, or - for standard input.")]
-Power = Annotated[
-    Literal["on", "off"], typer.Option(help="off: motors, springs and winches never start.")
-]
 
 
 @commands.command(epilog="Example: agentflow check machine.json --task throwing --json")
@@ -85,11 +82,7 @@ def edit(
         for outcome in edits.edit_lines(machines.read_lines(machine), brief):
             print_json(outcome)
         return
-    outcome = edits.edit_file(machine, script, brief)
-    if as_json:
-        print_json(outcome)
-    else:
-        show_edit(outcome)
+    print_result(edits.edit_file(machine, script, brief), as_json, show_edit)
 
 
 @commands.command(epilog="Example: agentflow convert machine.json machine.bsg")
@@ -105,11 +98,7 @@ def convert(
     from agentflow.app.machines.convert import convert as rewrite
     from agentflow.cli.display.show import show_conversion
 
-    result = rewrite(source, out, strict=strict)
-    if as_json:
-        print_json(result)
-    else:
-        show_conversion(result)
+    print_result(rewrite(source, out, strict=strict), as_json, show_conversion)
 
 
 @commands.command(epilog="Example: agentflow simulate machine.json --task movement --json")
@@ -119,7 +108,9 @@ def simulate(
     knobs: Knobs = None,
     seed: Seed = 0,
     rate: Annotated[float | None, typer.Option(help="Physics steps per second.")] = None,
-    power: Power = "on",
+    power: Annotated[
+        Literal["on", "off"], typer.Option(help="off: motors, springs and winches never start.")
+    ] = "on",
     query: Annotated[
         list[str] | None,
         typer.Option(help="JSON query: id, duration and properties of a block; repeatable."),
@@ -156,10 +147,7 @@ def simulate(
         queries=query or (),
         save=save,
     )
-    if as_json:
-        print_json(result)
-    else:
-        show_rollout(result)
+    print_result(result, as_json, show_rollout)
 
 
 def _print_all(results: AsyncIterator[Any]) -> None:
@@ -216,8 +204,6 @@ def blocks(
     from agentflow.cli.display.show import show_block, show_blocks
 
     if name is None:
-        found = list_blocks()
-        print_json(found) if as_json else show_blocks(found)
+        print_result(list_blocks(), as_json, show_blocks)
     else:
-        block = find_block(name)
-        print_json(block) if as_json else show_block(block)
+        print_result(find_block(name), as_json, show_block)

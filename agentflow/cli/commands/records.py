@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.root import Config, Json, Run, Settings, commands, print_json
+from agentflow.cli.root import Config, Json, Run, Settings, commands, print_result
+from agentflow.metrics.failure_kinds import KINDS
 
 config_commands = typer.Typer(
     help="Inspect configurations.",
@@ -29,10 +30,7 @@ def show_config(config: Config = None, settings: Settings = None, as_json: Json 
     from agentflow.app.configuration import annotated_yaml, resolve_config
 
     found = resolve_config(config, settings or ())
-    if as_json:
-        print_json(found)
-    else:
-        print(annotated_yaml(found))
+    print_result(found, as_json, lambda value: print(annotated_yaml(value)))
 
 
 @commands.command(epilog="Example: agentflow runs runs")
@@ -47,11 +45,7 @@ def runs(
     from agentflow.app.inspect.overview import run_list
     from agentflow.cli.display.show_records import show_runs
 
-    found = run_list(folder)
-    if as_json:
-        print_json(list(found))
-    else:
-        show_runs(found)
+    print_result(list(run_list(folder)), as_json, show_runs)
 
 
 @commands.command(epilog="Example: agentflow show runs/recorded-throwing")
@@ -60,11 +54,7 @@ def show(run: Run, as_json: Json = False) -> None:
     from agentflow.app.inspect.overview import run_details
     from agentflow.cli.display.show_records import show_run
 
-    found = run_details(run)
-    if as_json:
-        print_json(found)
-    else:
-        show_run(found)
+    print_result(run_details(run), as_json, show_run)
 
 
 @commands.command(epilog="Example: agentflow rescore runs/recorded-throwing")
@@ -82,54 +72,24 @@ def rescore(
     from agentflow.app.inspect.rescore import rescore as simulate_again
     from agentflow.cli.display.show_records import show_rescored
 
-    found = simulate_again(run, workers)
-    if as_json:
-        print_json(found)
-    else:
-        show_rescored(found)
+    print_result(simulate_again(run, workers), as_json, show_rescored)
 
 
-@commands.command(epilog="Example: agentflow failures runs/recorded-throwing")
+_RULES = "\n\n".join(f"{kind.name} ({kind.level}, {kind.unit}): {kind.rule}" for kind in KINDS)
+
+
+@commands.command(
+    epilog="Example: agentflow failures runs/recorded-throwing",
+    help="Count failures of replies and machines, each kind by a fixed rule.\n\n"
+    "A refused reply counts as exactly one kind. An accepted reply can only count as `rationale "
+    "not followed`. A machine is counted once per kind, however often it was simulated.\n\n"
+    + _RULES,
+)
 def failures(
     source: Annotated[Path, typer.Argument(help="Run directory, or directory of runs or sweeps.")],
     as_json: Json = False,
 ) -> None:
-    """Count failures of replies and machines, each kind by a fixed rule.
-
-    A refused reply counts as exactly one kind. An accepted reply can only count as `rationale
-    not followed`. A machine is counted once per kind, however often it was simulated.
-
-    \b
-    Format of the reply
-      unparsable         the reply is empty, cut off or not in the required format
-    Planning: the wrong thing was planned
-      missing component  a machine or blueprint has too few or too many of a required block
-      plan not followed  a design changes or drops given blocks, adds none, or uses a type
-                         that its part of the blueprint does not list; or a blueprint
-                         contradicts itself
-      rationale not followed
-                         an accepted machine has fewer blocks of a type than its rationale
-                         counts by name ("four Small Wheels"); nothing else in the rationale
-                         is checked
-      block not allowed  a block type is unknown or not allowed in the task
-      no motion          (machines) no block moves more than 0.1 m after power comes on; not
-                         counted for gearing, where cogs turn in place
-    Construction: the machine was put together wrongly
-      wrong facing       (machines) the axle of a powered wheel is not along x in a driving
-                         task, or a loaded container does not open upwards
-      wrong attachment   a block is attached to a parent or face that does not exist, is
-                         occupied or comes later, has an impossible rotation, or is
-                         two-ended with one parent
-      overlap            two blocks overlap
-      refused edit       an edit cannot be read or carried out for another reason
-      breakage           (machines) a connection broke in the simulation
-      other              anything else, such as the machine's size or the order of its ids
-    """
     from agentflow.app.inspect.failures import count_failures
     from agentflow.cli.display.show_records import show_failures
 
-    found = count_failures(source)
-    if as_json:
-        print_json(found)
-    else:
-        show_failures(found)
+    print_result(count_failures(source), as_json, show_failures)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from agentflow.app.sweeps.run import SweepOutcome
 
 LISTED = 1000
-"""A dry run lists at most this many runs one by one; above it, one line per group of seeds."""
+"""A dry run lists at most this many runs one by one; more are listed by group of seeds."""
 PARTLY, NO_ENDPOINT = 3, 4
 """Exit statuses: some runs failed; all failed because of the endpoint."""
 
@@ -62,7 +62,8 @@ def sweep(
     with watch_sweep(len(plan.runs), quiet) as watcher:
         outcome = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
     if as_json:
-        print_json(_outcome_json(outcome))
+        done, failed = list(outcome.done), dict(outcome.failed)
+        print_json({"sweep": str(outcome.path), "done": done, "failed": failed})
     else:
         print(escape_controls(_outcome_text(outcome), "\n"))
     if outcome.failed:
@@ -145,28 +146,17 @@ def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, worker
     minutes = cost["worker_seconds"] / workers / 60
     tokens = cost["prompt_tokens"] + cost["completion_tokens"]
     if procedural:
-        priced = "no tokens and no cost: the procedural model answers"
+        priced, answers = "no tokens and no cost: the procedural model answers", ""
     else:
-        money = (
-            "cost unknown (model.prices is not set)"
-            if cost["money"] is None
-            else f"cost {cost['money']:.2f}"
-        )
-        priced = f"about {tokens} tokens without reasoning; {money}"
-    answers = "" if procedural else ", plus the time of the model calls"
+        money = cost["money"]
+        price = "unknown (model.prices is not set)" if money is None else f"{money:.2f}"
+        priced = f"about {tokens} tokens without reasoning; cost {price}"
+        answers = ", plus the time of the model calls"
     return (
         f"{runs} run{'s' if runs != 1 else ''} left: about {cost['calls']} calls without retries, "
         f"{priced}; at most {cost['rollouts']} rollouts, "
         f"{minutes:.1f} min with {workers} workers{answers}"
     )
-
-
-def _outcome_json(outcome: SweepOutcome) -> dict[str, Any]:
-    return {
-        "sweep": str(outcome.path),
-        "done": list(outcome.done),
-        "failed": dict(outcome.failed),
-    }
 
 
 def _outcome_text(outcome: SweepOutcome) -> str:

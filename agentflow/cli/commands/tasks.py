@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.root import Json, Knobs, commands, print_json
+from agentflow.cli.root import Json, Knobs, commands, print_result
 from agentflow.errors import UsageError
 
 
@@ -64,8 +64,6 @@ def _show(name: str | None, knobs: list[str], as_json: bool) -> None:
     from agentflow.cli.display.show_tasks import show_task, show_tasks
 
     if name is None:
-        found = list_tasks()
-        print_json(found) if as_json else show_tasks(found)
+        print_result(list_tasks(), as_json, show_tasks)
     else:
-        level = task_json(name, knobs)
-        print_json(level) if as_json else show_task(level)
+        print_result(task_json(name, knobs), as_json, show_task)

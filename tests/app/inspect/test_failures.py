@@ -10,7 +10,7 @@ import pytest
 from agentflow.app.inspect.failures import count_failures, misfaced
 from agentflow.errors import RunError
 from agentflow.machine import Machine, read_machine
-from agentflow.metrics.failures import STILL
+from agentflow.metrics.failure_kinds import STILL
 from agentflow.runs import read_events
 from tests.workflows.world import steps
 
@@ -58,15 +58,17 @@ def test_a_folder_counts_all_its_runs(tmp_path: Path) -> None:
 def test_no_run_and_a_missing_or_false_machine_are_said(tmp_path: Path) -> None:
     with pytest.raises(RunError) as caught:
         count_failures(tmp_path)
-    assert str(caught.value) == f"{tmp_path} holds no run"
+    assert str(caught.value) == f"{tmp_path} contains no run"
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
     first, second, *_ = sorted((run / "machines").iterdir())
     for file in (run / "machines").iterdir():
         file.write_bytes(first.read_bytes())
-    with pytest.raises(RunError, match="is damaged: it holds another machine than its name says"):
+    with pytest.raises(RunError, match="is damaged: its machine does not match its name"):
         count_failures(run)
     second.unlink()
     first.unlink()
-    with pytest.raises(RunError, match=r"is damaged: it has no readable machines/\w+\.json|holds"):
+    with pytest.raises(
+        RunError, match=r"is damaged: it has no readable machines/\w+\.json|its machine"
+    ):
         count_failures(run)

@@ -11,7 +11,7 @@ import pytest
 
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.rationales import count_blocks, unfollowed_rationales
-from agentflow.metrics.failures import RATIONALE
+from agentflow.metrics.failure_kinds import RATIONALE
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 OF_FIRST = r"^designer/structure-\d+/traj-1/"
