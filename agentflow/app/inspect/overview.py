@@ -72,6 +72,7 @@ def run_details(path: Path) -> dict[str, Any]:
     spent = bill(read_calls(path), cost_function(build_config(document.get("config")).model))
     machine = result.get("machine")
     return {
+        **{key: value for key, value in document.items() if key != "schema"},
         **summary,
         "blocks": len(machine) if machine else None,
         "best_stage": result.get("best_stage"),
@@ -84,5 +85,4 @@ def run_details(path: Path) -> dict[str, Any]:
         },
         "failures": count_failures(path),
         "remarks": record.remarks,
-        **{key: value for key, value in document.items() if key != "schema"},
     }
