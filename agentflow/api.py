@@ -349,7 +349,7 @@ def _prepare(
     machine: MachineLike, task: str, knobs: Mapping[str, object] | None
 ) -> tuple[Task, Machine | Rollout]:
     """The task, and the machine, or the rollout of an invalid one."""
-    from agentflow.env.simulation.refusals import invalid_rollout
+    from agentflow.env.rollout import invalid_rollout
     from agentflow.env.tasks.registry import get_task
 
     level = get_task(task, knobs)

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.env.rollout import Rollout
-from agentflow.env.simulation.refusals import invalid_rollout
+from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task

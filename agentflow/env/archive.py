@@ -30,9 +30,7 @@ UNREADABLE = (
     TokenError,
     zlib.error,
 )
-"""What NumPy raises for a file that is empty, truncated, damaged or in another format."""
-UNLIKE_OURS = (KeyError, TypeError, ValueError, AttributeError)
-"""What unexpected content of a readable file raises."""
+"""What a file raises that is empty, truncated, damaged or in another format."""
 
 
 def rollout_json(rollout: Rollout) -> dict[str, Any]:
@@ -71,21 +69,17 @@ def save_npz(rollout: Rollout, path: Path) -> None:
     arrays: dict[str, Any] = {}
     result = rollout_json(rollout) | {"feedback_data": rollout.feedback.data}
     if (trace := rollout.trace) is not None:
-        fields = {name: value for name, value in vars(trace).items() if _is_array(value)}
+        fields = {
+            name: value for name, value in vars(trace).items() if isinstance(value, np.ndarray)
+        }
         columns = [(name, value.dtype, value.shape[1:]) for name, value in fields.items()]
         states = np.empty(len(trace.times), columns)
         for name, value in fields.items():
             states[name] = value
         arrays["states"] = states
-        result["trace"] = {
-            name: value for name, value in vars(trace).items() if not _is_array(value)
-        }
+        result["trace"] = {name: value for name, value in vars(trace).items() if name not in fields}
     with path.open("wb") as file:
         np.savez(file, result=np.array(json.dumps(result).encode()), **arrays)
-
-
-def _is_array(value: object) -> bool:
-    return isinstance(value, np.ndarray)
 
 
 def load_npz(path: Path) -> Rollout:
@@ -98,24 +92,12 @@ def load_npz(path: Path) -> Rollout:
         with path.open("rb") as raw, np.load(raw) as file:
             result = json.loads(file["result"].item())
             states = file["states"] if result.get("trace") else None
-    except UNREADABLE as error:
-        raise _foreign(path, error) from None
-    try:
         return _restored(result, states)
-    except UNLIKE_OURS as error:
-        raise _foreign(path, error) from None
-
-
-def _foreign(path: Path, error: Exception) -> UsageError:
-    return UsageError(f"{path} is not a saved rollout: {error}")
+    except UNREADABLE as error:
+        raise UsageError(f"{path} is not a saved rollout: {error}") from None
 
 
 def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
-    """The rollout of these parts.
-
-    Raises:
-        UNLIKE_OURS: Something is missing or has an unexpected type.
-    """
     trace = None
     if states is not None:
         named = result.pop("trace")

@@ -6,14 +6,16 @@ L two-ended blocks, M scene things.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agentflow.env.constants import constants
 from agentflow.env.scene import Scene
+from agentflow.machine.problems import Problem
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -107,20 +109,41 @@ class Rollout:
 
     status: Status
     score: float | None
-    terms: Mapping[str, float | bool | str | None]
-    problems: tuple[Mapping[str, Any], ...]
-    """Why it is invalid: code, blocks and message of each problem."""
-    broken: tuple[Broken, ...]
-    events: tuple[RolloutEvent, ...]
     feedback: Feedback
-    trace: Trace | None
-    digest: str | None
+    terms: Mapping[str, float | bool | str | None] = field(default_factory=dict)
+    problems: tuple[Mapping[str, Any], ...] = ()
+    """Why it is invalid: code, blocks and message of each problem."""
+    broken: tuple[Broken, ...] = ()
+    events: tuple[RolloutEvent, ...] = ()
+    trace: Trace | None = None
+    digest: str | None = None
     """Hash of every recorded state: equal digests mean bitwise equal rollouts."""
-    sim_seconds: float | None
-    wall_seconds: float | None
-    constants: str | None
+    sim_seconds: float | None = None
+    wall_seconds: float | None = None
+    constants: str | None = None
     """Hash of the physical constants."""
     scene: Scene | None = None
     """Scene of the trace; not saved in files."""
     engine: str | None = None
     """Name and library version of the physics engine; None if nothing was simulated."""
+
+
+def invalid_rollout(problems: Sequence[Problem], engine: str | None = None) -> Rollout:
+    """The result of a machine that is not simulated because of these problems.
+
+    Args:
+        problems: Why the machine is invalid.
+        engine: The engine that cannot hold it, if that is the reason.
+    """
+    listed = tuple(problem.to_json() for problem in problems)
+    text = "The machine is invalid and was not simulated: " + "; ".join(
+        str(problem["message"]) for problem in listed
+    )
+    return Rollout(
+        status="invalid",
+        score=0.0,
+        feedback=Feedback(text, {"status": "invalid", "problems": list(listed)}),
+        problems=listed,
+        constants=constants().digest,
+        engine=engine,
+    )

@@ -13,7 +13,7 @@ from agentflow.app.machines.files import parse_line
 from agentflow.env.archive import rollout_json, save_npz
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.query import answer_queries
-from agentflow.env.simulation.refusals import invalid_rollout
+from agentflow.env.rollout import invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError

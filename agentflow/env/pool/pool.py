@@ -12,9 +12,8 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Pipe
 from types import TracebackType
-from typing import Protocol
+from typing import Any, Protocol
 
-from agentflow.env.pool.worker import Job
 from agentflow.env.rollout import Feedback, Rollout, Status
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
@@ -107,34 +106,33 @@ class RolloutPool:
             UsageError: As `simulate` does.
             RuntimeError: `simulate` raised anything else, which is a bug; includes the traceback.
         """
-        jobs = [
-            Job(machine, trial, seed, rate, power, interval, wall_limit)
+        options = {"rate": rate, "power": power, "interval": interval, "wall_limit": wall_limit}
+        jobs = (
+            {"machine": machine, "task": trial, "seed": seed, **options}
             for trial in task.trials(seed)
-        ]
-        return combine_trials(await asyncio.gather(*map(self._play, jobs)))
+        )
+        return combine_trials(await asyncio.gather(*map(self._run_trial, jobs)))
 
-    async def _play(self, job: Job) -> Rollout:
-        """Run one trial, and again if its worker died."""
+    async def _run_trial(self, job: dict[str, Any]) -> Rollout:
+        """Call `simulate` with these arguments in a worker, and again if that worker died."""
+        timeout = job["wall_limit"] + self._grace
         for _ in range(ATTEMPTS):
             try:
-                return await self._ask(job)
+                return await self._ask(job, timeout)
             except (EOFError, ConnectionError):
                 continue
             except TimeoutError:
-                patience = job.wall_limit + self._grace
-                return _without_score("timeout", f"no answer within {patience:g} s")
+                return _without_score("timeout", f"no answer within {timeout:g} s")
         return _without_score("crashed", f"its process died {ATTEMPTS} times")
 
-    async def _ask(self, job: Job) -> Rollout:
+    async def _ask(self, job: dict[str, Any], timeout: float) -> Rollout:
         worker = await self._idle.get()
         while not worker.alive and not self._closed:  # it died while idle
             self._replace(worker)
             worker = await self._idle.get()
         loop = asyncio.get_running_loop()
         try:
-            reply = await loop.run_in_executor(
-                self._threads, worker.ask, job, job.wall_limit + self._grace
-            )
+            reply = await loop.run_in_executor(self._threads, worker.ask, job, timeout)
         except BaseException:  # died, hung or cancelled
             self._replace(worker)
             raise
@@ -179,10 +177,10 @@ class _Worker:
     def alive(self) -> bool:
         return self._process.poll() is None
 
-    def ask(self, job: Job, patience: float) -> Rollout | UsageError | str:
+    def ask(self, job: dict[str, Any], timeout: float) -> Rollout | UsageError | str:
         """Send a job and wait for the rollout, or the traceback of an error."""
         self.connection.send(job)
-        if not self.connection.poll(patience):
+        if not self.connection.poll(timeout):
             raise TimeoutError
         reply: Rollout | UsageError | str = self.connection.recv()
         return reply
@@ -195,17 +193,4 @@ class _Worker:
 
 def _without_score(status: Status, why: str) -> Rollout:
     """A rollout that failed because of the computer, not the machine."""
-    return Rollout(
-        status=status,
-        score=None,
-        terms={},
-        problems=(),
-        broken=(),
-        events=(),
-        feedback=Feedback(f"No score: the simulation was cut off, {why}.", {}),
-        trace=None,
-        digest=None,
-        sim_seconds=None,
-        wall_seconds=None,
-        constants=None,
-    )
+    return Rollout(status, None, Feedback(f"No score: the simulation was cut off, {why}.", {}))

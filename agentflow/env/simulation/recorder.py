@@ -47,20 +47,12 @@ class Recorder:
         """The trace of all samples, at least one; `states` has a leading axis of times."""
         return Trace(
             times=np.array(self._times),
-            position=states.position,
-            centre=states.centre,
-            rotation=states.rotation,
-            velocity=states.velocity,
-            angular_velocity=states.angular_velocity,
             alive=np.stack(self._lives),
-            length=states.length,
             linear=tuple(block for block, _, _ in self._assembly.spans),
             utilisation=np.stack(self._shares),
             connections=self._pairs,
-            thing_position=states.thing_position,
-            thing_rotation=states.thing_rotation,
-            thing_velocity=states.thing_velocity,
             things=self._things,
+            **vars(states),
         )
 
 

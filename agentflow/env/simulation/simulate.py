@@ -7,15 +7,17 @@ import threading
 from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.engine import Engine, TooLargeError
 from agentflow.env.physics.engines import default_engine
-from agentflow.env.rollout import Rollout
+from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.play import Play
-from agentflow.env.simulation.refusals import checked_timing, invalid_rollout
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
+from agentflow.errors import UsageError
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
+RATES = (30, 1000)
+"""Hz: below them contacts and load windows are not resolved, above them rollouts take too long."""
 _local = threading.local()
 
 
@@ -50,7 +52,13 @@ def simulate(
         UsageError: `rate` is not within 30 to 1000 Hz, or `interval` not above 0.
     """
     value = physics or constants()
-    rate, interval = checked_timing(rate, interval, value)
+    rate = value["step_rate"] if rate is None else rate
+    interval = value["sample_interval"] if interval is None else interval
+    low, high = RATES
+    if not low <= rate <= high:
+        raise UsageError(f"the rate is {rate:g} Hz; it must be from {low} to {high} Hz")
+    if not interval > 0:
+        raise UsageError(f"the interval is {interval:g} s; it must be above 0 s")
     report = check(machine, task.brief)
     if not report.task_valid:
         return invalid_rollout(report.problems)
