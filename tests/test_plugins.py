@@ -56,7 +56,7 @@ def test_every_registry_lists_what_was_added(tmp_path: Path) -> None:
 from agentflow.agents.registry import ROLES, model_roles, stage_of
 from agentflow.app.pages.registry import PAGES
 from agentflow.env.physics.engines import ENGINES
-from agentflow.env.tasks.discovery import FAMILIES
+from agentflow.env.tasks.registry import FAMILIES
 from agentflow.llm.procedural.mechanisms import MECHANISMS
 from agentflow.metrics.cells import METRICS
 from agentflow.prompts.registry import PROMPT_SETS

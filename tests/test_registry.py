@@ -13,7 +13,7 @@ from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
 from agentflow.app.pages.registry import PAGES
 from agentflow.env.physics.engines import ENGINES
-from agentflow.env.tasks.discovery import FAMILIES
+from agentflow.env.tasks.registry import FAMILIES
 from agentflow.errors import UnknownNameError
 from agentflow.metrics.cells import METRICS
 from agentflow.prompts import compact

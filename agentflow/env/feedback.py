@@ -6,7 +6,7 @@ Text and data hold the same facts, and programs can parse the text.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from typing import Any, TypeVar
@@ -49,7 +49,7 @@ class Series:
     def text(self) -> str:
         """One line: label, interval, start and the points in brackets."""
         step = _interval(self.times)
-        points = " ".join("(" + ", ".join(number(v) for v in row) + ")" for row in self.values)
+        points = " ".join(map(point_text, self.values))
         return f"{self.label} every {step:.3g} s from t = {self.times[0]:.3g} s (x, y, z): {points}"
 
 
@@ -61,6 +61,16 @@ def _interval(times: Sequence[float] | Array) -> float:
 def number(value: float, digits: int = 2) -> str:
     """Format with fixed decimals; never "-0.00"."""
     return f"{round(float(value), digits) + 0.0:.{digits}f}"
+
+
+def point_text(point: Iterable[float]) -> str:
+    """Format a position: "(0.00, 1.50, 3.00)"."""
+    return f"({', '.join(map(number, point))})"
+
+
+def term_number(terms: Mapping[str, Any], name: str) -> float:
+    """A term of a verdict; 0 if it does not apply."""
+    return float(terms.get(name) or 0.0)
 
 
 def block_name(machine: Machine, block: int) -> str:

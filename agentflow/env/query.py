@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -88,7 +89,7 @@ def _number(value: object) -> float | None:
         result = float(value)
     except ValueError:
         return None
-    return result if np.isfinite(result) else None
+    return result if isfinite(result) else None
 
 
 def _read_block(machine: Machine, value: object) -> int:
@@ -136,20 +137,22 @@ def _answer(machine: Machine, rollout: Rollout, query: _Query) -> tuple[str, dic
             f"no sample lies between {query.start:g} and {query.end:g} s; samples go from 0 to "
             f"{last:g} s, one every {constants()['sample_interval']:g} s"
         )
-    cut, sentence = _find_breakage(machine, rollout, query)
-    kept = np.flatnonzero(inside & (times < cut))
+    broke = _breakage_time(machine, rollout, query)
+    kept = np.flatnonzero(inside & (times < broke))
     columns = {name: _column(trace, query.block, name)[kept] for name in query.properties}
-    title = f"{_title(machine, query.block)}, {query.start:g} to {query.end:g} s"
-    text = "\n".join([title + ":", *_table(times[kept], columns), *sentence])
+    title = "B" + block_name(machine, query.block)[1:]
+    lines = [f"{title}, {query.start:g} to {query.end:g} s:", *_table(times[kept], columns)]
+    if isfinite(broke):
+        lines.append(f"{title} broke off at {number(broke)} s; its table ends there.")
     data = {
         "id": query.block,
         "type": machine[query.block].type,
         "duration": [query.start, query.end],
         "times": times[kept].tolist(),
         **{name: values.tolist() for name, values in columns.items()},
-        "broke": float(cut) if sentence else None,
+        "broke": broke if isfinite(broke) else None,
     }
-    return text, data
+    return "\n".join(lines), data
 
 
 def _on_grid(times: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
@@ -162,22 +165,11 @@ def _on_grid(times: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
     return grid
 
 
-def _find_breakage(
-    machine: Machine, rollout: Rollout, query: _Query
-) -> tuple[float, tuple[str, ...]]:
-    """Time at which the block broke off (infinite if it did not), and a sentence about it."""
-    block = query.block
-    parents = machine[block].parents
+def _breakage_time(machine: Machine, rollout: Rollout, query: _Query) -> float:
+    """Time at which the block broke off; infinite if it did not before the query's end."""
+    block, parents = query.block, machine[query.block].parents
     times = [b.time for b in rollout.broken if b.block == block and b.partner in parents]
-    if not times or min(times) > query.end:
-        return float("inf"), ()
-    return min(times), (
-        f"{_title(machine, block)} broke off at {number(min(times))} s; its table ends there.",
-    )
-
-
-def _title(machine: Machine, block: int) -> str:
-    return "B" + block_name(machine, block)[1:]
+    return min((time for time in times if time <= query.end), default=inf)
 
 
 def _column(trace: Trace, block: int, name: str) -> Array:

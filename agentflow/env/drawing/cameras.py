@@ -95,13 +95,12 @@ def camera_at(target: Array, distance: float, view: View) -> Camera:
     """The camera of a view at a distance from its target."""
     _, _, towards = axes_of(np.asarray(view.back, dtype=np.float64))
     eye = target + distance * towards
-    return Camera(
-        eye=(float(eye[0]), float(eye[1]), float(eye[2])),
-        target=(float(target[0]), float(target[1]), float(target[2])),
-        width=view.size[0],
-        height=view.size[1],
-        field_of_view=view.field_of_view,
-    )
+    return Camera(to_vec3(eye), to_vec3(target), *view.size, view.field_of_view)
+
+
+def to_vec3(values: Array) -> Vec3:
+    """Three numbers as a tuple."""
+    return (float(values[0]), float(values[1]), float(values[2]))
 
 
 def project(points: Array, camera: Camera) -> Array:

@@ -43,11 +43,9 @@ def save_film(
         size: Width and height in pixels.
     """
     assert rollout.trace is not None
-    frames = _frames(machine, task, rollout, rollout.trace, size)
-    if path.suffix == ".mp4":
-        save_mp4(list(frames), path, frame_interval(rollout.trace))
-    else:
-        _save_gif(list(frames), path, frame_interval(rollout.trace))
+    frames = list(_frames(machine, task, rollout, rollout.trace, size))
+    save = save_mp4 if path.suffix == ".mp4" else _save_gif
+    save(frames, path, frame_interval(rollout.trace))
 
 
 def tracked_block(machine: Machine) -> int:
@@ -60,11 +58,6 @@ def frame_interval(trace: Trace) -> float:
     return float(trace.times[1] - trace.times[0]) if len(trace.times) > 1 else 1.0
 
 
-def broken_blocks(rollout: Rollout, time: float) -> set[int]:
-    """Blocks whose connection has broken by a time, s."""
-    return {item.block for item in rollout.broken if item.time <= time}
-
-
 def _frames(
     machine: Machine, task: Task, rollout: Rollout, trace: Trace, size: Size
 ) -> Iterator[Image.Image]:
@@ -75,7 +68,8 @@ def _frames(
         time = float(trace.times[index])
         alive = set(np.flatnonzero(trace.alive[index]).tolist())
         pose = Pose(trace.centre[index], trace.rotation[index], alive)
-        solids = machine_solids.things(pose, broken_blocks(rollout, time))
+        broken = {item.block for item in rollout.broken if item.time <= time}
+        solids = machine_solids.things(pose, broken)
         others = _remove_occluders(_things_at(rollout.scene, trace, index), camera)
         picture = render_image(camera, solids, others, GRID)
         _draw_trail(picture, camera, trace.centre[:index, tracked])

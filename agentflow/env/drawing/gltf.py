@@ -94,14 +94,12 @@ def _animate_block(
         glb.animate(node, "rotation", trace.times, _unify_signs(trace.rotation[:, step.id]))
         return
     rods = [shapes.rod(step.id, pose) for pose in poses]
-    sizes = [
-        rod.size if step.id in pose.alive else HIDDEN for rod, pose in zip(rods, poses, strict=True)
-    ]
+    turns = _unify_signs(np.array([rod.rotation for rod in rods]))
+    connected = trace.alive[:, [step.id]]
+    sizes = np.where(connected, np.array([rod.size for rod in rods]), HIDDEN)
     glb.animate(node, "translation", trace.times, np.array([rod.position for rod in rods]))
-    glb.animate(
-        node, "rotation", trace.times, _unify_signs(np.array([rod.rotation for rod in rods]))
-    )
-    glb.animate(node, "scale", trace.times, np.array(sizes))
+    glb.animate(node, "rotation", trace.times, turns)
+    glb.animate(node, "scale", trace.times, sizes)
 
 
 def _scene(glb: Glb, scene: Scene, trace: Trace) -> int:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from agentflow.env.constants import constants
+from agentflow.env.drawing.cameras import to_vec3
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.model import Assembly, Color, Shape
+from agentflow.env.physics.model import Assembly, Color
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import compose, conjugate, rotate
 from agentflow.env.scene import Thing
@@ -79,7 +80,7 @@ class MachineSolids:
             if step.two_ended:
                 solids = [self.rod(step.id, pose)] if step.id in pose.alive else []
             else:
-                place = _vec3(pose.centre[step.id]), _quat(pose.rotation[step.id])
+                place = to_vec3(pose.centre[step.id]), _quat(pose.rotation[step.id])
                 solids = [_to_world(solid, *place) for solid in self.solids[step.id]]
             result += (replace(s, color=BROKEN) for s in solids) if step.id in red else solids
         return result
@@ -91,10 +92,10 @@ class MachineSolids:
             for parent, end in zip(self._machine[block].parents, self.ends[block], strict=True)
         )
         length = max(float(np.linalg.norm(b - a)), 1e-3)
-        along = rotation_from_up(_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)
+        along = rotation_from_up(to_vec3(b - a)) if length > 1e-3 else (0.0, 0.0, 0.0, 1.0)
         size = (ROD_DIAMETER, length, ROD_DIAMETER)
         color = self._colors[block]
-        return Thing(f"block {block}", "cylinder", size, _vec3((a + b) / 2), along, color=color)
+        return Thing(f"block {block}", "cylinder", size, to_vec3((a + b) / 2), along, color=color)
 
     def _solids(self, block: int, assembly: Assembly) -> Iterator[Thing]:
         back = conjugate(self.rest.rotation[block])
@@ -102,21 +103,18 @@ class MachineSolids:
             for shape in part.shapes:
                 offset = np.add(part.centre, shape.offset) - self.rest.centre[block]
                 rotation = _quat(compose(back, np.asarray(shape.rotation)))
-                position = _vec3(rotate(back, offset))
+                position = to_vec3(rotate(back, offset))
                 name, color = f"block {block}", part.color
                 yield Thing(name, shape.kind, shape.size, position, rotation, color=color)
                 if shape.kind == "cylinder":
-                    yield Thing(name, "box", _spoke(shape), position, rotation, color=SPOKE)
+                    spoke = (0.8 * shape.size[0], shape.size[1] + SPOKE_RISE, SPOKE_WIDTH)
+                    yield Thing(name, "box", spoke, position, rotation, color=SPOKE)
 
 
 def _to_world(thing: Thing, centre: Vec3, rotation: Quat) -> Thing:
     """Transform an object from a block's frame to the world."""
     position = add(centre, rotate_vector(rotation, thing.position))
     return replace(thing, position=position, rotation=product(rotation, thing.rotation))
-
-
-def _spoke(wheel: Shape) -> Vec3:
-    return (0.8 * wheel.size[0], wheel.size[1] + SPOKE_RISE, SPOKE_WIDTH)
 
 
 def _rod_ends(geometry: Geometry, root: Array) -> dict[int, tuple[Array, Array]]:
@@ -132,7 +130,3 @@ def _rod_ends(geometry: Geometry, root: Array) -> dict[int, tuple[Array, Array]]
 def _quat(rotation: Array) -> Quat:
     x, y, z, w = (float(v) for v in rotation)
     return (x, y, z, w)
-
-
-def _vec3(values: Array) -> Vec3:
-    return (float(values[0]), float(values[1]), float(values[2]))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from math import ceil
 from typing import ClassVar, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
+from agentflow.env.constants import constants
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.machine.brief import Brief
@@ -16,6 +18,12 @@ from agentflow.machine.tree import Machine
 
 ROUNDING = 1e-6
 """Tolerance for the rounding error of summed time steps, s."""
+
+
+def sample_at(time: float) -> int:
+    """Index of the first sample at or after a time, s."""
+    return ceil(time / constants()["sample_interval"] - ROUNDING)
+
 
 Body = int | str
 """A block id, the name of a scene object, or "ground"."""

@@ -1,10 +1,22 @@
-"""Levels by name, and tasks made from them."""
+"""Task families, their levels by name, and tasks made from them.
+
+A family from another distribution is a class that its pyproject.toml declares:
+
+    [project.entry-points."agentflow.families"]
+    sweeping = "broom.sweeping:Sweeping"
+
+Its levels are the files `levels/sweeping-1.yaml`, ... beside its module.
+"""
 
 from __future__ import annotations
 
+import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from importlib.abc import Traversable
+from importlib.resources import files
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -13,9 +25,31 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from agentflow.config.yaml import NOT_YAML, describe_fault, first_fault, read_yaml
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.discovery import FAMILIES, level_files
+from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.knobs import Knob, deep_merge, knobs_of, nest_keys, read_knobs
 from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
+from agentflow.registry import Registry, subclass_of
+
+LEVELS = "levels"
+
+FAMILIES: Registry[type[Family]] = Registry(
+    "task family",
+    "agentflow.families",
+    {
+        name: f"agentflow.env.tasks.families.{name}:{name.capitalize()}"
+        for name in (
+            "delivery",
+            "flying",
+            "gearing",
+            "jumping",
+            "lifting",
+            "movement",
+            "picking",
+            "throwing",
+        )
+    },
+    subclass_of(Family, named_by="family"),
+)
 
 
 class LevelFile(BaseModel):
@@ -44,11 +78,32 @@ class Level:
     file: LevelFile
 
 
+def _level_files(name: str) -> dict[int, Traversable]:
+    """The YAML files of a family's levels by number, in order.
+
+    Raises:
+        UnknownNameError: There is no such family.
+        ConfigError: It comes from outside and cannot be loaded, or has no folder for levels.
+    """
+    package: str | None = __package__
+    if name not in FAMILIES.ours:
+        package = sys.modules[FAMILIES[name].__module__].__package__
+    if not package:
+        where = FAMILIES.describe(name)
+        raise ConfigError(f"{where} is a module outside any package; put it and {LEVELS}/ in one")
+    folder = files(package) / LEVELS
+    found = {}
+    for item in folder.iterdir() if folder.is_dir() else ():
+        if match := re.fullmatch(rf"{re.escape(name)}-(\d+)\.yaml", item.name):
+            found[int(match[1])] = item
+    return dict(sorted(found.items()))
+
+
 @cache
 def _levels(name: str) -> dict[str, Level]:
     """Levels of a family by name, easiest first."""
     levels = {}
-    for number, file in level_files(name).items():
+    for number, file in _level_files(name).items():
         level = name if number == 1 else f"{name}/{number}"
         levels[level] = Level(level, number, _read(file.read_text(encoding="utf-8"), level))
     return levels

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.env.tasks import families
-from agentflow.env.tasks.discovery import FAMILIES
+from agentflow.env.tasks.registry import FAMILIES
 from agentflow.errors import UnknownNameError
 
 FAMILY = """

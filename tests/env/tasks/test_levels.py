@@ -13,9 +13,8 @@ import pytest
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.discovery import FAMILIES
 from agentflow.env.tasks.knobs import Knob
-from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
+from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, knob_table, task_names
 from agentflow.errors import ConfigError
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.tree import Machine

@@ -9,8 +9,7 @@ import pytest
 from PIL import Image
 
 from agentflow.env.simulation.simulate import simulate
-from agentflow.env.tasks.discovery import FAMILIES
-from agentflow.env.tasks.registry import get_level, get_task, task_names
+from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, task_names
 from benchmarks.shelf import DIGITS, FOLDER, Reference, families, here, load, read
 
 ALL = tuple((shelf.platform, item) for shelf in map(read, families()) for item in shelf.references)

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.env.tasks.discovery import FAMILIES
 from agentflow.env.tasks.knobs import knobs_of
-from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
+from agentflow.env.tasks.registry import FAMILIES, get_level, get_task, knob_table, task_names
 from agentflow.errors import ConfigError, UnknownNameError, UsageError
 
 NAMES = task_names()

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil, hypot
-from typing import Any, ClassVar
+from math import hypot
+from typing import ClassVar
 
 import numpy as np
 
-from agentflow.env.constants import constants
-from agentflow.env.feedback import compose, number, sample_indices, series
+from agentflow.env.feedback import compose, number, sample_indices, series, term_number
 from agentflow.env.rollout import Array, Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
+from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView, sample_at
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.obstacles import (
     Beam,
@@ -185,15 +184,17 @@ class Delivery(Family):
         terms = verdict.terms
         cargo = trace.thing_position[:, trace.things.index(CARGO)]
         gaps = _machine_distances(trace, cargo)
-        index = terms["landing_index"]
-        direction = scoring_direction(self.parameters.curve)
+        index, touched = terms["landing_index"], terms["touched"]
+        distance, time, reach, height = (
+            number(term_number(terms, name)) for name in ("distance", "time", "reach", "height")
+        )
         lines = (
-            _touch_line(terms),
-            f"Cargo: greatest distance {number(_term(terms, 'distance'))} m "
-            f"{direction} at {number(_term(terms, 'time'))} s, greatest "
-            f"horizontal distance {number(_term(terms, 'reach'))} m, greatest height "
-            f"{number(_term(terms, 'height'))} m, landing index "
-            f"{'none' if index is None else index}",
+            "Result: the machine never touched the cargo"
+            if touched is None
+            else f"Result: the machine first touched the cargo at {number(float(touched))} s",
+            f"Cargo: greatest distance {distance} m {scoring_direction(self.parameters.curve)} at "
+            f"{time} s, greatest horizontal distance {reach} m, greatest height {height} m, "
+            f"landing index {'none' if index is None else index}",
             _gap_line(trace.times, gaps),
         )
         path = series("Cargo position", trace.times, cargo)
@@ -247,9 +248,7 @@ class DeliveryReferee:
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
         """Score, terms and events; terms that do not apply are None."""
-        touched = self._touched
-        landing = self._landing
-        interval = constants()["sample_interval"]
+        touched, landing = self._touched, self._landing
         terms: dict[str, float | bool | str | None] = {
             "distance": self._best,
             "time": self._best_time,
@@ -258,7 +257,7 @@ class DeliveryReferee:
             "reach": self._reach,
             "height": self._height,
             "landing": landing,
-            "landing_index": None if landing is None else ceil(landing / interval - ROUNDING),
+            "landing_index": None if landing is None else sample_at(landing),
         }
         return Verdict(self._best, terms, self._events())
 
@@ -277,16 +276,6 @@ def _ball(cargo: Cargo, x: float, z: float) -> Thing:
     size = (cargo.diameter, cargo.diameter, cargo.diameter)
     place = (x, cargo.diameter / 2, z)
     return Thing(CARGO, "sphere", size, place, mass=cargo.mass, color=COLOR)
-
-
-def _touch_line(terms: Mapping[str, Any]) -> str:
-    if terms["touched"] is None:
-        return "Result: the machine never touched the cargo"
-    return f"Result: the machine first touched the cargo at {number(terms['touched'])} s"
-
-
-def _term(terms: Mapping[str, Any], name: str) -> float:
-    return float(terms[name] or 0.0)
 
 
 def _machine_distances(trace: Trace, cargo: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from agentflow.env.feedback import block_name, compose, number
+from agentflow.env.feedback import block_name, compose, number, point_text
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Start, Thing
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
@@ -144,15 +144,15 @@ class Picking(Family):
             f"Result: {verdict.terms['result']}",
             "Height gained by the ball after each second (m): "
             + ", ".join(number(height) for height in gained),
-            f"Ball at t = {grab:g} s: {_point(_at(trace.times, path, grab))}",
+            f"Ball at t = {grab:g} s: {point_text(_at(trace.times, path, grab))}",
             *(
                 f"{block_name(machine, step.id).capitalize()} at t = {grab:g} s: "
-                f"{_point(_at(trace.times, trace.centre[:, step.id], grab))}"
+                f"{point_text(_at(trace.times, trace.centre[:, step.id], grab))}"
                 for step in machine
                 if step.type == GRABBER
             ),
             *(
-                f"Root at t = {time:g} s: {_point(_at(trace.times, trace.centre[:, 0], time))}"
+                f"Root at t = {time:g} s: {point_text(_at(trace.times, trace.centre[:, 0], time))}"
                 for time in self._phases(trace)
             ),
         )
@@ -207,10 +207,6 @@ def _at(times: Array, values: Array, time: float) -> Array:
     """Row of `values` (T, 3) at the sample closest to a time, s."""
     row: Array = values[int(np.argmin(np.abs(times - time)))]
     return row
-
-
-def _point(place: Array) -> str:
-    return "(" + ", ".join(number(v) for v in place) + ")"
 
 
 def _banks(pit: Pit) -> Iterator[Thing]:

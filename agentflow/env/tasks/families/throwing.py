@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from agentflow.env.feedback import block_name, compose, number, series
+from agentflow.env.feedback import block_name, compose, number, series, term_number
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters, WorldView
@@ -88,6 +88,7 @@ class Throwing(Family):
     @property
     def brief(self) -> Brief:
         knobs = self.parameters
+        several = f"There are {knobs.reload} boulders; the score is the mean of their scores."
         return Brief(
             name=self.name,
             objective=_objective(knobs),
@@ -101,7 +102,7 @@ class Throwing(Family):
             schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
             score=(
                 *_SCORES[knobs.score](knobs, self.window),
-                *_reload_sentences(knobs.reload),
+                *([several] if knobs.reload > 1 else []),
                 *RULES,
             ),
             blocks=BLOCKS,
@@ -127,11 +128,11 @@ class Throwing(Family):
     ) -> Feedback:
         """Result, distance, height and path of the boulder."""
         terms = verdict.terms
-        boulder = int(_number(terms, "boulder")) or _boulders(machine)[0]
+        boulder = int(term_number(terms, "boulder")) or _boulders(machine)[0]
         lines = (
             f"Result: {terms['result']}",
-            f"Boulder: greatest horizontal distance {number(_number(terms, 'reach'))} m, "
-            f"greatest height {number(_number(terms, 'height'))} m, "
+            f"Boulder: greatest horizontal distance {number(term_number(terms, 'reach'))} m, "
+            f"greatest height {number(term_number(terms, 'height'))} m, "
             f"landing index {'none' if terms['landing_index'] is None else terms['landing_index']}",
             *_mode_lines(machine, terms),
         )
@@ -184,15 +185,11 @@ class ThrowReferee:
         if mode == "accuracy":
             miss = flight.distance_from(0.0, self._knobs.target.at)
             return 0.0 if miss is None else max(0.0, TARGET_POINTS - TARGET_COST * miss)
-        return _number(flight.terms(), mode)
+        return term_number(flight.terms(), mode)
 
 
 def _boulders(machine: Machine) -> list[int]:
     return [step.id for step in machine if step.type == BOULDER]
-
-
-def _number(terms: Mapping[str, Any], name: str) -> float:
-    return float(terms.get(name) or 0.0)
 
 
 def _mode_lines(machine: Machine, terms: Mapping[str, Any]) -> list[str]:
@@ -257,8 +254,3 @@ _SCORES: Mapping[Mode, Callable[[ThrowingKnobs, float], tuple[str, ...]]] = {
         f"flight, within {window:g} s; at least 0.",
     ),
 }
-
-
-def _reload_sentences(count: int) -> Iterator[str]:
-    if count > 1:
-        yield f"There are {count} boulders; the score is the mean of their scores."

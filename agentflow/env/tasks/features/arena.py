@@ -40,7 +40,9 @@ class Hurdle(Parameters):
 
 def arena_things(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> tuple[Thing, ...]:
     """Walls, ramps and hurdle."""
-    return (*_walls(arena), *_ramps(arena, ramps), *_hurdle(arena, hurdle))
+    size = (hurdle.width, hurdle.height, arena.thickness)
+    hurdles = (wall("hurdle", 0.0, hurdle.at, size),) if hurdle.height else ()
+    return (*_walls(arena), *_ramps(arena, ramps), *hurdles)
 
 
 def arena_sentences(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> Iterator[str]:
@@ -97,9 +99,3 @@ def _ramps(arena: Arena, ramps: Ramps) -> Iterator[Thing]:
         ("left", across, (-out, up, 0.0), (0.0, 0.0, -s, c)),
     ):
         yield Thing(f"{name} ramp", "box", size, place, turn, color=WOOD)
-
-
-def _hurdle(arena: Arena, hurdle: Hurdle) -> Iterator[Thing]:
-    if hurdle.height:
-        size = (hurdle.width, hurdle.height, arena.thickness)
-        yield wall("hurdle", 0.0, hurdle.at, size)

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
-import numpy as np
-
-from agentflow.env.constants import constants
 from agentflow.env.feedback import block_name, number
 from agentflow.env.rollout import RolloutEvent
-from agentflow.env.tasks.base import ROUNDING, Body, WorldView
+from agentflow.env.tasks.base import ROUNDING, Body, WorldView, sample_at
 from agentflow.env.tasks.features.rings import Ring, RingProgress
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
@@ -43,11 +40,6 @@ class Landing:
     """Distance along z+ since the boulder left the machine."""
     driven: float
     """Distance of the root along z+ in that time."""
-
-    @property
-    def index(self) -> int:
-        """Index of the first sample at or after the landing."""
-        return int(np.ceil(self.time / constants()["sample_interval"] - ROUNDING))
 
     @property
     def distance(self) -> float:
@@ -169,7 +161,7 @@ class Flight:
             "thrown": self.distance > 0.0,
             "left_holder": self.left,
             "landing": landing.time if landing else None,
-            "landing_index": landing.index if landing else None,
+            "landing_index": sample_at(landing.time) if landing else None,
             "landed_on": landing.surface if landing else None,
             "root_distance": landing.from_root if landing else None,
             "result": self._result(),
