@@ -23,16 +23,16 @@ Value = float | int | str | Rate | None
 
 @dataclass(frozen=True)
 class RunNumbers:
-    """What metrics need of one finished run."""
+    """The numbers of one finished run that metrics use."""
 
     record: RunRecord
     width: int
-    """Children wanted from each expansion."""
+    """Number of children wanted per expansion."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Some runs, and which of their machines count."""
+    """Runs, and which of their machines count."""
 
     runs: tuple[RunNumbers, ...]
     stage: str
@@ -41,7 +41,7 @@ class Cell:
 
     @property
     def candidates(self) -> list[CandidateEvent]:
-        """The stage's candidates in all runs."""
+        """The stage's candidates of all runs."""
         return [item for run in self.runs for item in run.record.of_stage(self.stage)]
 
     @property
@@ -79,15 +79,11 @@ def _child_rate(cell: Cell) -> float | None:
 
 def _passes(cell: Cell) -> Rate | None:
     scores = Scores.of(cell.candidates)
-    return _some(Rate(sum(score >= 1 for score in scores.valid), len(scores.all)))
+    return _unless_empty(Rate(sum(score >= 1 for score in scores.valid), len(scores.all)))
 
 
-def _some(rate: Rate) -> Rate | None:
+def _unless_empty(rate: Rate) -> Rate | None:
     return rate if rate.of else None
-
-
-def _mean(cell: Cell) -> Value:
-    return cell.scores.mean_valid
 
 
 METRICS: Registry[Metric] = Registry(
@@ -95,10 +91,10 @@ METRICS: Registry[Metric] = Registry(
     "agentflow.metrics",
     {
         "valid": Metric(
-            lambda cell: _some(after_retries(cell.candidates)),
+            lambda cell: _unless_empty(after_retries(cell.candidates)),
             "trajectories with a valid machine after retries",
         ),
-        "mean": Metric(_mean, "mean score over valid machines"),
+        "mean": Metric(lambda cell: cell.scores.mean_valid, "mean score over valid machines"),
         "mean_all": Metric(
             lambda cell: cell.scores.mean_all, "mean score over all machines, invalid = 0"
         ),
@@ -107,15 +103,15 @@ METRICS: Registry[Metric] = Registry(
             lambda cell: cell.scores.std, "standard deviation over valid machines (population)"
         ),
         "file_valid": Metric(
-            lambda cell: _some(first_attempts(cell.candidates).parse),
+            lambda cell: _unless_empty(first_attempts(cell.candidates, "parsed")),
             "first attempts in the required format",
         ),
         "spatial_valid": Metric(
-            lambda cell: _some(first_attempts(cell.candidates).spatial),
+            lambda cell: _unless_empty(first_attempts(cell.candidates, "spatial")),
             "first attempts that also have no overlaps and are within the size limit",
         ),
         "machine_valid": Metric(
-            lambda cell: _some(first_attempts(cell.candidates).machine),
+            lambda cell: _unless_empty(first_attempts(cell.candidates, "valid")),
             "first attempts that are valid in every respect",
         ),
         "avg_expansions_per_round": Metric(

@@ -35,15 +35,8 @@ def wilson(successes: int, trials: int) -> Interval | None:
     E. B. Wilson, "Probable inference, the law of succession, and statistical inference", Journal of
     the American Statistical Association 22 (1927).
 
-    Args:
-        successes: Number of successes, 0 to `trials`.
-        trials: Number of trials.
-
     Returns:
         Shares from 0 to 1; None without trials.
-
-    Raises:
-        ValueError: `successes` is not in 0 to `trials`.
     """
     if not 0 <= successes <= trials:
         raise ValueError(f"successes must be 0 to {trials}, not {successes}")
@@ -60,12 +53,7 @@ def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
     """The 95 % bootstrap interval of a mean: percentiles over 10,000 seeded resamples.
 
     B. Efron, "Bootstrap methods: another look at the jackknife", Annals of Statistics 7 (1979);
-    computed by `scipy.stats.bootstrap`. Equal values (all zero, for instance) give an empty
-    interval.
-
-    Args:
-        values: The sample, finite.
-        seed: Random seed of the resampling.
+    computed by `scipy.stats.bootstrap`. Equal values (such as all 0) give an empty interval.
 
     Returns:
         Ends in the unit of the values; None for fewer than two values or without scipy.

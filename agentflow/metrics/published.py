@@ -1,6 +1,6 @@
 """Published results of other models, for comparison.
 
-They were measured in the game itself, not in this simulator: they are always labelled and never
+They were measured in the game, not in this simulator, so they are always labelled and never
 averaged with ours.
 """
 

@@ -13,10 +13,7 @@ from agentflow.runs.events import CandidateEvent
 
 @dataclass(frozen=True)
 class Scores:
-    """Scores of candidates, in the unit of their task.
-
-    Machines whose simulation crashed or timed out are not counted.
-    """
+    """Scores of candidates in the unit of their task, without crashed or timed-out simulations."""
 
     valid: tuple[float, ...]
     """Scores of the valid machines."""
@@ -25,7 +22,7 @@ class Scores:
 
     @classmethod
     def of(cls, candidates: Iterable[CandidateEvent]) -> Scores:
-        """Take the scores from candidates."""
+        """The scores of candidates."""
         items = list(candidates)
         scores = tuple(c.score for c in items if c.valid and c.score is not None)
         return cls(scores, sum(not c.valid for c in items))
@@ -88,9 +85,6 @@ def best_at(scores: Sequence[float], n: int) -> float:
     Args:
         scores: One per sample; invalid samples count as 0.
         n: Subset size, from 1 to the number of scores.
-
-    Raises:
-        ValueError: `n` is out of range.
     """
     count = len(scores)
     if not 1 <= n <= count:

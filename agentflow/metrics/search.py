@@ -20,12 +20,8 @@ def child_validity(expansions: Sequence[ExpandEvent], width: int) -> Rate:
     """Valid children after all retries, of those wanted (published as validity_rate).
 
     The published table has a rate of 100 % with 1.42 attempts per child, so the rate counts
-    children after retries, not attempts.
-
-    Args:
-        expansions: Expansions of one run; all their children count as wanted, even if the budget
-            ran out.
-        width: Children wanted per expansion; 1 in random search.
+    children after retries, not attempts. `width` children are wanted per expansion, even if the
+    budget ran out; it is 1 in random search.
     """
     return Rate(sum(item.valid for item in expansions), width * len(expansions))
 
@@ -35,9 +31,6 @@ def expansions_per_round(runs: Iterable[Sequence[ExpandEvent]]) -> float | None:
 
     A published "round" is the whole search of one trajectory: random search makes one refinement in
     each of its 5 rounds and is published with 5, best-of-4 with at most 20.
-
-    Args:
-        runs: The expansions of each run.
     """
     items = [(run, item) for run, expansions in enumerate(runs) for item in expansions]
     searches = {(run, item.place.trajectory) for run, item in items}

@@ -75,8 +75,8 @@ def text(table: Table) -> str:
     """Aligned columns for a terminal; lines are not wrapped."""
     heads = [*table.heads, *(column.name for column in table.columns)]
     measured = [_cells(table, row) for row in table.rows]
-    told = [_cells(table, row) for row in table.published]
-    widths = [max(map(len, column)) for column in zip(heads, *measured, *told, strict=True)]
+    published = [_cells(table, row) for row in table.published]
+    widths = [max(map(len, column)) for column in zip(heads, *measured, *published, strict=True)]
     above = _group_line(table, widths)
     left = len(table.heads)
 
@@ -87,9 +87,11 @@ def text(table: Table) -> str:
 
     rule = "-" * (sum(widths) + len(GAP) * (len(widths) - 1))
     lines = [table.title, "", *above, line(heads), rule, *map(line, measured)]
-    if told:
-        lines += [rule, PUBLISHED, *map(line, told)]
-    return "\n".join([*lines, *_footnotes(table)]) + "\n"
+    if published:
+        lines += [rule, PUBLISHED, *map(line, published)]
+    if table.notes:
+        lines += ["", *table.notes]
+    return "\n".join(lines) + "\n"
 
 
 def markdown(table: Table) -> str:
@@ -103,15 +105,13 @@ def markdown(table: Table) -> str:
     lines = [f"**{_mark(table.title)}**", "", *part(table.rows)]
     if table.published:
         lines += ["", f"*{PUBLISHED}*", "", *part(table.published)]
-    notes = [f"{_mark(note)}  " for note in table.notes]
-    return "\n".join([*lines, *(["", *notes] if notes else [])]) + "\n"
+    if table.notes:
+        lines += ["", *(f"{_mark(note)}  " for note in table.notes)]
+    return "\n".join(lines) + "\n"
 
 
 def comma_separated(table: Table) -> str:
-    """CSV with a `source` column: measured or published. Numbers in full precision.
-
-    Names that a spreadsheet would read as a formula are prefixed with a quotation mark.
-    """
+    """CSV with full precision and a `source` column: measured or published."""
     out = io.StringIO()
     write = csv.writer(out, lineterminator="\n").writerow
     write(["source", *table.heads, *(_plain(column.full) for column in table.columns)])
@@ -137,11 +137,8 @@ def latex(table: Table) -> str:
     if table.published:
         lines += ["\\midrule", f"\\multicolumn{{{width}}}{{l}}{{{_tex(PUBLISHED)}}} \\\\"]
         lines += [_ampersands(_cells(table, row)) for row in table.published]
-    lines += [
-        "\\bottomrule",
-        "\\end{tabular}",
-        *(f"% {' '.join(note.split())}" for note in table.notes),
-    ]
+    notes = (f"% {' '.join(note.split())}" for note in table.notes)
+    lines += ["\\bottomrule", "\\end{tabular}", *notes]
     return "\n".join(lines) + "\n"
 
 
@@ -198,10 +195,6 @@ def _cells(table: Table, row: Row) -> list[str]:
     return [*row.labels, *(shown(value, column.percent) for value, column in pairs)]
 
 
-def _footnotes(table: Table) -> list[str]:
-    return ["", *table.notes] if table.notes else []
-
-
 def _pipes(cells: Iterable[str]) -> str:
     return f"| {' | '.join(_mark(cell) for cell in cells)} |"
 
@@ -214,7 +207,7 @@ def _mark(text: str) -> str:
 
 
 def _plain(name: str) -> str:
-    """Protect a name from being computed by a spreadsheet (OWASP, "CSV injection")."""
+    """Keep a spreadsheet from reading a name as a formula (OWASP, "CSV injection")."""
     return f"'{name}" if name.startswith(FORMULA) else name
 
 

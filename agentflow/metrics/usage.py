@@ -1,7 +1,4 @@
-"""What runs cost: calls, tokens, money, seconds per role and per stage; simulation speed.
-
-Works on the lines of calls.jsonl as data.
-"""
+"""Cost of runs by role and stage, from the lines of calls.jsonl; simulation speed."""
 
 from __future__ import annotations
 
@@ -74,7 +71,7 @@ def spent_on(call: Mapping[str, Any], cost: Cost = unpriced) -> Spent:
 
 @dataclass(frozen=True)
 class Bill:
-    """What a run cost, in total, by role and by stage, in order of first call."""
+    """Cost of a run in total, by role and by stage, in order of first call."""
 
     total: Spent
     roles: Mapping[str, Spent]
@@ -89,12 +86,12 @@ class Bill:
     def __add__(self, other: Bill) -> Bill:
         return Bill(
             self.total + other.total,
-            _joined(self.roles, other.roles),
-            _joined(self.stages, other.stages),
+            _add_by_key(self.roles, other.roles),
+            _add_by_key(self.stages, other.stages),
         )
 
 
-def _joined(one: Mapping[str, Spent], other: Mapping[str, Spent]) -> dict[str, Spent]:
+def _add_by_key(one: Mapping[str, Spent], other: Mapping[str, Spent]) -> dict[str, Spent]:
     return {key: one.get(key, Spent()) + other.get(key, Spent()) for key in {**one, **other}}
 
 
@@ -103,13 +100,7 @@ def bill(
     cost: Cost = unpriced,
     stage_of: Callable[[str], str] | None = None,
 ) -> Bill:
-    """Add up the lines of calls.jsonl, one at a time.
-
-    Args:
-        calls: The lines, as data.
-        cost: Price of a call.
-        stage_of: Label of a call -> its stage; None leaves out the costs by stage.
-    """
+    """Add up the lines of calls.jsonl; without `stage_of` (label -> stage), not by stage."""
     total = Spent()
     roles: dict[str, Spent] = {}
     stages: dict[str, Spent] = {}

@@ -1,9 +1,10 @@
-"""Validity rates of models' replies: parse, spatial, machine."""
+"""Validity rates of models' replies."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from agentflow.metrics.intervals import Interval, wilson
 from agentflow.runs.events import CandidateEvent
@@ -23,7 +24,7 @@ class Rate:
 
     @property
     def interval(self) -> Interval | None:
-        """Wilson's 95 % interval; see `wilson`."""
+        """Wilson's 95 % interval."""
         return wilson(self.count, self.of)
 
     def __add__(self, other: Rate) -> Rate:
@@ -33,26 +34,11 @@ class Rate:
         return f"{self.count}/{self.of}"
 
 
-@dataclass(frozen=True)
-class Validity:
-    """Three validity rates of the same replies."""
-
-    parse: Rate
-    """Replies in the required format."""
-    spatial: Rate
-    """... whose machine has no overlaps and is within the size limit."""
-    machine: Rate
-    """... and meets every other requirement."""
-
-
-def first_attempts(candidates: Sequence[CandidateEvent]) -> Validity:
-    """Validity at the first attempt, before any retry, one per trajectory."""
-    total = len(candidates)
-    return Validity(
-        Rate(sum(c.first.parsed for c in candidates), total),
-        Rate(sum(c.first.spatial for c in candidates), total),
-        Rate(sum(c.first.valid for c in candidates), total),
-    )
+def first_attempts(
+    candidates: Sequence[CandidateEvent], level: Literal["parsed", "spatial", "valid"]
+) -> Rate:
+    """Trajectories whose first attempt, before any retry, got this far; see `FirstAttempt`."""
+    return Rate(sum(getattr(c.first, level) for c in candidates), len(candidates))
 
 
 def after_retries(candidates: Sequence[CandidateEvent]) -> Rate:

@@ -1,1 +1,1 @@
-"""Reports: what a run has recorded, as one self-contained page. No physics: films are handed in."""
+"""Reports: recorded runs as self-contained HTML pages. Films are passed in."""

@@ -19,7 +19,7 @@ STEPS = 65535
 TURN = 32767
 """Integer for a quaternion component of 1."""
 LOAD = 200
-"""Steps of a load of 1, at which a connection breaks; loads are capped at 1.27."""
+"""Steps of a load of 1, at which a connection breaks; loads are capped at 255 steps."""
 PRECISION = 1e-4
 """Smallest extent of a coordinate, m, to avoid division by zero."""
 
@@ -79,7 +79,7 @@ def deflate_json(value: object) -> str:
 
 
 def _same_hemisphere(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Flip quaternions so that each is on the side of its predecessor: (T, B, 4)."""
+    """Flip quaternions (T, B, 4) that are in the other hemisphere than their predecessor."""
     sides = np.where(np.sum(rotation[1:] * rotation[:-1], axis=2, keepdims=True) < 0, -1.0, 1.0)
     first = np.ones((1, *sides.shape[1:]))
     steady: NDArray[np.float64] = rotation * np.cumprod(np.concatenate([first, sides]), axis=0)

@@ -1,14 +1,13 @@
 """The tree of a run: which machine was made from which.
 
-One node per machine tried in its own place, per refused edit of a search, and per trajectory that
-ended without a machine.
+It has a node for each evaluation of a machine, each refused edit of a search, and each trajectory
+that ended without a machine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from agentflow.runs import Event
 from agentflow.runs.events import (
@@ -27,7 +26,7 @@ REFUSED, INVALID = "refused", "invalid"
 
 @dataclass(frozen=True)
 class LineageNode:
-    """A place in the tree."""
+    """A node of the tree."""
 
     id: str
     parent: str | None
@@ -49,14 +48,10 @@ class LineageNode:
     lead: bool = False
     """Whether it is the result or one of its ancestors."""
 
-    def to_json(self) -> dict[str, Any]:
-        """The node as JSON data for the page."""
-        return asdict(self)
-
 
 @dataclass
 class Lineage:
-    """Builds the tree; takes the events in order."""
+    """Builds the tree from the events in order."""
 
     nodes: dict[str, LineageNode] = field(default_factory=dict)
     _newest: dict[int, str] = field(default_factory=dict)
@@ -81,7 +76,7 @@ class Lineage:
         return lineage
 
     def add(self, event: RunEvent | Event) -> None:
-        """Take in one event; other kinds are skipped."""
+        """Take in one event; other kinds are ignored."""
         if isinstance(event, AttemptEvent):
             self._add_attempt(event)
         elif isinstance(event, EvaluationEvent):
@@ -96,7 +91,7 @@ class Lineage:
             self._add_edit(event)
 
     def finish(self, machine: str | None) -> tuple[LineageNode, ...]:
-        """All nodes, with the path to the result marked, or to the best score without a result."""
+        """All nodes, with the path to the result marked, or else to the best score."""
         scored = [n for n in self.nodes.values() if n.valid and n.score is not None]
         results = [n for n in scored if n.machine == machine] or scored
         best = max(results, key=lambda n: n.score or 0.0, default=None)
@@ -117,7 +112,7 @@ class Lineage:
             self._scripts[event.label] = event.script
 
     def _add_evaluation(self, event: EvaluationEvent) -> None:
-        """A machine outside a search; those in one are placed by a later event."""
+        """Add a machine outside a search; those in one are added by a later event."""
         self._evaluations[event.machine] = event
         if event.place == _search_of(event.place):
             self._add_machine(event.place, event.machine, self._newest_at(event.place))
@@ -127,22 +122,24 @@ class Lineage:
         """A trajectory without a machine ends with a node that says why."""
         place, known = event.place, event.label in self.nodes or event.place in self._roots
         if event.machine is None and not known:
-            calls = tuple(self._calls.get(Place(trajectory=place.trajectory), ()))
-            parent = self._newest_at(place)
-            node = LineageNode(
-                event.label, parent, _title(place), INVALID, problem=event.reason, calls=calls
+            self.nodes[event.label] = LineageNode(
+                id=event.label,
+                parent=self._newest_at(place),
+                title=_title(place),
+                kind=INVALID,
+                problem=event.reason,
+                calls=tuple(self._calls.get(Place(trajectory=place.trajectory), ())),
             )
-            self.nodes[node.id] = node
 
     def _add_refused(self, event: ExpandEvent) -> None:
-        """Attempts without a machine hang on the node that they were to refine."""
+        """Attempts without a machine become children of the node that they refined."""
         search = _search_of(event.place)
         parent = self._node_id(search, event.node)
         for attempt in event.attempts:
             if not attempt.valid:
-                calls = self._calls_of(search, attempt.label)
-                node = LineageNode(
-                    id=f"{search}/{attempt.label}",
+                calls, node_id = self._calls_of(search, attempt.label), f"{search}/{attempt.label}"
+                self.nodes[node_id] = LineageNode(
+                    id=node_id,
                     parent=parent,
                     title="refused edit",
                     kind=REFUSED,
@@ -150,7 +147,6 @@ class Lineage:
                     problem=attempt.note,
                     calls=calls,
                 )
-                self.nodes[node.id] = node
 
     def _add_node(self, event: NodeEvent) -> None:
         search = _search_of(event.place)
@@ -159,7 +155,7 @@ class Lineage:
         self._add_machine(event.place, event.machine, parent, calls, _title(place))
 
     def _add_edit(self, event: EditEvent) -> None:
-        """A random edit without a model call; the next one starts from the last that was kept."""
+        """A random edit; the next one starts from the last one that was kept."""
         self._add_machine(event.place, event.machine, self._newest_at(event.place))
         if event.kept:
             self._newest[event.place.trajectory] = event.label
@@ -168,7 +164,7 @@ class Lineage:
         return self._newest.get(place.trajectory)
 
     def _node_id(self, search: Place, number: int) -> str | None:
-        """The id of a search's node; its root is what the trajectory had before."""
+        """The id of a search's node; the root is the node that the trajectory had before."""
         root = self._roots.setdefault(search, self._newest_at(search))
         return root if number == 0 else str(replace(search, node=number))
 
@@ -199,7 +195,7 @@ class Lineage:
         )
 
     def _calls_of(self, search: Place, attempt: str) -> tuple[str, ...]:
-        """Labels of the calls behind an attempt, whose label is relative to its search."""
+        """Labels of the calls of an attempt, whose label is relative to its search."""
         question = replace(Place.parse(attempt), trajectory=search.trajectory)
         return tuple(self._calls.get(question, ()))
 

@@ -1,4 +1,4 @@
-"""A page as one HTML file that contains its script, style and data, and loads nothing."""
+"""Pages: single HTML files that contain their script, style and data and load nothing."""
 
 from __future__ import annotations
 
@@ -39,15 +39,7 @@ PAGE = """<!DOCTYPE html>
 
 
 def page(title: str, data: Mapping[str, Any]) -> str:
-    """The whole page, as text.
-
-    Args:
-        title: Window title, plain text.
-        data: JSON data; `kind` is run, sweep or gallery.
-
-    Raises:
-        UsageError: The bundle is missing.
-    """
+    """The whole page; `title` is plain text, and the data's `kind` is run, sweep or gallery."""
     script, style = bundled(SCRIPT), bundled(STYLE)
     policy = POLICY.format(script=_source(script), style=_source(style))
     return PAGE.format(
@@ -56,21 +48,13 @@ def page(title: str, data: Mapping[str, Any]) -> str:
 
 
 def check_bundle() -> None:
-    """Check that pages can be made, before any work is done.
-
-    Raises:
-        UsageError: The bundle is missing.
-    """
+    """Raise UsageError if the bundle is missing, before any work is done."""
     for name in (SCRIPT, STYLE):
         bundled(name)
 
 
 def bundled(name: str) -> str:
-    """Read a file of the bundle.
-
-    Raises:
-        UsageError: The file is missing.
-    """
+    """Read a file of the bundle; UsageError if it is missing."""
     try:
         return (BUNDLE / name).read_text(encoding="utf-8")
     except OSError:

@@ -1,18 +1,15 @@
-"""The data of a run's page: tree, curve, tables and conversations, as JSON data.
-
-The caller, who can simulate, adds machines and films.
-"""
+"""The data of a run's page as JSON: tree, curve, tables, conversations; no machines or films."""
 
 from __future__ import annotations
 
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from agentflow.metrics.usage import Cost, Spent, bill
+from agentflow.metrics.usage import Cost, bill
 from agentflow.report.film import deflate_json
 from agentflow.report.lineage import Lineage, LineageNode
 from agentflow.runs import Event, read_calls, read_document, state_of
@@ -20,7 +17,7 @@ from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, read_
 from agentflow.runs.record import RunRecord
 
 UNFINISHED = {"running": "under way", "stopped": "unfinished", "done": "finishing"}
-"""What the page calls a run without a result, by its state; it may end while it is read."""
+"""How the page describes a run without a result, by state; it may end while it is read."""
 EXAMPLE = 200
 """Characters shown of an example of a refusal."""
 
@@ -38,22 +35,13 @@ class RunStory:
 
     @classmethod
     def read(cls, path: Path, result: Mapping[str, Any] | None, best: str | None) -> RunStory:
-        """Read a run directory.
-
-        Args:
-            path: The run directory.
-            result: Its result, if it has one.
-            best: Content hash of the resulting machine.
-
-        Raises:
-            RunError: It is not a run directory, or is damaged.
-        """
+        """Read a run directory; `best` is the content hash of the resulting machine."""
         events = tuple(read_typed_events(path))
         return cls(path, read_document(path), result, events, Lineage.of(events).finish(best))
 
     @property
     def machines(self) -> dict[str, LineageNode]:
-        """Content hash -> the first node with that machine, the highest scores first."""
+        """Content hash -> the first node with that machine, highest scores first."""
         shown = [node for node in self.nodes if node.machine is not None]
         shown.sort(key=lambda node: -1.0 if node.score is None else node.score, reverse=True)
         found: dict[str, LineageNode] = {}
@@ -62,32 +50,27 @@ class RunStory:
         return found
 
     def to_json(self, cost: Cost, priced: bool) -> dict[str, Any]:
-        """Everything except machines and films.
-
-        Args:
-            cost: Price of a call.
-            priced: Whether any prices are known.
-        """
+        """Everything except machines and films; `priced` is whether any prices are known."""
         attempts = [event for event in self.events if isinstance(event, AttemptEvent)]
         record = RunRecord.of(self.events)
         return {
             "kind": "run",
             "run": self._head(record, priced),
-            "nodes": [node.to_json() for node in self.nodes],
+            "nodes": [asdict(node) for node in self.nodes],
             "progress": score_curve(self.events),
             "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
             "reasons": reasons(attempts),
             "usage": usage(read_calls(self.path), cost),
-            "talk": talk(read_calls(self.path)),
+            "talk": call_labels(read_calls(self.path)),
             "calls": deflate_json(conversations(read_calls(self.path), attempts)),
-            "facts": self._facts(),
+            "facts": list(self._facts().items()),
         }
 
     def _head(self, record: RunRecord, priced: bool) -> dict[str, Any]:
         config = self.document.get("config", {})
-        begun, asked = record.start and record.start.model, config.get("model", {}).get("name")
-        model = (self.result or {}).get("model") or begun or asked or ""
+        answered_by = (self.result or {}).get("model") or (record.start and record.start.model)
+        model = answered_by or config.get("model", {}).get("name") or ""
         return {
             "task": config.get("task", ""),
             "workflow": config.get("workflow", ""),
@@ -110,9 +93,9 @@ class RunStory:
             return f"is the most that any machine scored; shown is one{place}{end}"
         return f"the best machine{',' * bool(place)}{place}{end}"
 
-    def _facts(self) -> list[tuple[str, str]]:
-        said = self.document
-        config = said.get("config", {})
+    def _facts(self) -> dict[str, str]:
+        document = self.document
+        config = document.get("config", {})
         place = "/".join(self.path.resolve().parts[-2:])
         again = "Continue it" if self.result is None else "Repeat it"
         command = "design --resume" if self.result is None else "replay"
@@ -120,18 +103,18 @@ class RunStory:
             "Run": str(self.path.name),
             again: f"agentflow {command} {shlex.quote(place)}",
             "Knobs": ", ".join(f"{k} = {v}" for k, v in config.get("knobs", {}).items()) or "none",
-            "Prompt set": f"{config.get('prompts', '')} {said.get('prompts', '')}",
-            "Physical constants": str(said.get("constants", "")),
-            "agentflow": f"{said.get('agentflow', '')} {said.get('commit') or ''}",
-            "Python": f"{said.get('python', '')}, {said.get('platform', '')}",
+            "Prompt set": f"{config.get('prompts', '')} {document.get('prompts', '')}",
+            "Physical constants": str(document.get("constants", "")),
+            "agentflow": f"{document.get('agentflow', '')} {document.get('commit') or ''}",
+            "Python": f"{document.get('python', '')}, {document.get('platform', '')}",
         }
         if self.result is not None and "seconds" in self.result:
             facts["Took"] = f"{self.result['seconds']} s"
-        return list(facts.items())
+        return facts
 
 
 def score_curve(events: Iterable[RunEvent | Event]) -> list[dict[str, Any]]:
-    """Score of each evaluation that has one, and what the run had spent by then."""
+    """Score of each evaluation that has one, and the cost of the run up to then."""
     run, points = RunRecord(), []
     for event in events:
         run.add(event)
@@ -155,7 +138,7 @@ def validity(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:
 
 
 def reasons(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:
-    """Why replies were refused: code, count, one example; the most frequent first."""
+    """Why replies were refused: code, count and an example, most frequent first."""
     refused = [attempt for attempt in attempts if not attempt.valid]
     examples = {a.code: a.problem[:EXAMPLE] for a in reversed(refused)}
     counted = Counter(attempt.code for attempt in refused)
@@ -170,23 +153,22 @@ def usage(calls: Iterable[Mapping[str, Any]], cost: Cost) -> list[dict[str, Any]
     found = bill(calls, cost)
     if not found.total.calls:
         return []
-    return [_spent(role, spent) for role, spent in (*found.roles.items(), ("all", found.total))]
+    return [
+        {
+            "role": role,
+            "calls": spent.calls,
+            "prompt": spent.prompt,
+            "completion": spent.completion,
+            "reasoning": spent.reasoning,
+            "cached": spent.cached,
+            "seconds": round(spent.seconds, 2),
+            "cost": None if spent.money is None else round(spent.money, 6),
+        }
+        for role, spent in (*found.roles.items(), ("all", found.total))
+    ]
 
 
-def _spent(role: str, spent: Spent) -> dict[str, Any]:
-    return {
-        "role": role,
-        "calls": spent.calls,
-        "prompt": spent.prompt,
-        "completion": spent.completion,
-        "reasoning": spent.reasoning,
-        "cached": spent.cached,
-        "seconds": round(spent.seconds, 2),
-        "cost": None if spent.money is None else round(spent.money, 6),
-    }
-
-
-def talk(calls: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def call_labels(calls: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The labels of all calls, by role."""
     roles: dict[str, list[str]] = {}
     for call in calls:
@@ -197,7 +179,7 @@ def talk(calls: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def conversations(
     calls: Iterable[Mapping[str, Any]], attempts: Iterable[AttemptEvent]
 ) -> dict[str, list[Any]]:
-    """Every call with its verdict; repeated texts (system prompts) are kept once."""
+    """Every call with its verdict; repeated texts (such as system prompts) are stored once."""
     verdicts = {attempt.label: attempt for attempt in attempts}
     texts: dict[str, int] = {}
     found = []

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from agentflow.metrics.cells import Value
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import PUBLISHED, Column, Row, Table, shown
 from agentflow.runs.places import STAGES
 
 MOST_DOTS = 400
-"""Most scores drawn per variant, taken evenly from the sorted scores."""
+"""Maximum number of scores drawn per variant, taken evenly from the sorted scores."""
 OURS = ("variant", "of")
-"""Label columns that hold our own names; their underscores are shown as spaces."""
+"""Label columns with names from agentflow; their underscores are shown as spaces."""
 
 
 def sweep_data(
@@ -28,7 +27,7 @@ def sweep_data(
     Args:
         title: Title of the sweep.
         about: Its question.
-        spreads: Scores of each task and variant.
+        spreads: Scores by task and variant.
         tables: Tables in display order.
         runs: Name, state and score of each run, and why it failed.
     """
@@ -61,7 +60,7 @@ def _spread(task: str, name: str, scores: Scores) -> dict[str, Any]:
 
 
 def _table(table: Table, title: str, shared: Sequence[str]) -> dict[str, Any]:
-    kept = [place for place in range(len(table.columns)) if _told(table, place)]
+    kept = [place for place in range(len(table.columns)) if _has_values(table, place)]
     columns = [table.columns[place] for place in kept]
     return {
         "title": table.title.removeprefix(f"{title}: "),
@@ -74,13 +73,9 @@ def _table(table: Table, title: str, shared: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _told(table: Table, place: int) -> bool:
+def _has_values(table: Table, place: int) -> bool:
     """Whether a column has any value other than 0."""
-    return any(_something(row.values[place]) for row in (*table.rows, *table.published))
-
-
-def _something(value: Value) -> bool:
-    return value is not None and (not isinstance(value, int | float) or value != 0)
+    return any(row.values[place] not in (None, 0) for row in (*table.rows, *table.published))
 
 
 def _cells(table: Table, row: Row, kept: Sequence[int]) -> list[str]:

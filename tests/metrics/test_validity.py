@@ -18,12 +18,9 @@ def test_first_attempts_and_after_retries() -> None:
             candidate("initial", 4, None, valid=False, first=""),
         ]
     ).of_stage("initial")
-    found = first_attempts(stage)
-    assert [str(rate) for rate in (found.parse, found.spatial, found.machine)] == [
-        "3/4",
-        "2/4",
-        "1/4",
-    ]
+    assert str(first_attempts(stage, "parsed")) == "3/4"
+    assert str(first_attempts(stage, "spatial")) == "2/4"
+    assert str(first_attempts(stage, "valid")) == "1/4"
     assert after_retries(stage) == Rate(3, 4)
 
 
