@@ -57,10 +57,10 @@ def compare_prompt_sets(first: str, second: str) -> str:
     """Unified diff of the templates of two sets; "" if they are equal."""
     one, other = PromptSet(first), PromptSet(second)
     lines: list[str] = []
-    for template in sorted({*one.templates, *other.templates}):
+    for template in sorted({*one.files, *other.files}):
         lines += unified_diff(
-            one.source(template).splitlines(),
-            other.source(template).splitlines(),
+            one.files.get(template, "").splitlines(),
+            other.files.get(template, "").splitlines(),
             f"{first}/{template}",
             f"{second}/{template}",
             lineterm="",

@@ -43,16 +43,10 @@ class Step:
 
     def to_json(self) -> dict[str, int]:
         """The step in the JSON form that models read and write."""
+        data = {"type": self.type, "id": self.id}
         if self.parent_b is None or self.face_id_b is None:
-            return {
-                "type": self.type,
-                "id": self.id,
-                "parent": self.parent,
-                "face_id": self.face_id,
-            }
-        return {
-            "type": self.type,
-            "id": self.id,
+            return data | {"parent": self.parent, "face_id": self.face_id}
+        return data | {
             "parent_a": self.parent,
             "face_id_a": self.face_id,
             "parent_b": self.parent_b,

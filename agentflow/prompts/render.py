@@ -47,17 +47,18 @@ class PromptSet:
         about = yaml.safe_load(folder.joinpath(ABOUT).read_text("utf-8"))
         self.about: str = about["about"]
         """Description of the set in one sentence."""
-        self._files = dict(_walk(folder, ""))
+        self.files = dict(_walk(folder, ""))
+        """Path of each template -> its text."""
         if base := about.get("base"):
-            self._files = {**PromptSet(base)._files, **self._files}
+            self.files = {**PromptSet(base).files, **self.files}
         self.fits: int | None = about.get("fits")
         """Token limit that prompts are shortened to where possible; None for no limit."""
-        self._environment = _environment(self._files)
+        self._environment = _environment(self.files)
 
     @cached_property
     def digest(self) -> str:
         """Content hash (16 hex digits) of everything that affects the set's prompts."""
-        files = {**self._files, _FUNCTIONS: _home().joinpath(_FUNCTIONS).read_text("utf-8")}
+        files = {**self.files, _FUNCTIONS: _home().joinpath(_FUNCTIONS).read_text("utf-8")}
         files |= {ABOUT: str(self.fits)} if self.fits else {}
         digest = hashlib.sha256()
         for path in sorted(files):
@@ -67,7 +68,7 @@ class PromptSet:
     @property
     def roles(self) -> tuple[str, ...]:
         """Names of the roles that the set has prompts for."""
-        folders = {path.partition("/")[0] for path in self._files}
+        folders = {path.partition("/")[0] for path in self.files}
         return tuple(sorted(folder for folder in folders if not folder.startswith("_")))
 
     def render(self, role: str, variables: Mapping[str, object]) -> tuple[str, str]:
@@ -89,15 +90,6 @@ class PromptSet:
             if not self.fits or CL100K * token_estimate(system + user) <= self.fits:
                 break
         return system, user
-
-    def source(self, template: str) -> str:
-        """The text of a template; "" if the set does not have it."""
-        return self._files.get(template, "")
-
-    @property
-    def templates(self) -> tuple[str, ...]:
-        """Paths of all templates, sorted."""
-        return tuple(sorted(self._files))
 
     def retry(self, problem: str) -> str:
         """Render the message that rejects a reply and gives the reason."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import aclosing
+from contextlib import aclosing, suppress
 from dataclasses import replace
 
 import httpx
@@ -55,9 +55,6 @@ class OpenAIClient:
             raise ConfigError(
                 f"invalid proxy or certificate settings in the environment: {problem}"
             ) from None
-
-    def __repr__(self) -> str:
-        return f"OpenAIClient({self._endpoint!r})"
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request; see `Client`.
@@ -138,7 +135,8 @@ class OpenAIClient:
                     raise wire.NotACompletionError(f"more than {_MAX_ANSWER_BYTES // 2**20} MB")
                 if _add_events(decoder.feed(chunk), builder):
                     self.streams = True
-                    await _drain(chunks)
+                    with suppress(asyncio.TimeoutError, httpx.RequestError):  # the reply is whole
+                        await asyncio.wait_for(_read_at_most(chunks, _MAX_ANSWER_BYTES), _DRAIN_S)
                     return builder
         done = _add_events(decoder.end(), builder)
         self.streams = bool(decoder.streamed)
@@ -154,17 +152,6 @@ def _add_events(events: list[bytes], builder: wire.ReplyBuilder) -> bool:
             return True
         builder.add(wire.decode(data))
     return False
-
-
-async def _drain(chunks: AsyncIterator[bytes]) -> None:
-    async def rest() -> None:
-        async for _ in chunks:
-            pass
-
-    try:
-        await asyncio.wait_for(rest(), _DRAIN_S)
-    except (asyncio.TimeoutError, httpx.RequestError):
-        return  # the reply is complete; only the connection is lost
 
 
 async def _read_at_most(chunks: AsyncIterator[bytes], size: int) -> bytes:

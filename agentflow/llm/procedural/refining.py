@@ -108,5 +108,4 @@ def _failed_scripts(prompt: Prompt) -> set[str]:
 
 
 def _normalise(commands: Iterable[str]) -> str:
-    """Normalise edit commands for comparison."""
     return "; ".join(" ".join(re.sub(r"[\[\]]", " ", line).lower().split()) for line in commands)

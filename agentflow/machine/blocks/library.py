@@ -43,7 +43,6 @@ class Library(Mapping[int, BlockType]):
         self._types = dict(sorted(types.items()))
         self.core = tuple(key for key, block in self._types.items() if not block.extended)
         """Type ids that are legal unless a task lists others."""
-        self.extended = tuple(key for key, block in self._types.items() if block.extended)
         self.containers = frozenset(
             key for key, block in self._types.items() if block.shape == "container"
         )

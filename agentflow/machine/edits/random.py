@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from random import Random
 from typing import TypeVar
 
@@ -68,7 +69,7 @@ def random_edit(machine: Machine, rng: Random, brief: Brief | None = None) -> Ma
     types, complete = _allowed_types(brief), _has_required_blocks(machine, brief)
 
     def legal(move: Move) -> Machine | None:
-        edited = _apply_if_valid(move, rng, brief)
+        edited = _apply_if_valid(rng, brief, move)
         return edited if edited and (_has_required_blocks(edited, brief) or not complete) else None
 
     def of_kind(kind: str) -> Machine | None:
@@ -85,16 +86,14 @@ def _grow(rng: Random, types: Sequence[int], brief: Brief | None, count: int) ->
     required = {} if brief is None else brief.required
     machine: Machine | None = Machine((ROOT,)) if brief is None else brief.given
 
-    def legal(addition: Move) -> Machine | None:
-        return _apply_if_valid(addition, rng, brief)
-
     while machine is not None and len(machine) < count:
         wanted = [kind for kind in types if machine.count(kind) < required.get(kind, count)]
-        machine = _draw_first_success(rng, additions(machine, wanted), legal)
+        place_block = partial(_apply_if_valid, rng, brief)
+        machine = _draw_first_success(rng, additions(machine, wanted), place_block)
     return machine
 
 
-def _apply_if_valid(move: Move, rng: Random, brief: Brief | None) -> Machine | None:
+def _apply_if_valid(rng: Random, brief: Brief | None, move: Move) -> Machine | None:
     """The machine that a move makes; None if it is invalid."""
     edited = move(rng)
     return edited if edited is not None and check(edited, brief).machine_valid else None
@@ -123,6 +122,5 @@ def _allowed_types(brief: Brief | None) -> tuple[int, ...]:
 
 
 def _has_required_blocks(machine: Machine, brief: Brief | None) -> bool:
-    """Whether the machine has exactly the required blocks."""
     required = {} if brief is None else brief.required
     return all(machine.count(kind) == count for kind, count in required.items())

@@ -97,8 +97,6 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
 
 
 class _Refused(Exception):
-    """A command that cannot be applied."""
-
     def __init__(self, code: str, reason: str) -> None:
         super().__init__(reason)
         self.code, self.reason = code, reason

@@ -83,8 +83,6 @@ def _parse_xml(text: str) -> Element:
 
 
 class _BadBlock(Exception):
-    """A block that is not supported."""
-
     def __init__(self, code: str, reason: str) -> None:
         super().__init__(reason)
         self.code, self.reason = code, reason

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from dataclasses import replace
-from typing import Literal, get_args
+from typing import Literal
 
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.coordinates import read_coordinates
@@ -13,7 +13,6 @@ from agentflow.machine.formats.parse import FORM, Reading, find_items, read_mach
 from agentflow.machine.tree import Machine
 
 Form = Literal["auto", "tree", "coordinates", "bsg"]
-FORMS: tuple[Form, ...] = get_args(Form)
 
 _XML = re.compile(r"\s*(<!--((?!-->).)*-->\s*)*<(\?xml|!DOCTYPE|Machine)\b", re.DOTALL)
 """Beginning of a .bsg file. Comments end at their first `-->`, which avoids exponential
