@@ -15,7 +15,7 @@ await build({
   format: "iife",
   target: "es2022",
   charset: "utf8",
-  legalComments: "none", // three.js repeats one line; its whole licence stands in the banner
+  legalComments: "none", // three.js includes one line only; the banner has its full licence
   banner: { js: `/*! Contains three.js ${version}\n${licence}\n*/` },
   logLevel: "warning",
 });

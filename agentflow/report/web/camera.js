@@ -1,19 +1,19 @@
-// The camera: follows the action; the user rotates, shifts and zooms around it.
+// The camera: it follows the action; users can rotate, pan and zoom relative to it.
 
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 
 const SIDE = new THREE.Vector3(-0.86, 0.36, -0.42).normalize(); // from the right, a little behind and above
-const ABOVE = new THREE.Vector3(-0.5, 0.85, -0.25).normalize(); // for what lies flat
-const FLAT = 0.2; // height over width
+const ABOVE = new THREE.Vector3(-0.5, 0.85, -0.25).normalize(); // for flat machines
+const FLAT = 0.2; // ratio of height to width below which a machine is flat
 const EVERY = 0.1; // seconds between the points of the path
-const SMOOTHING = 8; // points on either side that are averaged
-const NEAR = 12; // metres around the root that stay in the picture
-const FAR = 30; // metres, of what leaves a trace
-const WIDEST = 40; // metres, of things that the wide view takes in
+const SMOOTHING = 8; // number of points on either side to average
+const NEAR = 12; // blocks within so many metres of the root stay in the picture
+const FAR = 30; // the same for bodies with a trace
+const WIDEST = 40; // largest objects that the wide view includes, metres
 const MARGIN = 0.4; // metres
-const FILL = 0.88; // share of the picture that they may take
-const NEAREST = 7; // metres
+const FILL = 0.88; // share of the picture to fill
+const NEAREST = 7; // minimum distance, metres
 
 export class Eye {
   constructor(picture, element, changed) {
@@ -30,14 +30,14 @@ export class Eye {
     });
   }
 
-  /** Look at another film; whoever has turned the picture keeps that view. */
+  /** Start another film; a view that the user has chosen is kept. */
   begin(film, machine, shapes) {
     const found = corners(machine, shapes);
-    this.side = flat(film, found) ? ABOVE : SIDE;
+    this.side = isFlat(film, found) ? ABOVE : SIDE;
     const frame = new THREE.Matrix4().lookAt(this.side, new THREE.Vector3(), new THREE.Vector3(0, 1, 0));
-    const boxes = seen(film, machine, found, frame.clone().transpose());
-    this.path = smoothed(boxes, frame);
-    this.whole = middle(around(boxes, machine, frame.clone().transpose()), frame);
+    const boxes = boxesOverTime(film, machine, found, frame.clone().transpose());
+    this.path = smoothPath(boxes, frame);
+    this.whole = centreAndHalfSize(boxOfAll(boxes, machine, frame.clone().transpose()), frame);
     if (!this.way) this.reset();
   }
 
@@ -49,26 +49,26 @@ export class Eye {
     this.at(this.time ?? 0);
   }
 
-  /** Take in the whole way and what stands along it, or what happens now. */
+  /** Show the whole course, or follow the action. */
   setWide(on) {
     this.wide = on;
     this.zoom = 1;
     this.shift = new THREE.Vector3();
   }
 
-  /** Go along with the film. */
+  /** Move to where the film is at a time. */
   at(time) {
     this.time = time;
     if (!this.following || !this.path) return;
     const [target, distance] = this.wanted();
-    this.moving = true; // our own moves are no turns of the user's
+    this.moving = true; // do not treat our own moves as the user's
     this.controls.target.copy(target).add(this.shift);
     this.camera.position.copy(this.way).multiplyScalar(distance * this.zoom).add(this.controls.target);
     this.controls.update();
     this.moving = false;
   }
 
-  /** Turn (radians to the side and up) and zoom from the keyboard. */
+  /** Rotate (radians to the side and up) and zoom; for the keyboard. */
   turn(side, up, zoom = 1) {
     const place = new THREE.Spherical().setFromVector3(this.camera.position.clone().sub(this.controls.target));
     place.theta += side;
@@ -78,7 +78,7 @@ export class Eye {
     this.controls.update();
   }
 
-  /** Keep what the user has done relative to the path. */
+  /** Remember the user's view relative to the path. */
   note() {
     if (!this.path) return;
     const [target, distance] = this.wanted();
@@ -88,7 +88,7 @@ export class Eye {
     this.shift = this.controls.target.clone().sub(target);
   }
 
-  /** What to look at, and from how far. */
+  /** The point to look at, and the distance from it. */
   wanted() {
     const at = this.wide ? this.whole : this.now();
     const slope = FILL * Math.tan(THREE.MathUtils.degToRad(this.camera.fov / 2));
@@ -104,22 +104,22 @@ export class Eye {
   }
 }
 
-/** The corners of every body's own box: a list per block, then of what moves in the scene. */
+/** Corners of each body's bounding box in its own frame: blocks, then moving objects. */
 function corners(machine, shapes) {
-  const found = machine.solids.map((solids) => ends(new THREE.Box3().setFromPoints(solids.flatMap((index) => boxed(shapes[index])))));
-  for (const thing of machine.things) if (thing[BODY] !== null) found[thing[BODY]] = boxed(thing);
+  const found = machine.solids.map((solids) => cornersOfBox(new THREE.Box3().setFromPoints(solids.flatMap((index) => cornersOfThing(shapes[index])))));
+  for (const thing of machine.things) if (thing[BODY] !== null) found[thing[BODY]] = cornersOfThing(thing);
   return found;
 }
 
-const BODY = 14; // of a thing's row
+const BODY = 14; // index of the body in an object's row
 
-function boxed([, sx, sy, sz, x, y, z, i, j, k, w]) {
+function cornersOfThing([, sx, sy, sz, x, y, z, i, j, k, w]) {
   const turn = new THREE.Quaternion(i, -j, -k, w);
   return EIGHT.map(([a, b, c]) => new THREE.Vector3(a * sx, b * sy, c * sz).applyQuaternion(turn).add(new THREE.Vector3(-x, y, z)));
 }
 
-/** The eight corners of a box; none of an empty one. */
-function ends(box) {
+/** The eight corners of a box; [] if it is empty. */
+function cornersOfBox(box) {
   if (box.isEmpty()) return [];
   const [size, at] = [box.getSize(new THREE.Vector3()), box.getCenter(new THREE.Vector3())];
   return EIGHT.map((corner) => new THREE.Vector3(...corner).multiply(size).add(at));
@@ -127,17 +127,17 @@ function ends(box) {
 
 const EIGHT = [-0.5, 0.5].flatMap((a) => [-0.5, 0.5].flatMap((b) => [-0.5, 0.5].map((c) => [a, b, c])));
 
-/** Whether all lies flat as it begins. */
-function flat(film, found) {
+/** Whether the machine is flat at the start. */
+function isFlat(film, found) {
   film.sample(0);
   const size = new THREE.Box3();
-  found.forEach((points, body) => widen(size, film, body, points, new THREE.Matrix4()));
+  found.forEach((points, body) => expandBox(size, film, body, points, new THREE.Matrix4()));
   const { x, y, z } = size.getSize(new THREE.Vector3());
   return y < FLAT * Math.min(x, z);
 }
 
-/** Over time, the box around the machine, what is near it, and its hero, in the frame of the eye. */
-function seen(film, { hero, traces }, found, back) {
+/** For each moment, the box around the bodies near the root and the tracked body, in the camera's frame. */
+function boxesOverTime(film, { hero, traces }, found, back) {
   const traced = traces.map(({ body }) => body);
   const boxes = [];
   for (let time = 0; time <= film.duration + EVERY; time += EVERY) {
@@ -147,7 +147,7 @@ function seen(film, { hero, traces }, found, back) {
     const box = new THREE.Box3();
     found.forEach((points, body) => {
       const near = place(body).distanceTo(root) < (traced.includes(body) ? FAR : NEAR);
-      if (near || body === hero) widen(box, film, body, points, back);
+      if (near || body === hero) expandBox(box, film, body, points, back);
     });
     boxes.push(box);
   }
@@ -156,34 +156,34 @@ function seen(film, { hero, traces }, found, back) {
 
 const CORNER = new THREE.Vector3();
 
-function widen(box, film, body, points, back) {
+function expandBox(box, film, body, points, back) {
   const place = new THREE.Vector3().fromArray(film.position, 3 * body);
   const turn = new THREE.Quaternion().fromArray(film.rotation, 4 * body);
   const whole = new THREE.Matrix4().compose(place, turn, new THREE.Vector3(1, 1, 1)).premultiply(back);
   for (const point of points) box.expandByPoint(CORNER.copy(point).applyMatrix4(whole));
 }
 
-/** Everything that is ever in a box, and the things that are not too wide. */
-function around(boxes, machine, back) {
+/** The union of all boxes and of the fixed objects that are not too wide. */
+function boxOfAll(boxes, machine, back) {
   const all = boxes.reduce((sum, box) => sum.union(box), new THREE.Box3());
   for (const thing of machine.things) {
     if (thing[BODY] !== null || Math.max(thing[1], thing[3]) > WIDEST) continue;
-    for (const point of boxed(thing)) all.expandByPoint(point.applyMatrix4(back));
+    for (const point of cornersOfThing(thing)) all.expandByPoint(point.applyMatrix4(back));
   }
   return all;
 }
 
-/** A box as its middle in the world and half its width, height and depth as the eye sees it. */
-function middle(box, frame) {
+/** Centre of a box in the world, and half its extents in the camera's frame. */
+function centreAndHalfSize(box, frame) {
   const at = box.getCenter(new THREE.Vector3()).applyMatrix4(frame);
   return [...at, ...box.clone().expandByScalar(MARGIN).getSize(new THREE.Vector3()).multiplyScalar(0.5)];
 }
 
-/** A calm path: middles are averaged, and sizes large enough for what then lies off the middle. */
-function smoothed(boxes, frame) {
+/** A smooth path: averaged centres, and sizes that still contain everything. */
+function smoothPath(boxes, frame) {
   const exact = boxes.map((box) => box.getCenter(new THREE.Vector3()));
   const middles = exact.map((_, index) => {
-    const reach = Math.min(SMOOTHING, index, exact.length - 1 - index); // as far back as ahead: it must not lag
+    const reach = Math.min(SMOOTHING, index, exact.length - 1 - index); // symmetric, so that it does not lag
     const near = exact.slice(index - reach, index + reach + 1);
     return near.reduce((sum, point) => sum.add(point), new THREE.Vector3()).divideScalar(near.length);
   });
@@ -191,12 +191,12 @@ function smoothed(boxes, frame) {
     const size = box.clone().expandByScalar(MARGIN).getSize(new THREE.Vector3()).multiplyScalar(0.5);
     return ["x", "y", "z"].map((axis) => size[axis] + Math.abs(middles[index][axis] - exact[index][axis]));
   });
-  const sizes = over(over(needed, (values) => Math.max(...values)), (values) => values.reduce((a, b) => a + b) / values.length);
+  const sizes = slideWindow(slideWindow(needed, (values) => Math.max(...values)), (values) => values.reduce((a, b) => a + b) / values.length);
   return middles.map((point, index) => [...point.applyMatrix4(frame), ...sizes[index]]);
 }
 
-/** Each number made anew from those around it in time. */
-function over(rows, make) {
+/** Apply a function to each number and its neighbours in time. */
+function slideWindow(rows, make) {
   return rows.map((row, index) => {
     const near = rows.slice(Math.max(0, index - SMOOTHING), index + SMOOTHING + 1);
     return row.map((_, axis) => make(near.map((other) => other[axis])));

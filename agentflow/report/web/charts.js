@@ -1,6 +1,6 @@
 // Small SVG charts: score curves, bars of counts, means with intervals.
 
-import { el, shown, svg } from "./dom.js";
+import { el, formatNumber, svg } from "./dom.js";
 
 const LEFT = 44;
 const RIGHT = 12;
@@ -8,9 +8,9 @@ const HEIGHT = 190;
 const BOTTOM = 34;
 const UPPER = 24;
 
-/** Every score as a dot and the best so far as a line: points are [x, score]. */
-export function climb(title, across, points) {
-  return drawn(title, (width) => {
+/** Scores as dots and the best so far as a line; points are [x, score]. */
+export function scoreChart(title, across, points) {
+  return figure(title, (width) => {
     const xs = scale([0, Math.max(...points.map(([x]) => x), 1)], [LEFT, width - RIGHT]);
     const ys = scale([Math.min(0, ...points.map(([, y]) => y)), Math.max(...points.map(([, y]) => y), 0)], [HEIGHT - BOTTOM, UPPER]);
     let best = -Infinity;
@@ -28,38 +28,38 @@ export function climb(title, across, points) {
   });
 }
 
-/** Counts by name: items are [name, count, detail]. */
-export function bars(title, items) {
+/** Bars of counts; items are [name, count, detail]. */
+export function barChart(title, items) {
   const most = Math.max(...items.map(([, count]) => count), 1);
   return el("dl", { class: "bars", "aria-label": title },
     ...items.flatMap(([name, count, detail]) => {
       const bar = el("i", {});
       bar.style.width = `${(100 * count) / most}%`;
-      return [el("dt", {}, name), el("dd", {}, el("span", { class: "bar" }, bar), el("b", {}, shown(count)),
+      return [el("dt", {}, name), el("dd", {}, el("span", { class: "bar" }, bar), el("b", {}, formatNumber(count)),
         detail ? el("small", {}, detail) : null)];
     }));
 }
 
-const BAND = 58; // of a row of dots with its name above and its interval below
+const BAND = 58; // height of a row: name, dots, interval
 const DOT = 3;
-const NEAR = 0.6; // share of the greatest value above which all are close together
-const [LETTER, SMALL] = [6.9, 5.8]; // pixels of a letter of a name, and of a number
-const PILE = [0, -4, 4, -8, 8]; // where dots go that would lie on others
+const NEAR = 0.6; // if all values exceed this share of the greatest, the axis does not start at 0
+const [LETTER, SMALL] = [6.9, 5.8]; // width of a character of a name and of a number, pixels
+const PILE = [0, -4, 4, -8, 8]; // vertical offsets of dots that would overlap
 
-/** Rows of values as dots, with a mean and its interval: {name, values, count, invalid, mean, low, high}. */
-export function intervals(title, unit, rows) {
+/** Values as dots, one row each, with mean and interval: {name, values, count, invalid, mean, low, high}. */
+export function intervalChart(title, unit, rows) {
   const every = rows.flatMap((row) => [...row.values, row.low, row.high]).filter(Number.isFinite);
   const height = BOTTOM + 6 + BAND * rows.length;
-  return drawn(title, (width) => {
-    const xs = scale(reach(every), [LEFT / 2, width - RIGHT]);
+  return figure(title, (width) => {
+    const xs = scale(valueRange(every), [LEFT / 2, width - RIGHT]);
     const lines = ticks(xs.low, xs.high, 5).map((value) => svg("path", { class: "grid", d: `M${xs(value)} 4V${height - BOTTOM + 8}` }));
     const marks = rows.flatMap((row, index) => {
       const y = 34 + BAND * index;
       const below = y + 16;
       return [
-        svg("text", { class: "name", x: xs.from, y: y - 15 }, svg("title", {}, row.name), fitted(row.name, xs.to - xs.from - SMALL * numbers(row).length)),
-        svg("text", { class: "tick end", x: xs.to, y: y - 15 }, numbers(row)),
-        ...piled(row.values.map(xs)).map(([x, off]) => svg("circle", { class: "dot", cx: x, cy: y + off, r: DOT })),
+        svg("text", { class: "name", x: xs.from, y: y - 15 }, svg("title", {}, row.name), truncate(row.name, xs.to - xs.from - SMALL * statistics(row).length)),
+        svg("text", { class: "tick end", x: xs.to, y: y - 15 }, statistics(row)),
+        ...stackDots(row.values.map(xs)).map(([x, off]) => svg("circle", { class: "dot", cx: x, cy: y + off, r: DOT })),
         Number.isFinite(row.low) && Number.isFinite(row.high)
           ? svg("path", { class: "interval", d: `M${xs(row.low)} ${below}H${xs(row.high)}M${xs(row.low)} ${below - 3}v6M${xs(row.high)} ${below - 3}v6` }) : null,
         Number.isFinite(row.mean)
@@ -70,26 +70,26 @@ export function intervals(title, unit, rows) {
   }, height);
 }
 
-/** From 0 to the greatest value; where all lie close together far from 0, as far as they reach. */
-function reach(values) {
+/** Range of an axis: from 0 to the greatest value, or without 0 if all values are far from it. */
+function valueRange(values) {
   const [low, high] = [Math.min(0, ...values), Math.max(...values, 0)];
   const least = Math.min(...values);
   return least > NEAR * high ? [least - (high - least) / 10, high] : [low, high];
 }
 
-function numbers({ mean, low, high, count, invalid }) {
-  const range = Number.isFinite(low) && Number.isFinite(high) ? ` (${shown(low)} to ${shown(high)})` : "";
-  return `mean ${shown(mean)}${range}, n = ${shown(count)}${invalid ? `, ${shown(invalid)} invalid` : ""}`;
+function statistics({ mean, low, high, count, invalid }) {
+  const range = Number.isFinite(low) && Number.isFinite(high) ? ` (${formatNumber(low)} to ${formatNumber(high)})` : "";
+  return `mean ${formatNumber(mean)}${range}, n = ${formatNumber(count)}${invalid ? `, ${formatNumber(invalid)} invalid` : ""}`;
 }
 
-/** As much of a name as goes into so many pixels. */
-function fitted(name, width) {
+/** A name cut to a width in pixels. */
+function truncate(name, width) {
   const most = Math.max(8, Math.floor(width / LETTER));
   return name.length > most ? `${name.slice(0, most - 1)}…` : name;
 }
 
-/** Dots in order of x with their offsets, so that equal ones can be told apart as far as there is room. */
-function piled(places) {
+/** [x, vertical offset] of dots in order of x, so that close ones do not overlap while there is room. */
+function stackDots(places) {
   const last = PILE.map(() => -Infinity);
   return [...places].sort((a, b) => a - b).map((x) => {
     const free = last.findIndex((other) => x - other >= 2 * DOT);
@@ -99,7 +99,7 @@ function piled(places) {
   });
 }
 
-function drawn(title, draw, height = HEIGHT) {
+function figure(title, draw, height = HEIGHT) {
   const picture = svg("svg", { class: "chart", role: "img", "aria-label": title, height });
   let width = 0;
   new ResizeObserver(() => {
@@ -121,7 +121,7 @@ function axes(xs, ys, across, up) {
   return [
     ...ticks(ys.low, ys.high, 4).flatMap((value) => [
       svg("path", { class: "grid", d: `M${xs.from} ${ys(value)}H${xs.to}` }),
-      svg("text", { class: "tick end", x: xs.from - 6, y: ys(value) + 4 }, brief(value)),
+      svg("text", { class: "tick end", x: xs.from - 6, y: ys(value) + 4 }, compactNumber(value)),
     ]),
     ...ticksBelow(xs, ys.from, across, 1),
     svg("text", { class: "tick", x: 2, y: 9 }, up),
@@ -130,12 +130,12 @@ function axes(xs, ys, across, up) {
 
 function ticksBelow(xs, y, name, least = 0) {
   return [
-    ...ticks(xs.low, xs.high, 5, least).map((value) => svg("text", { class: "tick middle", x: xs(value), y: y + 15 }, brief(value))),
+    ...ticks(xs.low, xs.high, 5, least).map((value) => svg("text", { class: "tick middle", x: xs(value), y: y + 15 }, compactNumber(value))),
     svg("text", { class: "tick end", x: xs.to, y: y + 29 }, name),
   ];
 }
 
-/** Round numbers from low to high, at least so far apart. */
+/** About `count` round numbers from low to high, at least `least` apart. */
 function ticks(low, high, count, least = 0) {
   const raw = Math.max((high - low) / count, least);
   const power = 10 ** Math.floor(Math.log10(raw));
@@ -145,6 +145,6 @@ function ticks(low, high, count, least = 0) {
   return found;
 }
 
-function brief(value) {
+function compactNumber(value) {
   return value.toLocaleString("en", { notation: Math.abs(value) >= 10000 ? "compact" : "standard", maximumSignificantDigits: 3 });
 }

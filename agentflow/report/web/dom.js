@@ -3,35 +3,35 @@
 
 const SVG = "http://www.w3.org/2000/svg";
 
-/** An HTML element; attributes that are functions become listeners. */
+/** Create an HTML element; attributes that are functions become listeners. */
 export function el(name, attributes = {}, ...children) {
-  return filled(document.createElement(name), attributes, children);
+  return fillElement(document.createElement(name), attributes, children);
 }
 
-/** An SVG element. */
+/** Create an SVG element. */
 export function svg(name, attributes = {}, ...children) {
-  return filled(document.createElementNS(SVG, name), attributes, children);
+  return fillElement(document.createElementNS(SVG, name), attributes, children);
 }
 
 const HIDDEN = /[\u0000-\u0008\u000b\u000c\u000e-\u001f\u007f\u200b\u200e\u200f\u202a-\u202e\u2066-\u2069\ufeff]/g;
 
-/** A text whose characters that would vanish, or turn the line around, are named. */
-export function visible(text) {
+/** A text with invisible and direction-changing characters replaced by their code points. */
+export function revealHidden(text) {
   return text.replace(HIDDEN, (sign) => `[U+${sign.codePointAt(0).toString(16).toUpperCase().padStart(4, "0")}]`);
 }
 
-/** A number for people: at most three decimals' worth of digits, and an en dash for none. */
-export function shown(value, digits = 2) {
+/** A number with two decimals unless it is whole; an en dash if there is none. */
+export function formatNumber(value, digits = 2) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (Number.isInteger(value)) return value.toLocaleString("en");
   return value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits });
 }
 
-const LONG = 40; // letters of a cell that may wrap
+const LONG = 40; // characters from which a cell may wrap
 
-/** A table; cells are strings, numbers or elements. Heads are words, or [group, word]: a group stands
- *  once above its columns. Columns that hold numbers stand to the right: all from the column `labels`
- *  on, where that is given; labels that come again below each other stand once. */
+/** A table; cells are strings, numbers or elements. Heads are strings, or [group, string] for columns
+ *  under a common heading. Columns of numbers are right-aligned: all from column `labels` on, if it is
+ *  given; then labels that repeat the row above are hidden. */
 export function table(caption, head, rows, labels = Infinity) {
   const heads = head.map((text) => (typeof text === "string" ? ["", text] : text));
   const numeric = heads.map((_, column) => column >= labels || rows.some((row) => typeof row[column] === "number" || row[column] === null));
@@ -39,7 +39,7 @@ export function table(caption, head, rows, labels = Infinity) {
   const again = (index, column) =>
     labels !== Infinity && column < labels && rows[index - 1] && rows[index] && rows[index].slice(0, column + 1).every((text, i) => text === rows[index - 1][i]);
   const cell = (value, column, index) =>
-    el("td", { class: [kind(column), again(index, column) && "again", again(index + 1, column) && "open", value?.length > LONG && "long"].filter(Boolean).join(" ") }, typeof value === "number" || value === null ? shown(value) : value);
+    el("td", { class: [kind(column), again(index, column) && "again", again(index + 1, column) && "open", value?.length > LONG && "long"].filter(Boolean).join(" ") }, typeof value === "number" || value === null ? formatNumber(value) : value);
   return el(
     "div",
     { class: "table", role: "region", tabindex: "0", "aria-label": caption || "Table" },
@@ -47,14 +47,14 @@ export function table(caption, head, rows, labels = Infinity) {
       "table",
       {},
       caption ? el("caption", {}, caption) : null,
-      el("thead", {}, grouping(heads), el("tr", {}, ...heads.map(([, text], i) => el("th", { scope: "col", class: kind(i) }, text)))),
+      el("thead", {}, groupHeader(heads), el("tr", {}, ...heads.map(([, text], i) => el("th", { scope: "col", class: kind(i) }, text)))),
       el("tbody", {}, ...rows.map((row, index) => el("tr", {}, ...row.map((value, column) => cell(value, column, index))))),
     ),
   );
 }
 
-/** The line of groups above the heads, where there are any. */
-function grouping(heads) {
+/** The row of group headings, if there are any. */
+function groupHeader(heads) {
   if (heads.every(([group]) => !group)) return null;
   const cells = [];
   for (const [group] of heads) {
@@ -65,18 +65,18 @@ function grouping(heads) {
     group ? el("th", { scope: "colgroup", colspan: count }, group) : el("td", { colspan: count })));
 }
 
-/** A headed part of the page. */
+/** A section with a heading. */
 export function section(title, ...children) {
   const id = `part-${title.toLowerCase().replace(/[^a-z0-9]+/g, "-")}`;
   return el("section", { "aria-labelledby": id }, el("h2", { id }, title), ...children);
 }
 
-function filled(element, attributes, children) {
+function fillElement(element, attributes, children) {
   for (const [key, value] of Object.entries(attributes)) {
     if (typeof value === "function") element.addEventListener(key, value);
     else if (value !== undefined && value !== null && value !== false) element.setAttribute(key, value);
   }
   const kept = children.filter((child) => child !== null && child !== undefined);
-  element.append(...kept.map((child) => (typeof child === "string" ? visible(child) : child)));
+  element.append(...kept.map((child) => (typeof child === "string" ? revealHidden(child) : child)));
   return element;
 }

@@ -3,22 +3,22 @@
 
 const COMPONENTS = 7; // x, y, z and the quaternion's x, y, z, w
 
-/** Bytes of deflated base64 text. */
-export async function inflated(text) {
+/** Decode base64 text and inflate it. */
+export async function inflate(text) {
   const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/** Deflated JSON. */
-export async function unpacked(text) {
-  return JSON.parse(new TextDecoder().decode(await inflated(text)));
+/** Inflate and parse JSON. */
+export async function unpackJson(text) {
+  return JSON.parse(new TextDecoder().decode(await inflate(text)));
 }
 
 export class Film {
   /** @param packed {samples, interval, bodies, low, step, loads, data} */
   static async of(packed) {
-    return new Film(packed, await inflated(packed.data));
+    return new Film(packed, await inflate(packed.data));
   }
 
   constructor(packed, bytes) {
@@ -29,8 +29,8 @@ export class Film {
     this.low = packed.low;
     this.step = packed.step;
     const rows = COMPONENTS * packed.bodies;
-    this.values = summed(bytes, rows, packed.samples);
-    this.loads = summedBytes(bytes.subarray(2 * rows * packed.samples), packed.loads, packed.samples);
+    this.values = undoDeltas(bytes, rows, packed.samples);
+    this.loads = undoByteDeltas(bytes.subarray(2 * rows * packed.samples), packed.loads, packed.samples);
     this.position = new Float32Array(3 * packed.bodies);
     this.rotation = new Float32Array(4 * packed.bodies);
     this.load = new Float32Array(packed.loads);
@@ -47,18 +47,18 @@ export class Film {
       this.turn(body, index, share);
     }
     for (let row = 0; row < this.load.length; row++) {
-      this.load[row] = this.loads[row * this.samples + index] / 200; // the packer's unit
+      this.load[row] = this.loads[row * this.samples + index] / 200; // loads are stored in units of 1/200
     }
   }
 
-  /** The sample at or before a time, and how far the next one is reached. */
+  /** Index of the sample at or before a time, and the fraction of the way to the next. */
   place(time) {
     const exact = this.interval ? Math.min(Math.max(time, 0), this.duration) / this.interval : 0;
     const index = Math.min(Math.floor(exact + 1e-9), Math.max(this.samples - 2, 0));
     return [index, Math.min(Math.max(exact - index, 0), 1)];
   }
 
-  /** One number between two samples; places along a curve, turns straight on. */
+  /** One component between two samples: positions along a curve, rotations linearly. */
   at(component, body, index, share) {
     const row = (component * this.bodies + body) * this.samples + index;
     const here = this.values[row];
@@ -67,7 +67,7 @@ export class Film {
     if (component > 2) return here + share * (next - here);
     const before = index > 0 ? this.values[row - 1] : here;
     const after = index + 2 < this.samples ? this.values[row + 2] : next;
-    return curved(before, here, next, after, share);
+    return catmullRom(before, here, next, after, share);
   }
 
   turn(body, index, share) {
@@ -78,16 +78,16 @@ export class Film {
   }
 }
 
-/** Catmull and Rom's curve through four places, between the second and the third. */
-function curved(before, here, next, after, share) {
+/** Catmull-Rom spline through four values, between the second and the third. */
+function catmullRom(before, here, next, after, share) {
   const first = (next - before) / 2;
   const last = (after - here) / 2;
   const rest = next - here;
   return here + share * (first + share * (3 * rest - 2 * first - last + share * (first + last - 2 * rest)));
 }
 
-/** Rows of 16-bit numbers from their differences over time, all low bytes before all high ones. */
-function summed(bytes, rows, samples) {
+/** Rows of 16-bit numbers from their differences over time; all low bytes precede all high bytes. */
+function undoDeltas(bytes, rows, samples) {
   const count = rows * samples;
   const values = new Int16Array(count);
   for (let i = 0; i < count; i++) {
@@ -97,7 +97,7 @@ function summed(bytes, rows, samples) {
   return values;
 }
 
-function summedBytes(bytes, rows, samples) {
+function undoByteDeltas(bytes, rows, samples) {
   const values = new Uint8Array(rows * samples);
   for (let i = 0; i < values.length; i++) values[i] = i % samples ? values[i - 1] + bytes[i] : bytes[i];
   return values;

@@ -1,8 +1,8 @@
 // The gallery: machines with their scores, one player for all of them.
 
-import { el, shown } from "./dom.js";
+import { el, formatNumber } from "./dom.js";
 import { Player } from "./player.js";
-import { asked, problem } from "./text.js";
+import { taskDetails, problem } from "./text.js";
 
 export function galleryPage(data) {
   const player = new Player(data.shapes);
@@ -10,14 +10,14 @@ export function galleryPage(data) {
   const cards = data.cards.map((card) =>
     el("button", { class: "card", click: () => choose(card) },
       card.picture ? el("img", { src: card.picture, alt: "", loading: "lazy", width: 320, height: 240 }) : el("span", { class: "blank" }, "no machine"),
-      el("b", {}, score(card)),
+      el("b", {}, scoreText(card)),
       el("span", {}, card.task),
       el("small", {}, card.about)));
   const choose = (card) => {
     cards.forEach((item, index) => item.setAttribute("aria-pressed", data.cards[index] === card));
-    player.show(data.machines[card.machine], `${card.task} · ${score(card)}`, data.machines[card.machine]?.remark ?? "");
-    chosen.replaceChildren(el("h2", {}, `${card.task} · ${score(card)}`), el("p", {}, [card.asked.title, card.run].join(" · ")),
-      card.why ? problem(card.why) : "", asked(card.asked));
+    player.show(data.machines[card.machine], `${card.task} · ${scoreText(card)}`, data.machines[card.machine]?.remark ?? "");
+    chosen.replaceChildren(el("h2", {}, `${card.task} · ${scoreText(card)}`), el("p", {}, [card.asked.title, card.run].join(" · ")),
+      card.why ? problem(card.why) : "", taskDetails(card.asked));
   };
   if (data.cards.length) choose(data.cards[0]);
   return [
@@ -30,4 +30,4 @@ export function galleryPage(data) {
   ];
 }
 
-const score = (card) => (card.score === null ? "no score" : shown(card.score));
+const scoreText = (card) => (card.score === null ? "no score" : formatNumber(card.score));

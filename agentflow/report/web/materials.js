@@ -1,5 +1,5 @@
-// Materials: surfaces with outlined faces, shadows, ground, traces and
-// distance labels. Simple shaders with one light, fast even without a GPU.
+// Materials: outlined surfaces, shadows, ground, traces and distance labels.
+// The shaders are simple and have one light, so they are fast even without a GPU.
 
 import * as THREE from "three";
 
@@ -33,7 +33,7 @@ export const surface = new THREE.ShaderMaterial({
     }`,
 });
 
-/** Everything once more, flat on the ground along the sun; the stencil lets nothing darken twice. */
+/** Solids projected onto the ground; the stencil keeps overlapping shadows from darkening twice. */
 export const shadows = new THREE.ShaderMaterial({
   uniforms: { shade: { value: new THREE.Color() } },
   vertexShader: `
@@ -57,7 +57,7 @@ export const shadows = new THREE.ShaderMaterial({
   stencilZPass: THREE.ReplaceStencilOp,
 });
 
-/** The ground: lines every metre near by, every five metres further off. */
+/** The ground, with lines every metre nearby and every five metres farther away. */
 export function ground() {
   const material = new THREE.ShaderMaterial({
     uniforms: { sky: { value: null }, land: { value: null }, line: { value: null } },
@@ -81,15 +81,15 @@ export function ground() {
       }`,
   });
   const plane = new THREE.Mesh(new THREE.PlaneGeometry(1600, 1600).rotateX(-Math.PI / 2), material);
-  plane.renderOrder = 1; // after the solids, which hide much of it
+  plane.renderOrder = 1; // drawn after the solids, which hide much of it
   return plane;
 }
 
 const DOTS = 1 / 60; // seconds between the dots of a trace
-const STILL = 0.1; // metres within which a body stays where it is
+const STILL = 0.1; // a body that stays within so many metres does not move
 
-/** Where a body has been, dotted; `until` shows it up to a moment. */
-export function paths(film, body, index) {
+/** Dots along the path of a body; `until` shows them up to a time. */
+export function pathDots(film, body, index) {
   const count = Math.min(Math.ceil(film.duration / DOTS), 6000) + 1;
   const places = new Float32Array(3 * count);
   for (let i = 0; i < count; i++) {
@@ -106,7 +106,7 @@ export function paths(film, body, index) {
   return dots;
 }
 
-/** The colour of a film's trace by its place in the list: the root's, then what it moves. */
+/** Colour of a trace by its index: the root's first, then those of moved bodies. */
 export const traceColor = (index) => COLORS[index];
 
 const COLORS = [[0.2, 0.45, 0.7], [0.8, 0.2, 0.13], [0.85, 0.55, 0.05], [0.5, 0.3, 0.65]];
@@ -124,8 +124,8 @@ const TRACES = COLORS.map(
     }),
 );
 
-/** Distances along z+, every 5 or 10 metres as far as the body comes. */
-export function labels(film, body) {
+/** Labels of distances along z+, every 5, 10 or 20 metres, as far as the body gets. */
+export function distanceLabels(film, body) {
   let reach = 10;
   for (let time = 0; time <= film.duration; time += 0.1) {
     film.sample(time);

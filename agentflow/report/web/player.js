@@ -1,4 +1,4 @@
-// The film player: play, scrub, speed; buttons, keys and the timeline of events. scene.js draws.
+// The film player: controls, keys and the timeline of events. scene.js does the drawing.
 
 import { el } from "./dom.js";
 import { Eye } from "./camera.js";
@@ -9,8 +9,8 @@ import { Picture } from "./scene.js";
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2];
 const STEP = 1 / 30; // seconds per press of an arrow key
 const TURN = 0.12; // radians per press
-const SLOW = 32; // milliseconds per frame above which fewer pixels are drawn
-const COARSEST = 0.4; // share of the canvas's width in pixels
+const SLOW = 32; // milliseconds per frame above which the resolution is reduced
+const COARSEST = 0.4; // lowest resolution, as a share of the canvas
 
 export class Player {
   /** @param shapes the solids that machines share, by index */
@@ -23,7 +23,7 @@ export class Player {
     this.open();
   }
 
-  /** Show a machine, or say why there is nothing to see. Resolves when it can be seen. */
+  /** Show a machine, or say why there is none. Resolves when it is visible. */
   async show(machine, title, remark = "") {
     this.pause();
     const asked = (this.asked = {});
@@ -36,7 +36,7 @@ export class Player {
     this.eye.reset();
   }
 
-  /** Show one film of a machine, unless another one has been asked for meanwhile. */
+  /** Load one film of a machine; false if another was requested in the meantime. */
   async load(machine, asked) {
     const film = await Film.of(machine.film);
     if (this.asked !== asked) return false;
@@ -52,7 +52,7 @@ export class Player {
     return true;
   }
 
-  /** The trials of a machine to choose from, where it has several films. */
+  /** Fill the selector of trials, for machines with several films. */
   choices(machine) {
     const { trials } = machine;
     this.trials.parentElement.hidden = !trials.length;
@@ -65,7 +65,7 @@ export class Player {
     };
   }
 
-  /** What the colours in the picture stand for. */
+  /** Show the legend of colours. */
   key() {
     const { traces, given, wind } = this.machine;
     const moved = traces.map(({ name }, index) => this.picture.traces[index].moved && entry("dots", traceColor(index), name));
@@ -112,7 +112,7 @@ export class Player {
     this.ask();
   }
 
-  /** Draw soon, once. */
+  /** Request one frame. */
   ask() {
     this.wanted ??= requestAnimationFrame((now) => {
       this.wanted = null;
@@ -140,7 +140,7 @@ export class Player {
     if (this.playing) this.ask();
   }
 
-  /** Go on by some milliseconds; where frames come slowly, with fewer pixels from then on. */
+  /** Advance by some milliseconds; reduce the resolution if frames are slow. */
   advance(passed) {
     this.time += (this.speed * passed) / 1000;
     this.pace = this.pace === null ? SLOW / 2 : 0.85 * this.pace + 0.15 * passed;
@@ -150,7 +150,7 @@ export class Player {
     }
   }
 
-  /** Draw this share of the canvas's pixels in width and height. */
+  /** Set the resolution, as a share of the canvas's width and height. */
   sharpen(share) {
     if (!this.picture || share === this.share) return;
     const { clientWidth, clientHeight } = this.canvas;
@@ -160,7 +160,7 @@ export class Player {
     this.ask();
   }
 
-  /** Events of this film along the slider and as a list. */
+  /** Show the events of this film along the slider and as a list. */
   mark() {
     const events = this.machine.events;
     const share = (time) => `${(100 * Math.max(time, 0)) / (this.film.duration || 1)}%`;
@@ -211,7 +211,7 @@ export class Player {
     if (this.film) act();
   }
 
-  /** The whole way and what stands along it, or what happens now. */
+  /** Show the whole course, or follow the action. */
   setWide(on) {
     this.wide.setAttribute("aria-pressed", on);
     this.eye.setWide(on);
@@ -271,7 +271,7 @@ export class Player {
   }
 }
 
-/** One thing of the key: a mark in its colour and its name. */
+/** An entry of the legend: a mark in its colour, and its name. */
 function entry(kind, color, name) {
   const mark = el("i", { class: kind });
   mark.style.color = `rgb(${color.map((part) => Math.round(255 * part)).join(" ")})`;

@@ -1,21 +1,21 @@
-// The page of a run: the film, and everything that led to it.
+// The page of a run: the film, and how the machine in it was found.
 
-import { climb, bars } from "./charts.js";
-import { el, section, shown, table } from "./dom.js";
-import { unpacked } from "./film.js";
+import { scoreChart, barChart } from "./charts.js";
+import { el, section, formatNumber, table } from "./dom.js";
+import { unpackJson } from "./film.js";
 import { Player } from "./player.js";
-import { asked, call, plain, problem } from "./text.js";
+import { taskDetails, callDetails, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
 
 const PLURAL = { reply: "replies", machine: "machines" };
 
 export function runPage(data) {
   const player = new Player(data.shapes);
-  const calls = once(() => recorded(data.calls));
+  const calls = once(() => readCalls(data.calls));
   const chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
   const choose = (node) => {
     player.show(data.machines[node.machine], heading(node), data.machines[node.machine]?.remark ?? "");
-    tell(chosen, node, data, calls);
+    describe(chosen, node, data, calls);
   };
   const tree = new Tree(data.nodes, choose);
   const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
@@ -23,19 +23,19 @@ export function runPage(data) {
     tree.select(first.id);
     choose(first);
   } else player.show(null, "");
-  const bare = !Object.keys(data.machines).length; // then the record takes the whole page
+  const bare = !Object.keys(data.machines).length; // without films, the text takes the whole page
   return [
     bare ? "" : el("aside", {}, player.element),
     el("main", { class: bare ? "alone" : null },
       header(data),
       chosen,
       data.nodes.length ? section("Search", el("div", { class: "tall" }, tree.element), legend()) : null,
-      curves(data),
+      scoreCharts(data),
       stages(data),
       failures(data),
       usage(data),
       conversations(data, calls),
-      made(data)),
+      settings(data)),
   ];
 }
 
@@ -45,19 +45,19 @@ function header(data) {
     el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}`),
     el("h1", {}, run.task),
     el("p", { class: "kind" }, data.task.title),
-    el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : shown(run.score)), " ", run.sentence),
+    el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : formatNumber(run.score)), " ", run.sentence),
     el("p", { class: "lede" }, run.about),
-    asked(data.task));
+    taskDetails(data.task));
 }
 
 function heading(node) {
-  return node.score === null ? node.title : `${node.title} · ${shown(node.score)}`;
+  return node.score === null ? node.title : `${node.title} · ${formatNumber(node.score)}`;
 }
 
-/** The chosen machine in words: what it scored, the edit that made it, the calls that wrote it. */
-async function tell(place, node, data, calls) {
+/** Describe the selected machine: score, edit, feedback, and the calls that produced it. */
+async function describe(place, node, data, calls) {
   const machine = data.machines[node.machine];
-  const talk = el("div", {}, node.calls.length ? el("p", { class: "quiet" }, "Reading the record …") : "");
+  const talk = el("div", {}, node.calls.length ? el("p", { class: "quiet" }, "Loading calls …") : "");
   place.replaceChildren(
     el("h2", {}, heading(node)),
     el("p", {}, [STATUS[node.status] ?? node.status, node.broken && "broke", machine && `${machine.solids.length} blocks`, node.machine].filter(Boolean).join(" · ")),
@@ -66,7 +66,7 @@ async function tell(place, node, data, calls) {
     machine?.feedback ? el("details", {}, el("summary", {}, "Simulation feedback"), plain(machine.feedback)) : "",
     talk);
   const known = node.calls.length ? await calls() : new Map();
-  talk.replaceChildren(...node.calls.filter((label) => known.has(label)).map((label) => call(known.get(label))));
+  talk.replaceChildren(...node.calls.filter((label) => known.has(label)).map((label) => callDetails(known.get(label))));
 }
 
 function legend() {
@@ -74,28 +74,28 @@ function legend() {
     "Red ring: something broke. Hollow: invalid. Cross: refused edit. Arrow keys move the selection.");
 }
 
-function curves({ progress }) {
+function scoreCharts({ progress }) {
   if (!progress.length) return null;
   const tokens = progress.at(-1).tokens > 0;
   const searched = progress.at(-1).expansions > 0;
   return section("Score",
-    searched ? climb("Score over expansions", "expansions", progress.map((point) => [point.expansions, point.score])) : null,
+    searched ? scoreChart("Score over expansions", "expansions", progress.map((point) => [point.expansions, point.score])) : null,
     tokens
-      ? climb("Score over tokens", "tokens", progress.map((point) => [point.tokens, point.score]))
-      : climb("Score over calls (this model reports no tokens)", "calls", progress.map((point) => [point.calls, point.score])));
+      ? scoreChart("Score over tokens", "tokens", progress.map((point) => [point.tokens, point.score]))
+      : scoreChart("Score over calls (this model reports no tokens)", "calls", progress.map((point) => [point.calls, point.score])));
 }
 
 function stages({ stages: rows }) {
   if (!rows.length) return null;
-  const costs = spent(rows, { Calls: "calls", Tokens: "tokens", Rollouts: "rollouts" });
+  const costs = nonzeroColumns(rows, { Calls: "calls", Tokens: "tokens", Rollouts: "rollouts" });
   const head = ["Stage", "Valid", "Mean", "Mean, invalid = 0", "Best", "Std", ...costs.map(([name]) => name)];
   return section("Stages", table("Results by stage", head, rows.map((row) => [
-    named(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
+    readable(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
     ...costs.map(([, key]) => row[key])])));
 }
 
-/** The columns of costs that hold anything: what nobody spent takes no room. */
-function spent(rows, columns) {
+/** Columns that are not 0 in every row. */
+function nonzeroColumns(rows, columns) {
   return Object.entries(columns).filter(([, key]) => rows.some((row) => row[key] !== 0));
 }
 
@@ -104,22 +104,22 @@ function failures({ validity, reasons, failures: kinds }) {
   const counted = kinds.filter(({ count }) => count > 0);
   return section("Validity and failures",
     table("Replies by role, including retries", ["Role", "Replies", "Parsed", "Valid", "Repaired"],
-      validity.map((row) => [named(row.role), row.attempts, row.parsed, row.valid, row.repaired])),
+      validity.map((row) => [readable(row.role), row.attempts, row.parsed, row.valid, row.repaired])),
     el("h3", {}, "Reasons for refused replies"),
-    reasons.length ? bars("Reasons for refused replies", reasons.map(({ code, count, example }) => [code, count, example]))
+    reasons.length ? barChart("Reasons for refused replies", reasons.map(({ code, count, example }) => [code, count, example]))
       : el("p", { class: "quiet" }, "No reply was refused."),
     el("h3", {}, "Failures by kind"),
-    counted.length ? bars("Failures by kind", counted.map(({ name, count, unit, level, rule }) =>
+    counted.length ? barChart("Failures by kind", counted.map(({ name, count, unit, level, rule }) =>
       [name, count, `${level}, of ${PLURAL[unit]}: ${rule}`])) : el("p", { class: "quiet" }, "No failures."));
 }
 
 function usage({ usage: rows, run }) {
   if (!rows.length) return null;
-  const costs = spent(rows, {
+  const costs = nonzeroColumns(rows, {
     Calls: "calls", Prompt: "prompt", Completion: "completion", Reasoning: "reasoning", Cached: "cached", Seconds: "seconds", Cost: "cost",
   });
   return section("Usage", table("Calls, tokens, time and cost by role", ["Role", ...costs.map(([name]) => name)],
-    rows.map((row) => [named(row.role), ...costs.map(([, key]) => row[key])])),
+    rows.map((row) => [readable(row.role), ...costs.map(([, key]) => row[key])])),
     run.prices ? null : el("p", { class: "quiet" }, "No prices are configured, so the cost is unknown."));
 }
 
@@ -130,25 +130,25 @@ function conversations({ talk }, calls) {
       if (!details.open || details.dataset.filled) return;
       details.dataset.filled = "yes";
       const known = await calls();
-      details.append(...labels.map((label) => call(known.get(label))));
-    } }, el("summary", {}, named(role), " ", el("small", {}, labels.length === 1 ? "1 call" : `${labels.length} calls`)));
+      details.append(...labels.map((label) => callDetails(known.get(label))));
+    } }, el("summary", {}, readable(role), " ", el("small", {}, labels.length === 1 ? "1 call" : `${labels.length} calls`)));
     return details;
   };
   return section("Prompts and replies", ...talk.map(group));
 }
 
-function made({ facts }) {
+function settings({ facts }) {
   return section("Settings and versions", el("dl", { class: "facts" },
     ...facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
 }
 
 const STATUS = { ok: "simulated", diverged: "simulation diverged", timeout: "simulation timed out", crashed: "simulation crashed" };
 
-const named = (name) => name.replaceAll("_", " ");
+const readable = (name) => name.replaceAll("_", " ");
 
-/** The calls by label, with their texts in place of the numbers that stand for them. */
-async function recorded(packed) {
-  const { texts, calls } = await unpacked(packed);
+/** Calls by label, with message texts in place of their indices. */
+async function readCalls(packed) {
+  const { texts, calls } = await unpackJson(packed);
   return new Map(calls.map((entry) => [entry.label, {
     ...entry,
     messages: entry.messages.map(([role, index]) => ({ role, text: texts[index] })),

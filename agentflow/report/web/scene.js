@@ -1,8 +1,8 @@
-// The 3D scene: a machine's solids, its surroundings, ground, shadows and traces. Nothing here
-// knows about time; player.js sets all poses.
+// The 3D scene: a machine's solids, its surroundings, ground, shadows and traces.
+// player.js keeps the time and sets the poses.
 
 import * as THREE from "three";
-import { ground, labels, paths, shadows, surface } from "./materials.js";
+import { ground, distanceLabels, pathDots, shadows, surface } from "./materials.js";
 
 const GEOMETRIES = {
   box: new THREE.BoxGeometry(1, 1, 1),
@@ -10,15 +10,15 @@ const GEOMETRIES = {
   cylinder: new THREE.CylinderGeometry(0.5, 0.5, 1, 28),
   cone: new THREE.ConeGeometry(0.5, 1, 28),
 };
-const TALL = 2; // metres from which things hide what is behind them
-const ROD = 0.18; // diameter of what two-ended blocks are drawn as, m
+const TALL = 2; // height from which fixed objects can hide the machine, metres
+const ROD = 0.18; // diameter of two-ended blocks, metres
 const BROKEN = [0.85, 0.1, 0.1];
 const HIDDEN = new THREE.Matrix4().makeScale(0, 0, 0);
 const UP = new THREE.Vector3(0, 1, 0);
 
 export class Picture {
   constructor(canvas) {
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: quick(), stencil: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: hasGpu(), stencil: true });
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(32, 1, 0.1, 2000);
     this.scene.add((this.ground = ground()));
@@ -28,7 +28,7 @@ export class Picture {
     this.matrix = new THREE.Matrix4();
   }
 
-  /** Colours as the page's style has them. */
+  /** Read the colours from the page's style. */
   dress(style) {
     const color = (name) => new THREE.Color().setStyle(style.getPropertyValue(name).trim(), THREE.LinearSRGBColorSpace);
     this.renderer.setClearColor(new THREE.Color().setStyle(style.getPropertyValue("--sky").trim()), 1);
@@ -38,7 +38,7 @@ export class Picture {
     shadows.uniforms.shade.value = color("--shade");
   }
 
-  /** Show another machine: `machine` and `shapes` as the report's data has them. */
+  /** Show another machine; `machine` and `shapes` are from the report's data. */
   show(machine, shapes, film) {
     this.stage.clear();
     this.machine = machine;
@@ -47,17 +47,16 @@ export class Picture {
       ...machine.things.map((thing) => part(thing, null, thing[THING_BODY])),
     ];
     this.rods = machine.rods.map((rod) => ({ block: rod.block, color: rod.color, ends: rod.ends }));
-    this.groups = grouped(this.parts, this.rods.length);
+    this.groups = makeGroups(this.parts, this.rods.length);
     for (const group of this.groups) this.stage.add(group.mesh, group.shadow);
-    this.traces = machine.traces.map(({ body }, index) => paths(film, body, index));
-    this.stage.add(...this.traces, labels(film, machine.hero));
+    this.traces = machine.traces.map(({ body }, index) => pathDots(film, body, index));
+    this.stage.add(...this.traces, distanceLabels(film, machine.hero));
   }
 
-  /** Put everything where the film has it; `time` also says what is broken and what is gone. Walls
-   *  before the target are left out. */
+  /** Set all poses for a time, mark broken blocks, and hide walls in front of the target. */
   pose(film, time, byLoad, target) {
     film.sample(time);
-    const loads = byLoad ? worst(this.machine.connections, film.load) : null;
+    const loads = byLoad ? greatestLoads(this.machine.connections, film.load) : null;
     const next = new Map(this.groups.map((group) => [group.kind, 0]));
     for (const item of this.parts) {
       if (item.body !== null) this.place(film, item.body).multiply(item.local);
@@ -76,7 +75,7 @@ export class Picture {
     this.renderer.render(this.scene, this.camera);
   }
 
-  /** Fit the canvas; a share below 1 draws fewer pixels, which the browser enlarges. */
+  /** Fit the canvas; a share below 1 renders fewer pixels and lets the browser scale them up. */
   resize(width, height, share = 1) {
     this.renderer.setPixelRatio(share * Math.min(window.devicePixelRatio, 2));
     this.renderer.setSize(width, height, false);
@@ -115,7 +114,7 @@ export class Picture {
   }
 }
 
-/** The colour of a load, 0 to 1 and more: grey, amber, then nearly red where it breaks. */
+/** Colour of a load: from grey at 0 through amber to nearly red at 1, where it breaks. */
 export function heat(load) {
   if (load === undefined) return [0.62, 0.64, 0.66];
   const stops = [[0.6, 0.66, 0.7], [0.55, 0.72, 0.6], [0.93, 0.77, 0.3], [0.88, 0.42, 0.16]];
@@ -124,11 +123,11 @@ export function heat(load) {
   return stops[from].map((value, i) => value + (place - from) * (stops[from + 1][i] - value));
 }
 
-/** Whether a graphics card draws; without one, smooth edges would cost half of all frames. */
-function quick() {
+/** Whether there is a GPU; without one, antialiasing would halve the frame rate. */
+function hasGpu() {
   const context = document.createElement("canvas").getContext("webgl2");
-  const told = context?.getExtension("WEBGL_debug_renderer_info");
-  const name = told ? context.getParameter(told.UNMASKED_RENDERER_WEBGL) : "";
+  const info = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? context.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
   context?.getExtension("WEBGL_lose_context")?.loseContext();
   return !/swiftshader|llvmpipe|softpipe|basic render/i.test(name);
 }
@@ -136,7 +135,7 @@ function quick() {
 const ONE = new THREE.Vector3(1, 1, 1);
 const THING_BODY = 14;
 
-/** Whether something tall stands between the eye and the target, or would if it were taller. */
+/** Whether a wall, taken as infinitely high, stands between the eye and the target. */
 function hides({ wall }, eye, target) {
   if (!wall) return false;
   const from = eye.clone().applyMatrix4(wall);
@@ -150,20 +149,20 @@ function hides({ wall }, eye, target) {
   return enters < leaves;
 }
 
-/** A solid from its row: kind, size, position, rotation, colour (and a thing's body). */
+/** A solid from its row: kind, size, position, rotation, colour (and the body of an object). */
 function part([kind, sx, sy, sz, x, y, z, i, j, k, w, ...rest], block, body) {
   const local = new THREE.Matrix4().compose(
     new THREE.Vector3(-x, y, z),
     new THREE.Quaternion(i, -j, -k, w),
     new THREE.Vector3(sx, sy, sz),
   );
-  const upright = Math.abs(local.elements[5]) > 0.999 * sy; // its own y is the world's
+  const upright = Math.abs(local.elements[5]) > 0.999 * sy; // its y axis is vertical
   const wall = block === null && body == null && sy > TALL && upright ? local.clone().invert() : null;
   return { kind, local, block, body: body ?? null, wall, color: rest.slice(0, 3) };
 }
 
-/** One instanced mesh, and its shadow, per kind of solid. */
-function grouped(parts, rods) {
+/** One instanced mesh with shadow per kind of solid. */
+function makeGroups(parts, rods) {
   const counts = new Map();
   for (const item of parts) counts.set(item.kind, (counts.get(item.kind) ?? 0) + 1);
   if (rods) counts.set("cylinder", (counts.get("cylinder") ?? 0) + rods);
@@ -193,8 +192,8 @@ class Group {
   }
 }
 
-/** The greatest load of every block's connections. */
-function worst(connections, load) {
+/** Greatest load of each block's connections. */
+function greatestLoads(connections, load) {
   const found = new Map();
   connections.forEach((block, row) => found.set(block, Math.max(found.get(block) ?? 0, load[row])));
   return found;

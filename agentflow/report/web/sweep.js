@@ -1,6 +1,6 @@
 // The page of a sweep: distribution of scores, tables, runs.
 
-import { intervals } from "./charts.js";
+import { intervalChart } from "./charts.js";
 import { el, section, table } from "./dom.js";
 
 export function sweepPage(data) {
@@ -8,32 +8,32 @@ export function sweepPage(data) {
     el("main", { class: "alone" },
       el("header", {}, el("p", { class: "kind" }, "agentflow sweep"), el("h1", {}, data.title), el("p", { class: "lede" }, data.about),
         ...data.notes.map((note) => el("p", { class: note.startsWith("INCOMPLETE") ? "problem" : "quiet" }, note))),
-      data.spreads.length ? spreads(data.spreads) : null,
-      ...data.tables.map((item) => shownTable(item, item.title === data.title ? "Table" : item.title)),
-      data.runs.length ? runs(data.runs) : null),
+      data.spreads.length ? scoreDistributions(data.spreads) : null,
+      ...data.tables.map((item) => tableSection(item, item.title === data.title ? "Table" : item.title)),
+      data.runs.length ? runsSection(data.runs) : null),
   ];
 }
 
-/** Each task has a chart of its own, because its scores have their own unit. */
-function spreads(rows) {
+/** One chart per task, because each task has its own unit. */
+function scoreDistributions(rows) {
   const tasks = [...new Set(rows.map((row) => row.task))];
   const known = rows.some((row) => Number.isFinite(row.low));
   const about = `Each dot is a machine; invalid machines count as 0. Below: the mean${known ? " with its 95 % bootstrap interval" : ""}.`;
   return section("Distribution of scores",
     el("p", { class: "quiet" }, about),
-    ...tasks.map((task) => intervals(task, "score", rows.filter((row) => row.task === task))));
+    ...tasks.map((task) => intervalChart(task, "score", rows.filter((row) => row.task === task))));
 }
 
-const MOST_COLUMNS = 9; // of numbers, before a table is turned
+const MOST_COLUMNS = 9; // most columns of numbers before a table is transposed
 
-function shownTable({ heads, columns, rows, published, publishedTitle, notes }, title) {
-  return section(capital(title), fitting("Measured", heads, columns, rows),
-    published.length ? el("details", {}, el("summary", {}, capital(publishedTitle)), fitting("Published", heads, columns, published)) : null,
+function tableSection({ heads, columns, rows, published, publishedTitle, notes }, title) {
+  return section(capitalize(title), compactTable("Measured", heads, columns, rows),
+    published.length ? el("details", {}, el("summary", {}, capitalize(publishedTitle)), compactTable("Published", heads, columns, published)) : null,
     ...notes.map((note) => el("p", { class: "quiet" }, note)));
 }
 
-/** A table that says once what all its rows share, turned where that makes it narrower. */
-function fitting(caption, heads, columns, rows) {
+/** A table with labels common to all rows in its caption, transposed if that makes it narrower. */
+function compactTable(caption, heads, columns, rows) {
   const count = heads.length;
   const same = (place) => rows.every((row) => row[place] === rows[0][place]);
   const shared = heads.map((_, place) => place).filter(same);
@@ -50,7 +50,7 @@ function fitting(caption, heads, columns, rows) {
   return table(told, [...(grouped ? [["", ""]] : []), ["", ""], ...names], turned, grouped ? 2 : 1);
 }
 
-function runs(rows) {
+function runsSection(rows) {
   const failed = rows.filter((row) => row.state !== "done");
   const list = table("", ["Run", "State", "Best score", ...(failed.length ? ["Reason"] : [])],
     rows.map((row) => [row.name, row.state, row.score, ...(failed.length ? [row.why ?? ""] : [])]));
@@ -61,4 +61,4 @@ function runs(rows) {
   return section("Runs", details);
 }
 
-const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -1,33 +1,33 @@
-// Prompts and replies as plain text. Long ones open in two steps.
+// Prompts and replies as plain text. Long texts are first shown in part.
 
-import { el, shown, visible } from "./dom.js";
+import { el, formatNumber, revealHidden } from "./dom.js";
 
-const SHORT = 2000; // characters that may stand in running text
-const LONG = 20000; // characters that are shown at once
+const SHORT = 2000; // longest text shown as a paragraph, characters
+const LONG = 20000; // characters shown at first
 const NAMES = { system: "System prompt", user: "Prompt", assistant: "Earlier reply" };
 
-/** A text as it is, with its lines. */
+/** A text with its line breaks. */
 export function plain(text) {
   const block = el("pre", { dir: "ltr", tabindex: "0" }, text.slice(0, LONG));
   if (text.length <= LONG) return block;
-  const more = el("button", { click: () => { block.textContent = visible(text); more.remove(); } }, `Show all ${shown(text.length)} characters`);
+  const more = el("button", { click: () => { block.textContent = revealHidden(text); more.remove(); } }, `Show all ${formatNumber(text.length)} characters`);
   return el("div", {}, block, more);
 }
 
-/** Why something was refused. */
+/** The reason for a refusal. */
 export function problem(text) {
   return text.length > SHORT ? plain(text) : el("p", { class: "problem" }, text);
 }
 
-/** What machines were to do, and how that is counted: `task` as the data have it. */
-export function asked({ objective, score, scene }) {
+/** Objective, score, scene and schedule of a task from the report's data. */
+export function taskDetails({ objective, score, scene }) {
   const list = (sentences) => el("ul", {}, ...sentences.map((sentence) => el("li", {}, sentence)));
   return el("details", { class: "task" }, el("summary", {}, objective, " ", el("small", {}, score[0] ?? "")),
     list(score.slice(1)), el("h3", {}, "Scene and schedule"), list(scene));
 }
 
-/** One call that opens: verdict, what was asked and what came back. */
-export function call(entry, open = false) {
+/** An expandable call: verdict, prompts and reply. */
+export function callDetails(entry, open = false) {
   const details = el("details", { class: "call", toggle: () => { if (details.open && !body.hasChildNodes()) body.append(...contents(entry)); } },
     el("summary", {}, el("span", { class: `verdict ${entry.valid ? "valid" : "refused"}` }, entry.valid ? "valid" : entry.valid === null ? "no verdict" : "refused"),
       ` ${entry.label} `, el("small", {}, facts(entry))));
@@ -40,8 +40,8 @@ export function call(entry, open = false) {
 function facts(entry) {
   const parts = [];
   if (entry.repaired) parts.push("JSON repaired");
-  if (entry.usage.prompt + entry.usage.completion) parts.push(`${shown(entry.usage.prompt)} + ${shown(entry.usage.completion)} tokens`);
-  if (entry.latency) parts.push(`${shown(entry.latency, 1)} s`);
+  if (entry.usage.prompt + entry.usage.completion) parts.push(`${formatNumber(entry.usage.prompt)} + ${formatNumber(entry.usage.completion)} tokens`);
+  if (entry.latency) parts.push(`${formatNumber(entry.latency, 1)} s`);
   if (entry.retries) parts.push(`${entry.retries} retries`);
   return parts.join(" · ");
 }
@@ -57,7 +57,7 @@ function contents(entry) {
 
 function part(name, text, open) {
   const details = el("details", { class: "said", toggle: () => { if (details.open && details.children.length < 2) details.append(plain(text)); } },
-    el("summary", {}, name, " ", el("small", {}, `${shown(text.length)} characters`)));
+    el("summary", {}, name, " ", el("small", {}, `${formatNumber(text.length)} characters`)));
   details.open = open;
   return details;
 }

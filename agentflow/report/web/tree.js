@@ -1,15 +1,15 @@
 // The search tree: one dot per machine, to the right of its parent; refused edits
 // are crosses. Works with the pointer and, as an ARIA tree, with arrow keys.
 
-import { shown, svg } from "./dom.js";
+import { formatNumber, svg } from "./dom.js";
 
 const ROW = 22;
 const TOP = 16;
 const EDGE = 14;
 
 export class Tree {
-  /** @param nodes in the order in which they were made; `parent` is an id or null
-   *  @param choose called with the node that was chosen */
+  /** @param nodes in order of creation; `parent` is an id or null
+   *  @param choose called with the selected node */
   constructor(nodes, choose) {
     this.nodes = new Map(nodes.map((node) => [node.id, { ...node, children: [] }]));
     this.choose = choose;
@@ -25,7 +25,7 @@ export class Tree {
     new ResizeObserver(() => this.draw()).observe(this.element);
   }
 
-  /** Mark a node as chosen, without telling anybody. */
+  /** Mark a node as selected without calling `choose`. */
   select(id) {
     this.selected = id;
     for (const [key, mark] of this.marks ?? []) {
@@ -104,13 +104,13 @@ export class Tree {
       shape.style.setProperty("--share", `${Math.round(100 * (node.score - this.low) / (this.high - this.low || 1))}%`);
     }
     const text = node.kind === "refused" ? null
-      : svg("text", { x: x + 7, y: y - 6 }, node.score === null ? "invalid" : shown(node.score, 1));
+      : svg("text", { x: x + 7, y: y - 6 }, node.score === null ? "invalid" : formatNumber(node.score, 1));
     const kinds = [node.kind, node.valid ? "valid" : "invalid", node.broken ? "broken" : "", node.best ? "best" : ""];
     return svg("g", {
       class: `node ${kinds.join(" ")}`,
       role: "treeitem",
       "aria-level": node.depth + 1,
-      "aria-label": `${node.title}, ${node.score === null ? "no score" : `score ${shown(node.score)}`}${node.broken ? ", broke" : ""}`,
+      "aria-label": `${node.title}, ${node.score === null ? "no score" : `score ${formatNumber(node.score)}`}${node.broken ? ", broke" : ""}`,
       "data-node": node.id,
       click: () => this.pick(node),
     }, svg("rect", { x: x - 8, y: y - 11, width: node.kind === "refused" ? 16 : 44, height: 21, rx: 4 }), shape, text);
