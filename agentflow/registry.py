@@ -1,6 +1,6 @@
-"""Registries: ours by name, those of other distributions by entry point, loaded on first use.
+"""Registries of named things: ours, and those of other distributions; loaded on first use.
 
-Whatever can be added to agentflow has one registry, from which names, help and tests are made:
+Everything that can be added to agentflow has one registry; names, help and tests come from it:
 
     FAMILIES: Registry[type[Family]] = Registry(
         "task family",
@@ -30,20 +30,20 @@ if TYPE_CHECKING:  # loading it takes as long as a whole `agentflow --help`
 
 T = TypeVar("T")
 Check = Callable[[str, Any], str]
-"""(name, loaded object) -> why it cannot be used, as "is not ..."; "" if it can."""
+"""(name, thing) -> why it cannot be used, such as "is not a function"; "" if it can."""
 
 
 class Registry(Mapping[str, T]):
-    """The things of one kind by name: ours in the given order, then others alphabetically."""
+    """Things of one kind by name: ours in the given order, then others alphabetically."""
 
     def __init__(self, kind: str, group: str, ours: Mapping[str, str | T], check: Check) -> None:
-        """Declare a registry; nothing is loaded and no distribution is searched yet.
+        """Declare a registry; nothing is loaded or searched yet.
 
         Args:
-            kind: what its things are called in messages, e.g. "physics engine".
-            group: entry-point group of other distributions.
-            ours: name -> "module:attribute", "module" for a whole module, or the thing itself.
-            check: what is wrong with a thing from another distribution.
+            kind: Kind of thing as messages call it, such as "physics engine".
+            group: Entry-point group of other distributions.
+            ours: Name -> "module:attribute", "module" for a whole module, or the thing itself.
+            check: Checks a thing from another distribution.
         """
         self.kind, self._group, self._ours, self._check = kind, group, ours, check
         self._loaded: dict[str, T] = {}
@@ -54,7 +54,7 @@ class Registry(Mapping[str, T]):
         return tuple(self._ours)
 
     def __iter__(self) -> Iterator[str]:
-        """All names; loads none of the things."""
+        """All names; loads nothing."""
         return iter((*self._ours, *self._others))
 
     def __len__(self) -> int:
@@ -64,13 +64,7 @@ class Registry(Mapping[str, T]):
         return name in self._ours or name in self._others
 
     def __getitem__(self, name: str) -> T:
-        """The thing of this name.
-
-        Raises:
-            UnknownNameError: There is none.
-            ConfigError: It comes from another distribution and cannot be loaded or used, or two
-                things have one name; the message names entry point and distribution.
-        """
+        """The thing of this name; raises UnknownNameError or, for a broken plugin, ConfigError."""
         if name not in self._loaded:
             if name not in self:
                 raise UnknownNameError(self.kind, name, self)
@@ -79,7 +73,7 @@ class Registry(Mapping[str, T]):
         return self._loaded[name]
 
     def describe(self, name: str) -> str:
-        """A name from another distribution and its origin, for messages."""
+        """The name and origin of a thing from another distribution, for messages."""
         return self._describe(self._others[name])
 
     def _describe(self, entry: EntryPoint) -> str:
@@ -93,7 +87,7 @@ class Registry(Mapping[str, T]):
         found: dict[str, EntryPoint] = {}
         for entry in sorted(entry_points(group=self._group), key=lambda entry: entry.name):
             if entry.name in self._ours or entry.name in found:
-                problem = f"has a name that another {self.kind} already has"
+                problem = f"has the same name as another {self.kind}"
                 raise ConfigError(f"{self._describe(entry)} {problem}")
             found[entry.name] = entry
         return found
@@ -111,25 +105,25 @@ class Registry(Mapping[str, T]):
 
 
 def is_callable(_: str, thing: Any) -> str:
-    """A check that refuses everything but functions and their like."""
+    """A check for functions and other callables."""
     return "" if callable(thing) else "is not a function"
 
 
 def instance_of(base: type | str) -> Check:
-    """A check that refuses all but instances of a class, given itself or as "module:Class"."""
+    """A check for instances of a class, which is given itself or as "module:Class"."""
 
     def check(_: str, thing: Any) -> str:
         kind: type = _import(base)
-        named = f"{kind.__module__}.{kind.__qualname__}"
-        return "" if isinstance(thing, kind) else f"is not an instance of {named}"
+        name = f"{kind.__module__}.{kind.__qualname__}"
+        return "" if isinstance(thing, kind) else f"is not an instance of {name}"
 
     return check
 
 
 def subclass_of(base: type | str, named_by: str) -> Check:
-    """A check that refuses all but subclasses of a class, given itself or as "module:Class".
+    """A check for subclasses of a class, which is given itself or as "module:Class".
 
-    Their attribute `named_by` must hold the name under which they are registered.
+    Their attribute `named_by` must be the name that they are registered by.
     """
 
     def check(name: str, thing: Any) -> str:
@@ -137,25 +131,25 @@ def subclass_of(base: type | str, named_by: str) -> Check:
         if not (isinstance(thing, type) and issubclass(thing, kind)):
             return f"is not a subclass of {kind.__module__}.{kind.__qualname__}"
         own_name = getattr(thing, named_by, None)
-        return "" if own_name == name else f"calls itself {own_name!r}"
+        return "" if own_name == name else f"has {named_by} = {own_name!r}"
 
     return check
 
 
 def package_with(file: str) -> Check:
-    """A check that refuses everything but packages that contain a file of this name."""
+    """A check for packages that contain a file of this name."""
 
     def check(_: str, thing: Any) -> str:
         from importlib.resources import files
 
-        is_one = hasattr(thing, "__path__") and files(thing).joinpath(file).is_file()
-        return "" if is_one else f"is not a package with a file {file}"
+        has_file = hasattr(thing, "__path__") and files(thing).joinpath(file).is_file()
+        return "" if has_file else f"is not a package with a file {file}"
 
     return check
 
 
 def _import(thing: Any) -> Any:
-    """What a text "module:attribute" or "module" names; anything else as it is."""
+    """Import "module:attribute" or "module"; return anything else unchanged."""
     if not isinstance(thing, str):
         return thing
     module, _, attribute = thing.partition(":")

@@ -62,7 +62,7 @@ def test_everything_of_ours_loads_and_unknown_names_are_refused(registry: Regist
             len,
             "is not a subclass of agentflow.agents.base.Role",
         ),
-        (subclass_of(Role, named_by="name"), Designer, Role, "calls itself None"),
+        (subclass_of(Role, named_by="name"), Designer, Role, "has name = None"),
         (package_with("set.yaml"), compact, re, "is not a package with a file set.yaml"),
     ],
 )

@@ -59,11 +59,9 @@ class Designer(Role[DesignerInput, Design]):
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> DesignerInput:  # noqa: ARG003
-        """A whole machine for the task."""
         return DesignerInput(brief)
 
     def variables(self, given: DesignerInput) -> Mapping[str, object]:
-        """Task, blocks, blueprint, the structure to build and the machine so far."""
         part = given.part
         return {
             **given.context(given.machine),

@@ -70,11 +70,9 @@ class Inspector(Role[InspectorInput, Inspection]):
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> InspectorInput:
-        """The machine alone."""
         return InspectorInput(brief, machine)
 
     def variables(self, given: InspectorInput) -> Mapping[str, object]:
-        """Task, blocks, blueprint, machine, 3D information and tree."""
         return {
             **given.context(given.machine),
             "blueprint": given.blueprint and given.blueprint.to_json(),

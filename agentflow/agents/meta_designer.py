@@ -82,11 +82,9 @@ class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> MetaDesignerInput:  # noqa: ARG003
-        """A plan for the task."""
         return MetaDesignerInput(brief)
 
     def variables(self, given: MetaDesignerInput) -> Mapping[str, object]:
-        """Task, block table and level of detail."""
         return {**task_context(given.brief), "detailed": given.detailed}
 
     def parse(self, text: str, given: MetaDesignerInput) -> Parsed[Blueprint]:
@@ -97,11 +95,12 @@ class MetaDesigner(Role[MetaDesignerInput, Blueprint]):
         try:
             return Parsed(read_blueprint(data, given.brief), repaired=repaired)
         except _Refused as refused:
-            return Parsed(None, refused.problem, refused.code, repaired)
+            code, problem = refused.args
+            return Parsed(None, problem, code, repaired)
 
 
 def read_blueprint(data: Mapping[str, Any], brief: Brief) -> Blueprint:
-    """Turn decoded JSON into a blueprint; raises `_Refused` with the first problem."""
+    """Turn decoded JSON into a blueprint; raises `_Refused` for the first problem."""
     missing = [key for key in _KEYS if key not in data]
     if missing:
         raise _Refused("missing_key", f"The blueprint lacks the key {', '.join(missing)}.")
@@ -130,11 +129,7 @@ _NO_OBJECT = (
 
 
 class _Refused(Exception):
-    """An unusable blueprint, with the problem to send back to the model."""
-
-    def __init__(self, code: str, problem: str) -> None:
-        super().__init__(problem)
-        self.code, self.problem = code, problem
+    """An unusable blueprint; its arguments are the code and the problem to send to the model."""
 
 
 def _object_in(text: str) -> tuple[dict[str, Any] | None, bool]:

@@ -1,7 +1,4 @@
-"""Checks an inspector's sense of orientation against the true geometry.
-
-The score measures a model's spatial grounding and is recorded; nothing else depends on it.
-"""
+"""Scores an inspector's sense of orientation against the true geometry; only recorded."""
 
 from __future__ import annotations
 
@@ -46,7 +43,7 @@ def read_orientation(text: str) -> dict[str, Any]:
     """Read the answers: "key: value" pairs, one per line or in a JSON object.
 
     Returns:
-        Axis -> direction and extreme -> list of block ids, for the keys found; the first answer
+        Axis -> direction and extreme -> list of block ids, for the keys found. The first answer
         counts if there are several.
     """
     keys = list(_KEY.finditer(text))

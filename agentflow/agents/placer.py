@@ -33,11 +33,9 @@ class Placer(Role[PlacerInput, Design]):
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> PlacerInput:  # noqa: ARG003
-        """The structure that the task gives."""
         return PlacerInput(brief)
 
     def variables(self, given: PlacerInput) -> Mapping[str, object]:
-        """Task, allowed and given block types without the root, the given steps."""
         brief, start = given.brief, given.brief.given
         kinds = {*brief.blocks, *(step.type for step in start.steps[1:])}
         return {

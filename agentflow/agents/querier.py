@@ -46,11 +46,9 @@ class Querier(Role[QuerierInput, Inquiry]):
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> QuerierInput:
-        """The machine and a short report."""
         return QuerierInput(brief, machine, 0.0, SAMPLE_REPORT)
 
     def variables(self, given: QuerierInput) -> Mapping[str, object]:
-        """Task, machine, 3D information and the report of the simulation."""
         return {
             **given.context(given.machine),
             **report_context(given.score, given.feedback),

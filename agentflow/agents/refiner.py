@@ -72,7 +72,6 @@ class Refiner(Role[RefinerInput, Refinement]):
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> RefinerInput:
-        """The machine and a short report."""
         return RefinerInput(brief, machine, score=0.0, feedback=SAMPLE_REPORT)
 
     @classmethod
@@ -81,7 +80,6 @@ class Refiner(Role[RefinerInput, Refinement]):
         return "blind_refinement" if place.startswith("blind/") else cls.stage
 
     def variables(self, given: RefinerInput) -> Mapping[str, object]:
-        """Everything known about the machine that is not switched off."""
         return {
             **given.context(given.machine),
             **report_context(given.score, given.feedback),
@@ -96,7 +94,6 @@ class Refiner(Role[RefinerInput, Refinement]):
         }
 
     def images(self, given: RefinerInput) -> tuple[str, ...]:
-        """The views of the machine, if any."""
         return given.images
 
     def parse(self, text: str, given: RefinerInput) -> Parsed[Refinement]:

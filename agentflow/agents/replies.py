@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal
 
 from agentflow.agents.base import Parsed
@@ -47,17 +47,15 @@ def read_reply(
     if representation == "tree":
         return check(read_machine(text, brief.blocks, brief.given), brief)
     report = check(read_coordinates(text, brief.blocks), brief)
-    if report.machine is None or given is None or not _begins_with(report.machine, given):
+    if report.machine is None or given is None:
+        return report
+    if to_coordinates(report.machine)[: len(given)] != to_coordinates(given):
         return report
     whole = Machine((*given.steps, *report.machine.steps[len(given) :]))
     judged = check(whole, brief)
     if judged.machine is None:
         return report
     return replace(judged, repaired=report.repaired, notes=report.notes)
-
-
-def _begins_with(machine: Machine, given: Machine) -> bool:
-    return to_coordinates(machine)[: len(given)] == to_coordinates(given)
 
 
 def no_machine(report: Report, where: str = "The reply") -> Parsed[Any]:
@@ -97,14 +95,6 @@ def rejection(
     return None
 
 
-@dataclass(frozen=True)
-class _Tag:
-    name: str
-    closing: bool
-    start: int
-    end: int
-
-
 def find_sections(text: str, names: Iterable[str]) -> dict[str, str]:
     """Find the named XML-like sections of a reply: name -> stripped content, if found.
 
@@ -118,26 +108,21 @@ def find_sections(text: str, names: Iterable[str]) -> dict[str, str]:
     next_open: dict[str, int] = {}
     next_close: dict[str, int] = {}
     next_tag = len(text)
-    for tag in reversed(_tags(text, known)):
-        if tag.closing:
-            next_close[tag.name] = tag.start
+    for tag in reversed(list(_TAG.finditer(text))):
+        name = known.get(_key(tag[2]))
+        if name is None:
+            continue
+        if tag[1] == "/":
+            next_close[name] = tag.start()
         else:
-            close = next_close.get(tag.name)
-            if close is not None and close < next_open.get(tag.name, len(text)):
-                closed.setdefault(tag.name, text[tag.end : close].strip())
+            close = next_close.get(name)
+            if close is not None and close < next_open.get(name, len(text)):
+                closed.setdefault(name, text[tag.end() : close].strip())
             else:
-                unclosed.setdefault(tag.name, text[tag.end : next_tag].strip())
-            next_open[tag.name] = tag.start
-        next_tag = tag.start
+                unclosed.setdefault(name, text[tag.end() : next_tag].strip())
+            next_open[name] = tag.start()
+        next_tag = tag.start()
     return {**unclosed, **closed}
-
-
-def _tags(text: str, known: dict[str, str]) -> list[_Tag]:
-    return [
-        _Tag(known[key], match[1] == "/", match.start(), match.end())
-        for match in _TAG.finditer(text)
-        if (key := _key(match[2])) in known
-    ]
 
 
 def _key(name: str) -> str:

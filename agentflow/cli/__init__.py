@@ -31,15 +31,12 @@ def main(arguments: list[str] | None = None) -> int:
         status = _run(sys.argv[1:] if arguments is None else arguments)
     except KeyboardInterrupt:
         status = None
-    return _say("interrupted", INTERRUPTED) if status is None else status
+    return _print_error("interrupted", INTERRUPTED) if status is None else status
 
 
 @cache
 def command_group() -> Any:
-    """The click group of all commands.
-
-    Cached because building it takes longer than most commands.
-    """
+    """The click group of all commands; building it takes longer than most commands."""
     import typer
 
     from agentflow.cli.root import commands
@@ -68,25 +65,22 @@ def _run(given: list[str]) -> int | None:
         return status if isinstance(status, int) else 0
     except typer.Abort:
         return None
-    except (
-        BrokenPipeError,
-        SystemExit,
-    ):  # nobody reads our output any more
+    except (BrokenPipeError, SystemExit):  # nothing reads the output any more
         return _give_up_output(0)
     except OSError as error:
         if debug:
             traceback.print_exc()
-        _say(describe_os_error(error), USAGE)
+        _print_error(describe_os_error(error), USAGE)
         return _give_up_output(USAGE)
     except usage_error as error:
-        return _refuse(error)
+        return _print_usage_error(error)
     except AgentflowError as error:
         if debug:
             traceback.print_exc()
-        return _say(str(error), error.exit_status)
+        return _print_error(str(error), error.exit_status)
 
 
-def _refuse(error: BaseException) -> int:
+def _print_usage_error(error: BaseException) -> int:
     context = getattr(error, "ctx", None)
     command = context.command_path if context else "agentflow"
     message = getattr(error, "format_message", error.__str__)()
@@ -94,16 +88,16 @@ def _refuse(error: BaseException) -> int:
         print(message, file=sys.stderr)
         return USAGE
     message = message.replace("Value error, ", "")  # added by pydantic in some versions of typer
-    return _say(f"{message.rstrip('.?')}. Try '{command} --help'.", USAGE)
+    return _print_error(f"{message.rstrip('.?')}. Try '{command} --help'.", USAGE)
 
 
-def _say(message: str, status: int) -> int:
-    with suppress(OSError, ValueError):  # stderr is closed; the exit status still tells
+def _print_error(message: str, status: int) -> int:
+    with suppress(OSError, ValueError):  # stderr is closed
         print("agentflow:", escape_controls(message, "\n"), file=sys.stderr, flush=True)
     return status
 
 
 def _give_up_output(status: int) -> int:
-    """Redirect stdout to /dev/null, so that Python does not report the error again at exit."""
+    """Redirect stdout to /dev/null; otherwise Python would report the error again at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status

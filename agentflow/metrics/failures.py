@@ -37,13 +37,8 @@ class Failures:
     """Code of refused replies -> count; `unparsable` for replies without a code."""
 
     def __add__(self, other: Failures) -> Failures:
-        return Failures(
-            self.replies + other.replies,
-            self.refused + other.refused,
-            self.machines + other.machines,
-            self.kinds + other.kinds,
-            self.codes + other.codes,
-        )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Failures(*(mine + theirs for mine, theirs in pairs))
 
 
 def failures(

@@ -40,17 +40,9 @@ class Spent:
         return self.prompt + self.completion
 
     def __add__(self, other: Spent) -> Spent:
-        unknown = self.money is None or other.money is None
-        return Spent(
-            self.calls + other.calls,
-            self.prompt + other.prompt,
-            self.completion + other.completion,
-            self.reasoning + other.reasoning,
-            self.cached + other.cached,
-            self.retries + other.retries,
-            self.seconds + other.seconds,
-            None if unknown else (self.money or 0.0) + (other.money or 0.0),
-        )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        sums: list[Any] = [None if None in pair else sum(pair) for pair in pairs]
+        return Spent(*sums)
 
 
 def spent_on(call: Mapping[str, Any], cost: Cost = unpriced) -> Spent:
@@ -136,8 +128,5 @@ class SimulationSpeed:
         return self.simulated_seconds / self.worker_seconds if self.worker_seconds else None
 
     def __add__(self, other: SimulationSpeed) -> SimulationSpeed:
-        return SimulationSpeed(
-            self.rollouts + other.rollouts,
-            self.simulated_seconds + other.simulated_seconds,
-            self.worker_seconds + other.worker_seconds,
-        )
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return SimulationSpeed(*map(sum, pairs))

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A sweep of which one run works and one cannot reach its endpoint; begun with exit 3."""
+    """A sweep in which one run works and one cannot reach its endpoint; exit 3."""
     folder = tmp_path_factory.mktemp("my sweeps")
     axes = {"condition": {"lives": {}, "dead": DEAD}}
     (folder / "mixed.yaml").write_text(yaml.safe_dump({**TINY, "seeds": [0], "axes": axes}))
@@ -42,7 +42,7 @@ def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
         f"retry the failed runs with: agentflow sweep '{path}' --resume",
         f"compare them with: agentflow table '{path}'",
     ]
-    assert told.splitlines()[0] == "dead.seed-0: begun"
+    assert told.splitlines()[0] == "dead.seed-0: started"
     assert told.splitlines()[-1].startswith("agentflow: dead.seed-0: failed: no answer from")
 
 
@@ -175,8 +175,8 @@ def test_the_live_view_has_a_line_per_run_and_fits_the_terminal() -> None:
     assert [line.split()[:2] for line in lines[2:]] == [
         ["run-3", "failed"],
         ["run-17", "done"],
-        ["run-18", "runs"],
-        ["run-19", "runs"],
+        ["run-18", "running"],
+        ["run-19", "running"],
     ]
     assert all(len(line) <= 80 for line in lines)
     assert "19.50" in lines[-1]

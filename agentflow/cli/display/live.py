@@ -1,4 +1,4 @@
-"""Progress of a running run: a live view on a terminal, plain lines otherwise.
+"""Progress of a run: a live view on a terminal, plain lines otherwise.
 
 Everything goes to stderr; stdout is for the result.
 """
@@ -38,10 +38,7 @@ BARS = "▁▂▃▄▅▆▇█"
 
 @contextmanager
 def watch(quiet: bool) -> Iterator[tuple[Listener | None, Notify]]:
-    """A listener for a run's events and a callback for its remarks, while the run goes on.
-
-    If quiet, nothing is shown: remarks are kept with the run, and errors are printed anyway.
-    """
+    """A listener for a run's events and a callback for its remarks; neither prints if quiet."""
     console = Console(stderr=True, highlight=False)
     if quiet:
         yield None, lambda _line: None
@@ -67,7 +64,7 @@ class Progress:
     record: RunRecord = field(default_factory=RunRecord)
     drawing: bool = False
     under_way: int = 0
-    """Calls begun and not answered."""
+    """Calls without an answer yet."""
     cost: float | None = 0.0
     """None if unknown."""
     curve: list[float] = field(default_factory=list)
@@ -122,7 +119,7 @@ def _one_line(text: str, style: str = "") -> Text:
 
 
 def sparkline(values: list[float], width: int = 40) -> str:
-    """A curve in one line of at most `width` characters, from 0 (or the minimum) to the maximum."""
+    """A curve of at most `width` characters, from 0 (or the minimum) to the maximum."""
     if not values:
         return ""
     step = max(1, -(-len(values) // width))

@@ -29,7 +29,7 @@ SPARE = 6
 
 @contextmanager
 def watch_sweep(runs: int, quiet: bool) -> Iterator[Watcher]:
-    """A watcher for a sweep of this many runs, while it goes on."""
+    """A watcher for a sweep of this many runs, while it is running."""
     console = Console(stderr=True, highlight=False)
     if quiet or not console.is_terminal:
         yield Lines(quiet)
@@ -40,31 +40,28 @@ def watch_sweep(runs: int, quiet: bool) -> Iterator[Watcher]:
 
 
 class Lines:
-    """Prints a line when a run begins, ends or has a remark; failures only if quiet."""
+    """Prints a line when a run starts, ends or has a remark; only failures if quiet."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
 
     def run_started(self, run: str) -> None:
-        """See `Watcher`, as for the other methods."""
-        self._tell(f"{run}: begun")
+        self._print(f"{run}: started")
 
     def event(self, run: str, event: Event) -> None:
-        """Single events are not shown."""
+        """Show nothing."""
 
     def remark(self, run: str, line: str) -> None:
-        """Print the remark."""
-        self._tell(f"agentflow: {run}: {line}")
+        self._print(f"agentflow: {run}: {line}")
 
     def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
-        """Print score and time."""
-        self._tell(f"{run}: {_in_short(result)}")
+        score, seconds = number(result["score"]), f"{result['seconds']:.0f} s"
+        self._print(f"{run}: done, score {score}, {result['calls']} calls, {seconds}")
 
     def run_failed(self, run: str, reason: str) -> None:
-        """Print the reason, even if quiet."""
         print_line(f"agentflow: {run}: failed: {reason}")
 
-    def _tell(self, line: str) -> None:
+    def _print(self, line: str) -> None:
         if not self._quiet:
             print_line(line)
 
@@ -73,7 +70,7 @@ class Lines:
 class Line:
     """One run as shown."""
 
-    state: str = "waits"
+    state: str = "running"
     record: RunRecord = field(default_factory=RunRecord)
     result: Mapping[str, Any] | None = None
     message: str = ""
@@ -83,7 +80,7 @@ class Line:
     def cells(self, name: str) -> tuple[str, ...]:
         """The run as a row of the view."""
         run, seconds = self.record, (self.ended or time.monotonic()) - self.started
-        stage = run.stage.place.name if run.stage and self.state == "runs" else ""
+        stage = run.stage.place.name if run.stage and self.state == "running" else ""
         counts = (str(run.calls), str(run.evaluations), number(self.best), f"{seconds:.0f} s")
         return (name, self.state, self.message or stage, *counts)
 
@@ -95,7 +92,7 @@ class Line:
 
 @dataclass
 class View:
-    """The live view; runs are in the order in which they began."""
+    """The live view; runs are in the order in which they started."""
 
     runs: int
     console: Console
@@ -103,34 +100,30 @@ class View:
     started: float = field(default_factory=time.monotonic)
 
     def run_started(self, run: str) -> None:
-        """See `Watcher`, as for the other methods."""
-        self.lines[run] = Line("runs")
+        self.lines[run] = Line()
 
     def event(self, run: str, event: Event) -> None:
-        """Count the event."""
         self.lines[run].record.add(typed(event))
 
     def remark(self, run: str, line: str) -> None:
-        """Print the remark above the view."""
         self.console.print(Text(escape_controls(f"{run}: {line}")))
 
     def run_finished(self, run: str, result: Mapping[str, Any]) -> None:
-        """Kept as the run's last line."""
         line = self.lines[run]
         line.state, line.ended, line.result = "done", time.monotonic(), result
 
     def run_failed(self, run: str, reason: str) -> None:
-        """Kept as the run's last line."""
         line = self.lines[run]
         line.state, line.ended, line.message = "failed", time.monotonic(), reason
 
     def draw(self) -> RenderableType:
-        """As many runs as fit: running ones, then failed ones, then the latest done."""
+        """As many runs as fit: running ones first, then failed ones, then the latest done."""
         states = [line.state for line in self.lines.values()]
         seconds = time.monotonic() - self.started
         head = (
             f"{states.count('done')} done · {states.count('failed')} failed · "
-            f"{states.count('runs')} running · {self.runs - len(states)} waiting · {seconds:.0f} s"
+            f"{states.count('running')} running · {self.runs - len(states)} waiting · "
+            f"{seconds:.0f} s"
         )
         table = Table(box=None, pad_edge=False)
         for name in ("run", "state", "stage"):
@@ -143,14 +136,9 @@ class View:
 
     def _chosen(self) -> list[str]:
         room = max(1, self.console.height - SPARE)
-        weight = {"runs": 2, "failed": 1, "done": 0}
+        weight = {"running": 2, "failed": 1, "done": 0}
         names = list(self.lines)
         ranked = sorted(
             range(len(names)), key=lambda i: (weight[self.lines[names[i]].state], i), reverse=True
         )
         return [names[i] for i in sorted(ranked[:room])]
-
-
-def _in_short(result: Mapping[str, Any]) -> str:
-    score = number(result["score"])
-    return f"done, score {score}, {result['calls']} calls, {result['seconds']:.0f} s"

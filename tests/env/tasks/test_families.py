@@ -89,7 +89,7 @@ def test_a_family_from_elsewhere_is_one_of_all_beside_a_broken_one(tmp_path: Pat
         pytest.param(
             "mopping = broom.sweeping:Sweeping",
             FAMILY,
-            "calls itself 'sweeping'",
+            "has family = 'sweeping'",
             marks=pytest.mark.slow,
         ),
     ],
@@ -112,7 +112,7 @@ def test_a_name_that_is_taken_is_refused_when_others_are_looked_for(tmp_path: Pa
     assert (shown.returncode, shown.stderr) == (
         2,
         "agentflow: the task family 'throwing' (broom.sweeping:Sweeping) of the distribution "
-        "'broom' has a name that another task family already has\n",
+        "'broom' has the same name as another task family\n",
     )
 
 
