@@ -19,7 +19,6 @@ from agentflow.machine.brief import Brief
 from agentflow.machine.formats.detect import read_for
 
 if TYPE_CHECKING:
-    from agentflow.app.design.run import RunOptions
     from agentflow.config.run import DesignConfig
     from agentflow.env.pool.pool import RolloutPool
     from agentflow.env.rollout import Rollout
@@ -33,7 +32,7 @@ MachineLike = Machine | str | list[dict[str, Any]] | Path
 
 @dataclass(frozen=True)
 class Design:
-    """The outcome of a design run."""
+    """The result of a design run."""
 
     run: Path
     """The run directory."""
@@ -70,21 +69,21 @@ def design(
 ) -> Design:
     """Design a machine for a task, in a new run directory.
 
-    Values that are not given are taken, as on the command line, from `config`, from the
-    environment (AGENTFLOW_MODEL, OPENAI_BASE_URL), or from the defaults.
+    As on the command line, missing values come from `config`, then the environment
+    (AGENTFLOW_MODEL, OPENAI_BASE_URL), then the defaults.
 
     Args:
-        task: Level, for instance "throwing".
+        task: Level, e.g. "throwing".
         workflow: hierarchical, iterative, single, random-dsl ...
         model: Name of the model at the endpoint, or the name to show for `answer`.
         base_url: OpenAI-compatible endpoint; the key is in OPENAI_API_KEY.
         answer: Your own function that answers every request, instead of an endpoint.
         config: YAML file, or its content as a mapping.
-        settings: Dotted configuration keys or knobs of the task, as `--set` takes them.
+        settings: Dotted configuration keys, or knobs of the task, like `--set`.
         seed: Random seed.
-        out: Folder for run directories.
-        workers: Processes that simulate machines.
-        say: Receives remarks, one line each; by default they are printed to stderr.
+        out: Parent folder of the run directory.
+        workers: Worker processes for simulation.
+        say: Receives messages, one line each; by default they are printed to stderr.
         listener: Receives every event.
 
     Raises:
@@ -97,7 +96,8 @@ def design(
     _require_no_event_loop("design")
     options = _config_keys(task, workflow, model, base_url, seed, workers)
     built, client = _configure(config, settings, options, answer)
-    return _to_design(run.design(built, Path(out), _run_options(say, listener, client)))
+    run_options = run.RunOptions(say or _print_remark, listener, client)
+    return _to_design(run.design(built, Path(out), run_options))
 
 
 async def design_async(
@@ -116,17 +116,12 @@ async def design_async(
     listener: Listener | None = None,
     pool: RolloutPool | None = None,
 ) -> Design:
-    """`design` on a running event loop, where several runs can share a `pool`.
-
-    Raises:
-        UsageError: As `design`.
-        EndpointError: The model cannot be used.
-    """
+    """Like `design`, on a running event loop, where several runs can share a `pool`."""
     from agentflow.app.design import run
 
     options = _config_keys(task, workflow, model, base_url, seed, workers)
     built, client = _configure(config, settings, options, answer)
-    run_options = _run_options(say, listener, client, pool)
+    run_options = run.RunOptions(say or _print_remark, listener, client, pool)
     return _to_design(await run.design_async(built, Path(out), run_options))
 
 
@@ -141,21 +136,21 @@ def resume(
 
     Args:
         run: The run directory.
-        answer: The function that answers, if the run was started with one.
-        say: Receives remarks; by default they are printed to stderr.
+        answer: Your function, if the run was started with one.
+        say: Receives messages; by default they are printed to stderr.
         listener: Receives every event.
 
     Raises:
-        RunError: It is not a run directory, is damaged, is in use, or was started with different
-            prompts, task, constants or physics engine.
+        RunError: `run` is not a run directory, is damaged or in use, or was started with
+            different prompts, task, constants or physics engine.
         EndpointError: The model cannot be used.
         InterruptedRunError: Ctrl-C; the run can be resumed again.
     """
-    from agentflow.app.design.run import resume as resume_run
+    from agentflow.app.design import run as runs
 
     _require_no_event_loop("resume")
-    client = _client_of_run(Path(run), answer)
-    return _to_design(resume_run(Path(run), _run_options(say, listener, client)))
+    options = runs.RunOptions(say or _print_remark, listener, _client_of_run(Path(run), answer))
+    return _to_design(runs.resume(Path(run), options))
 
 
 async def resume_async(
@@ -166,30 +161,26 @@ async def resume_async(
     listener: Listener | None = None,
     pool: RolloutPool | None = None,
 ) -> Design:
-    """`resume` on a running event loop.
-
-    Raises:
-        RunError: As `resume`.
-        EndpointError: The model cannot be used.
-    """
-    from agentflow.app.design.run import resume_async as resume_run
+    """Like `resume`, on a running event loop."""
+    from agentflow.app.design import run as runs
 
     client = _client_of_run(Path(run), answer)
-    return _to_design(await resume_run(Path(run), _run_options(say, listener, client, pool)))
+    options = runs.RunOptions(say or _print_remark, listener, client, pool)
+    return _to_design(await runs.resume_async(Path(run), options))
 
 
 def check(
     machine: MachineLike, task: str | None = None, *, knobs: Mapping[str, object] | None = None
 ) -> Report:
-    """Check a machine: its file, its geometry, and what a task demands. Needs no physics.
+    """Check a machine's file, geometry and, with `task`, the rules of a task; no simulation.
 
     Args:
         machine: The machine.
-        task: Level whose demands to check; none by default.
-        knobs: Knobs of the level to change, for instance `{"wall.height": 0}`.
+        task: Level whose rules to check.
+        knobs: Knobs of the level to change, e.g. `{"wall.height": 0}`.
 
     Raises:
-        UsageError: There is no such task, knob or file.
+        UsageError: The task, knob or file does not exist.
     """
     if knobs and task is None:
         raise UsageError("knobs change a task; name it with task=")
@@ -213,14 +204,14 @@ def simulate(
 
     Args:
         machine: The machine; an invalid one gives a rollout with status `invalid` and score 0.
-        task: Level, for instance "throwing" or "movement/3".
+        task: Level, e.g. "throwing" or "movement/3".
         knobs: Knobs of the level to change.
         seed: Random seed.
-        rate: Steps per second; by default as in the constants.
-        power: False is the control experiment, in which nothing is ever switched on.
+        rate: Physics steps per second; the default is in the constants.
+        power: Whether motors, springs and winches start; without them it is a control experiment.
 
     Raises:
-        UsageError: There is no such task, knob or file, or the rate is out of range.
+        UsageError: The task, knob or file does not exist, or the rate is out of range.
     """
     from agentflow.env.simulation.simulate import simulate as simulate_machine
 
@@ -240,11 +231,7 @@ async def simulate_async(
     rate: float | None = None,
     power: bool = True,
 ) -> Rollout:
-    """`simulate` in a worker process of a pool, several at a time.
-
-    Raises:
-        UsageError: As `simulate`.
-    """
+    """Like `simulate`, in a worker process of a pool, for concurrent use."""
     level, built = _prepare(machine, task, knobs)
     if isinstance(built, Machine):
         return await pool.run(built, level, seed=seed, rate=rate, power=power)
@@ -282,7 +269,9 @@ def _configure(
     from agentflow.llm.function import FunctionClient
 
     document = load_document(config) if isinstance(config, Path) else dict(config or {})
-    name = {} if answer is None else {"model.name": _function_name(answer)}
+    name = {}
+    if answer is not None:
+        name = {"model.name": getattr(answer, "__name__", type(answer).__name__)}
     for key, value in {**(settings or {}), **name, **options}.items():
         document = set_key(document, key, value)
     if answer is None:
@@ -295,10 +284,6 @@ def _configure(
     return built, FunctionClient(answer, built.model.name)
 
 
-def _function_name(answer: ModelFunction) -> str:
-    return getattr(answer, "__name__", type(answer).__name__)
-
-
 def _client_of_run(path: Path, answer: ModelFunction | None) -> FunctionClient | None:
     from agentflow.config.run import build_config, load_document
     from agentflow.llm.function import FunctionClient
@@ -306,17 +291,6 @@ def _client_of_run(path: Path, answer: ModelFunction | None) -> FunctionClient |
     if answer is None:
         return None
     return FunctionClient(answer, build_config(load_document(path / "run.yaml")).model.name)
-
-
-def _run_options(
-    say: Notify | None,
-    listener: Listener | None,
-    client: FunctionClient | None,
-    pool: RolloutPool | None = None,
-) -> RunOptions:
-    from agentflow.app.design.run import RunOptions
-
-    return RunOptions(say or _print_remark, listener, client, pool)
 
 
 def _to_design(result: Mapping[str, Any]) -> Design:
@@ -374,5 +348,5 @@ def _check(machine: MachineLike, brief: Brief | None) -> Report:
 def _is_file_name(text: str) -> bool:
     try:
         return Path(text).is_file()
-    except (OSError, ValueError):  # too long for a name, or with a null character
+    except (OSError, ValueError):  # too long, or contains a null character
         return False

@@ -9,15 +9,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from agentflow.errors import UsageError
+
 
 @contextmanager
 def write_atomically(path: Path) -> Iterator[Path]:
-    """A path to write to, which replaces `path` at the end; removed when writing fails.
+    """A temporary path that replaces `path` on success and is removed on failure.
 
     Links are followed. Devices and pipes are written to directly.
-
-    Raises:
-        OSError: `path` is as it was before.
     """
     if path.exists() and not path.is_file():
         yield path
@@ -31,8 +30,18 @@ def write_atomically(path: Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
+@contextmanager
+def write_output(path: Path, error_type: type[UsageError] = UsageError) -> Iterator[Path]:
+    """`write_atomically` for files that users name; failure raises `error_type`."""
+    try:
+        with write_atomically(path) as part:
+            yield part
+    except OSError as error:
+        raise error_type(f"cannot write {path}: {error.strerror}") from None
+
+
 def remove_partial_files(folder: Path) -> None:
-    """Remove what killed processes left of `write_atomically` in a folder."""
+    """Remove temporary files of `write_atomically` that killed processes left in a folder."""
     for part in folder.glob(".[0-9]*-*"):
         part.unlink()
 
@@ -44,11 +53,6 @@ class LineFile:
     """
 
     def __init__(self, path: Path) -> None:
-        """Open or create the file.
-
-        Raises:
-            OSError: It cannot be opened for writing.
-        """
         self.path = path
         self._file = path.open("ab", buffering=0)
         self.dropped = 0
@@ -60,13 +64,9 @@ class LineFile:
             raise
 
     def append(self, line: bytes) -> int:
-        """Write one line; `line` has no line break.
+        """Write a line, given without its line break, and return its byte offset.
 
-        Returns:
-            The offset where the line begins, in bytes.
-
-        Raises:
-            OSError: It could not be written; a partial line is removed.
+        If that fails, a partial line is removed.
         """
         content = line + b"\n"
         written = 0
@@ -105,11 +105,7 @@ class LineFile:
 
 
 def whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Number (from 1) and content of every complete line.
-
-    Raises:
-        OSError: The file cannot be read.
-    """
+    """Number (from 1) and content of every complete line."""
     with path.open("rb") as lines:
         for number, line in enumerate(lines, start=1):
             if is_whole(line):

@@ -18,18 +18,18 @@ class Reward:
     """The reward of a reply, and its parts for trainers that compute their own."""
 
     value: float | None
-    """The score; 0 for a reply without a valid machine. None after a time-out or crash: drop such
-    samples, because they say nothing about the reply."""
+    """The score; 0 without a valid machine. None after a time-out or crash: drop the sample,
+    because it says nothing about the reply."""
     parsed: bool
     """Whether the reply contains a file-valid machine."""
     spatial: bool | None
     """Whether the machine has no overlaps and fits the size limit; None without a machine."""
     valid: bool
-    """Whether it meets every rule of the task and was simulated."""
+    """Whether the machine meets every rule of the task and was simulated."""
     status: str
     """ok, invalid, diverged, timeout or crashed."""
     problems: tuple[Problem, ...]
-    """Reasons why it is not valid."""
+    """Why it is not valid."""
     machine: Machine | None = field(repr=False)
     """The machine in the reply, if any."""
     rollout: Rollout = field(repr=False)
@@ -45,10 +45,10 @@ def reward(
     task and seed give the same reward.
 
     Args:
-        task: Name of a level, for instance "throwing", or a task object.
+        task: Name of a level, e.g. "throwing", or a task object.
         text: The reply.
         seed: Random seed of the task's trials.
-        knobs: Changed knobs of the level; only with a level name.
+        knobs: Knobs of the level to change; only with a level name.
 
     Raises:
         UsageError: The task or knob does not exist.
@@ -67,11 +67,7 @@ async def reward_async(
     *,
     knobs: Mapping[str, object] | None = None,
 ) -> Reward:
-    """`reward` in a worker process of a pool, for concurrent use.
-
-    Raises:
-        UsageError: The task or knob does not exist.
-    """
+    """Like `reward`, in a worker process of a pool, for concurrent use."""
     level, report = _check_reply(task, text, knobs)
     if report.machine is None:
         return _reward(report, invalid_rollout(report.problems))

@@ -1,4 +1,4 @@
-"""Resolved configurations, with the source of each value."""
+"""Resolves configurations and names the source of each value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from agentflow.app.design.config import config_json, fill_from_environment, load_config
+from agentflow.app.design.config import complete_config, config_json, fill_from_environment
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import apply_settings, load_document
 
@@ -25,45 +25,27 @@ def resolve_config(path: Path | None, settings: Iterable[str]) -> dict[str, Any]
     Args:
         path: The YAML file, if any.
         settings: Strings `a.b=value`.
-
-    Raises:
-        UsageError: A key, name or value is wrong.
     """
-    given = list(settings)
-    plan = RunPlan.of(load_config(path, given, {}))
-    config = config_json(plan.config)
-    whole, layers = _layers(path, given)
-    origins = {
-        ".".join(keys): _source(keys, layers) if _sets(whole, keys) else DEFAULT
-        for keys, _ in _leaves(config)
-    }
-    return {"config": config, "from": origins}
+    settings = list(settings)
+    file = load_document(path) if path is not None else {}
+    from_settings = apply_settings({}, settings)
+    merged = apply_settings(file, settings)
+    filled = fill_from_environment(merged, os.environ)
+    config = config_json(RunPlan.of(complete_config(merged)).config)
+
+    def source(keys: tuple[str, ...]) -> str:
+        if not _sets(filled, keys):
+            return DEFAULT
+        if not _sets(merged, keys):
+            return ENVIRONMENT
+        return SETTING if _sets(from_settings, keys) else str(path)
+
+    return {"config": config, "from": {".".join(keys): source(keys) for keys in _keys(config)}}
 
 
 def annotated_yaml(found: Mapping[str, Any]) -> str:
     """The result of `resolve_config` as a configuration file with a comment on each source."""
     return "\n".join(_lines(found["config"], (), found["from"]))
-
-
-def _layers(
-    path: Path | None, settings: list[str]
-) -> tuple[Mapping[str, Any], list[tuple[str, Mapping[str, Any]]]]:
-    """All given values, and the name and document of each source, strongest first."""
-    file = load_document(path) if path is not None else {}
-    merged = apply_settings(file, settings)
-    filled = fill_from_environment(merged, os.environ)
-    before = {keys for keys, _ in _leaves(merged)}
-    added = [keys for keys, _ in _leaves(filled) if keys not in before]
-    environment = {"model": {keys[-1]: True for keys in added}} if added else {}
-    return filled, [
-        (ENVIRONMENT, environment),
-        (SETTING, apply_settings({}, settings)),
-        (str(path), file),
-    ]
-
-
-def _source(keys: tuple[str, ...], layers: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
-    return next((name for name, document in layers if _sets(document, keys)), DEFAULT)
 
 
 def _sets(document: Mapping[str, Any], keys: tuple[str, ...]) -> bool:
@@ -78,14 +60,13 @@ def _sets(document: Mapping[str, Any], keys: tuple[str, ...]) -> bool:
     return True
 
 
-def _leaves(
-    document: Mapping[str, Any], above: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], Any]]:
+def _keys(document: Mapping[str, Any], above: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """The path of every value that is not a group of keys."""
     for key, value in document.items():
         if isinstance(value, Mapping) and value:
-            yield from _leaves(value, (*above, key))
+            yield from _keys(value, (*above, key))
         else:
-            yield (*above, key), value
+            yield *above, key
 
 
 def _lines(

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from agentflow.errors import RunError
-from agentflow.files import LineFile, remove_partial_files, write_atomically
+from agentflow.files import LineFile, remove_partial_files, write_atomically, write_output
 from agentflow.runs.document import FILE_NAME, document_text, read_document
 from agentflow.runs.reading import AGAIN, CALLS, EVENTS, RESULT, Event, read_events
 
@@ -77,7 +77,8 @@ class RunDirectory:
         try:
             out.mkdir(parents=True, exist_ok=True)
             path = _make_folder(out, name)
-            _write_text(path / FILE_NAME, document_text(document))
+            with write_atomically(path / FILE_NAME) as part:
+                part.write_text(document_text(document), encoding="utf-8")
             run = cls(path, _lock(path))
             run.resumed = False
         except OSError as error:
@@ -134,7 +135,8 @@ class RunDirectory:
             try:
                 self._events.append(line if recorded is None else AGAIN + line[1:])
             except OSError as error:
-                raise _cannot_write(self.path / EVENTS, error) from None
+                file = self.path / EVENTS
+                raise RunError(f"cannot write {file}: {error.strerror}") from None
             if recorded is not None:
                 self.replaced.append(event)
         for listener in self.listeners:
@@ -162,11 +164,11 @@ class RunDirectory:
         """Save a machine once, by content hash."""
         path = self.path / MACHINES / f"{digest}.json"
         if not path.exists():
-            self._write(path, text + "\n")
+            _write(path, text + "\n")
 
     def finish(self, result: Mapping[str, Any]) -> None:
         """Write result.json, which completes the run."""
-        self._write(self.path / RESULT, json.dumps(result, indent=1) + "\n")
+        _write(self.path / RESULT, json.dumps(result, indent=1) + "\n")
 
     def close(self) -> None:
         """Close the run, so that other processes may open it."""
@@ -177,12 +179,6 @@ class RunDirectory:
         """Remove a run that never got a reply from its model."""
         self.close()
         _remove(self.path, self._made)
-
-    def _write(self, path: Path, text: str) -> None:
-        try:
-            _write_text(path, text)
-        except OSError as error:
-            raise _cannot_write(path, error) from None
 
 
 def _remove(path: Path | None, made: Sequence[Path]) -> None:
@@ -227,10 +223,6 @@ def _lock(path: Path) -> IO[str]:
     raise RunError(f"{path} is in use by another process; wait for it or stop it")
 
 
-def _write_text(path: Path, text: str) -> None:
-    with write_atomically(path) as part:
+def _write(path: Path, text: str) -> None:
+    with write_output(path, RunError) as part:
         part.write_text(text, encoding="utf-8")
-
-
-def _cannot_write(path: Path, error: OSError) -> RunError:
-    return RunError(f"cannot write {path}: {error.strerror}")

@@ -159,7 +159,7 @@ def test_the_tree_shows_a_machine_that_breaks(opened: webdriver.Chrome) -> None:
     node(opened, "env_feedback/traj-1/node-1").click()
     until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
     until(opened, lambda: "broke off" in find(opened, ".events").text)
-    assert "the physical constants" not in find(opened, ".remark").text
+    assert "As recorded" not in find(opened, ".remark").text
     assert reds(opened) == 0
     scrub(opened, 1.0)
     assert reds(opened) > 100

@@ -1,4 +1,4 @@
-"""The configuration of a run, from options, settings, YAML file and environment."""
+"""Loads run configurations from options, settings, YAML files and the environment."""
 
 from __future__ import annotations
 
@@ -23,15 +23,12 @@ from agentflow.llm.endpoint.address import Endpoint
 def load_config(
     path: Path | None, settings: Iterable[str], options: Mapping[str, Any]
 ) -> DesignConfig:
-    """Read a configuration. Options override `--set`, then the file, then the environment.
+    """Load a configuration; options override `--set`, then the file, then the environment.
 
     Args:
         path: The YAML file, if any.
         settings: Strings `a.b=value`.
         options: Dotted configuration keys; None means not given.
-
-    Raises:
-        ConfigError: A key is unknown or a value out of range.
     """
     document = apply_settings(load_document(path) if path is not None else {}, settings)
     for key, value in options.items():
@@ -44,7 +41,7 @@ def complete_config(document: Mapping[str, Any]) -> DesignConfig:
     """Validate a document, with missing model settings taken from the environment.
 
     Raises:
-        ConfigError: A key is unknown, a value out of range, or a base URL is given without a model.
+        ConfigError: A key is unknown, a value is out of range, or a base URL has no model.
     """
     config = build_config(fill_from_environment(document, os.environ))
     require_model_name(config.model)
@@ -56,7 +53,7 @@ def fill_from_environment(
 ) -> dict[str, Any]:
     """Add the model's name and base URL from the environment if the document lacks them.
 
-    A key alone never spends money: only a model's name replaces the procedural model.
+    An API key alone never causes cost: only a model name replaces the procedural model.
     """
     result = dict(document)
     given = result.get("model", {})
@@ -73,11 +70,7 @@ def fill_from_environment(
 
 
 def require_model_name(model: ModelConfig) -> None:
-    """Refuse a base URL that no model uses.
-
-    Raises:
-        ConfigError: There is one. The model `procedural` is accepted if named explicitly.
-    """
+    """Refuse a base URL that no model uses, unless `procedural` is named explicitly."""
     if model.base_url is None or "name" in model.model_fields_set:
         return
     if not any(role.name != PROCEDURAL and role.base_url is None for role in model.roles.values()):
@@ -88,7 +81,7 @@ def require_model_name(model: ModelConfig) -> None:
 
 
 def config_json(config: DesignConfig) -> dict[str, Any]:
-    """The configuration as it may be written to files: base URLs without credentials."""
+    """The configuration to write to files: base URLs without credentials."""
     document = config.model_dump(mode="json")
     model = document["model"]
     for part in (model, *model["roles"].values()):
@@ -98,6 +91,6 @@ def config_json(config: DesignConfig) -> dict[str, Any]:
 
 
 def urls_with_credentials(config: DesignConfig) -> set[str]:
-    """The base URLs with a user or a query, which `config_json` leaves out."""
+    """The base URLs with a user or a query, which `config_json` removes."""
     urls = [config.model.base_url, *(role.base_url for role in config.model.roles.values())]
     return {url for url in urls if url and ("@" in url or "?" in url)}

@@ -1,4 +1,4 @@
-"""Carrying out the workflow of a plan with given models."""
+"""Runs the workflow of a plan with given models."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Execution:
 async def execute(
     plan: RunPlan, models: Models, record: Record, pool: Simulator | None = None
 ) -> Execution:
-    """Carry out a workflow, then close the models.
+    """Run a workflow, then close the models.
 
     Args:
         plan: What to do.
@@ -42,8 +42,8 @@ async def execute(
     record.event(start.kind, start.label, **start.data)
 
     def context_for(role: str) -> AskContext:
-        client, sampling = models.clients[role], models.samplings[role]
-        return AskContext(client, plan.prompts, sampling, config.max_retry)
+        sampling = models.choices[role].sampling
+        return AskContext(models.clients[role], plan.prompts, sampling, config.max_retry)
 
     try:
         async with AsyncExitStack() as stack:

@@ -1,4 +1,4 @@
-"""The laboratory of a run: simulates machines at one task on a pool of workers."""
+"""Simulates the machines of a run on a pool of workers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class PhysicsLaboratory:
     """Simulates machines at one task. Implements the workflows' `Laboratory`."""
 
     def __init__(self, task: Task, pool: Simulator, seed: int) -> None:
-        """`seed` decides what is random in rollouts: perturbed trials, gusts."""
+        """Rollouts take random perturbations and gusts from `seed`."""
         self._task = task
         self._pool = pool
         self._seed = seed
@@ -34,15 +34,11 @@ class PhysicsLaboratory:
         self.simulated_seconds = 0.0
         """Simulated time of all rollouts."""
         self.worker_seconds = 0.0
-        """Time that workers took for them."""
+        """Time that workers spent on them."""
         self._pictures: dict[str, asyncio.Task[str]] = {}
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:  # noqa: ARG002
-        """Simulate a machine.
-
-        Raises:
-            RunError: The disk has no room for its states.
-        """
+        """Simulate a machine."""
         rollout = await self._pool.run(machine, self._task, seed=self._seed)
         self.rollouts.put(machine.digest, rollout)
         self.simulated_seconds += rollout.sim_seconds or 0.0
@@ -70,6 +66,6 @@ class PhysicsLaboratory:
 
 
 def farthest_move(trace: Trace) -> float:
-    """Longest distance of any block's centre from its place at t = 0, m, to the millimetre."""
+    """Largest distance of any block's centre from its initial position, m, to the millimetre."""
     away = np.linalg.norm(trace.centre - trace.centre[0], axis=-1)
     return round(float(away.max()), 3)

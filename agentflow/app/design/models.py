@@ -43,11 +43,7 @@ class ModelChoice:
         return ProceduralClient.name if self.procedural else self.model
 
     def endpoint(self) -> Endpoint:
-        """The endpoint, with the key from the environment.
-
-        Raises:
-            ConfigError: Base URL or key cannot be used.
-        """
+        """The endpoint, with the key from the environment."""
         key = os.environ.get(self.key_variable) if self.key_variable else None
         variable = self.key_variable or "model.roles.<role>.key_variable"
         return Endpoint(self.model, self.base_url or DEFAULT_BASE_URL, key, variable)
@@ -69,11 +65,8 @@ def choose_models(model: ModelConfig) -> dict[str, ModelChoice]:
             raise UnknownNameError("role in model.roles", role, roles)
     choices = {role: _choose_model(model, model.roles.get(role)) for role in roles}
     for choice in choices.values():
-        if (
-            model.budget.money is not None
-            and not choice.procedural
-            and choice.model not in model.prices
-        ):
+        priced = choice.procedural or choice.model in model.prices
+        if model.budget.money is not None and not priced:
             raise ConfigError(
                 f"model.budget.money needs a price for {choice.model!r}: set model.prices to "
                 f"{{{choice.model}: {{input: ..., output: ...}}}}, per million tokens"
@@ -91,20 +84,20 @@ def _choose_model(model: ModelConfig, role: RoleModel | None) -> ModelChoice:
 
 @dataclass(frozen=True)
 class Models:
-    """Clients by role; roles with the same model share a client."""
+    """The model of each role, and its client; roles with the same model share a client."""
 
     clients: Mapping[str, Client]
-    samplings: Mapping[str, Sampling]
+    choices: Mapping[str, ModelChoice]
 
     @property
     def name(self) -> str:
         """The name in results: one model, or each model with its roles."""
-        roles: dict[str, list[str]] = {}
+        roles_of: dict[str, list[str]] = {}
         for role, client in self.clients.items():
-            roles.setdefault(client.name, []).append(role)
-        if len(roles) == 1:
-            return next(iter(roles))
-        return "; ".join(f"{name} ({', '.join(of)})" for name, of in roles.items())
+            roles_of.setdefault(client.name, []).append(role)
+        if len(roles_of) == 1:
+            return next(iter(roles_of))
+        return "; ".join(f"{name} ({', '.join(roles)})" for name, roles in roles_of.items())
 
     async def aclose(self) -> None:
         """Close every client once."""
@@ -121,28 +114,41 @@ def open_models(
 ) -> Models:
     """The configured models, recorded on a tape and charged to a budget.
 
-    Limiters are looked up in `limiters` by base URL, or added to it, so that runs can share them.
-
-    Raises:
-        UnknownNameError: A model is configured for a role that does not exist.
-        ConfigError: Base URL, key or price cannot be used.
+    Runs that pass the same `limiters` (by base URL; missing ones are added) share them.
     """
-    opened: dict[tuple[str, ...], Client] = {}
+    settings = config.model.endpoint
+
+    def open_choice(choice: ModelChoice) -> Client:
+        if choice.procedural:
+            return wrap(ProceduralClient(config.seed), tape=tape, budget=budget, price=FREE)
+        endpoint = choice.endpoint()
+        return open_client(
+            endpoint,
+            settings=settings,
+            tape=tape,
+            budget=budget,
+            price=config.model.prices.get(choice.model),
+            limiter=limiters.setdefault(endpoint.base_url, Limiter(settings.limits)),
+            warn=notify,
+            on_wait=notify,
+        )
+
+    opened: dict[tuple[str | None, ...], Client] = {}
     clients = {}
     choices = choose_models(config.model)
     for role, choice in choices.items():
-        key = (choice.model, choice.base_url or "", choice.key_variable or "")
+        key = (choice.model, choice.base_url, choice.key_variable)
         if key not in opened:
-            opened[key] = _open_client(choice, config, tape, budget, notify, limiters)
+            opened[key] = open_choice(choice)
         clients[role] = opened[key]
-    return _models(clients, choices)
+    return Models(clients, choices)
 
 
 def use_client(client: Client, config: DesignConfig, tape: Tape, budget: Budget) -> Models:
     """One client for all roles, recorded on a tape and charged to a budget."""
     wrapped = wrap(client, tape=tape, budget=budget, price=config.model.prices.get(client.name))
     choices = choose_models(config.model)
-    return _models(dict.fromkeys(choices, wrapped), choices)
+    return Models(dict.fromkeys(choices, wrapped), choices)
 
 
 def replay_models(config: DesignConfig, tape: Tape, *, budget_spent: bool) -> Models:
@@ -152,43 +158,16 @@ def replay_models(config: DesignConfig, tape: Tape, *, budget_spent: bool) -> Mo
         role: ReplayClient(tape, choice.display_name, budget_spent=budget_spent)
         for role, choice in choices.items()
     }
-    return _models(clients, choices)
-
-
-def _models(clients: Mapping[str, Client], choices: Mapping[str, ModelChoice]) -> Models:
-    return Models(clients, {role: choice.sampling for role, choice in choices.items()})
-
-
-def _open_client(
-    choice: ModelChoice,
-    config: DesignConfig,
-    tape: Tape,
-    budget: Budget,
-    notify: Notify,
-    limiters: dict[str, Limiter],
-) -> Client:
-    if choice.procedural:
-        return wrap(ProceduralClient(config.seed), tape=tape, budget=budget, price=FREE)
-    endpoint, settings = choice.endpoint(), config.model.endpoint
-    return open_client(
-        endpoint,
-        settings=settings,
-        tape=tape,
-        budget=budget,
-        price=config.model.prices.get(choice.model),
-        limiter=limiters.setdefault(endpoint.base_url, Limiter(settings.limits)),
-        warn=notify,
-        on_wait=notify,
-    )
+    return Models(clients, choices)
 
 
 def known_prices(config: ModelConfig) -> dict[str, Price]:
-    """Model name on the tape -> price, if configured; the procedural model is always free."""
+    """Name of a recorded model -> price, if configured; the procedural model is free."""
     return {**config.prices, ProceduralClient.name: FREE}
 
 
 def cost_function(config: ModelConfig) -> Cost:
-    """A function that gives the cost of a recorded call; None without a price."""
+    """A function that returns the cost of a recorded call, or None without a price."""
     prices = known_prices(config)
 
     def cost(model: str, usage: Mapping[str, int]) -> float | None:

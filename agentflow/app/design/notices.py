@@ -1,9 +1,9 @@
-"""What users are told during a run: remarks, which are recorded, and calls in progress."""
+"""Messages to the user during a run: remarks, which are recorded, and calls in progress."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from agentflow.app.design.models import Models
 from agentflow.llm.client import Client, ClientWrapper
@@ -20,10 +20,7 @@ WHY = "a rollout had been cut off, a file was edited, or agentflow has changed"
 
 
 class Remarks:
-    """Lines for the user that are also recorded among the run's events.
-
-    Their numbering continues when the run is resumed.
-    """
+    """Lines for the user that are also recorded as numbered events of the run."""
 
     def __init__(self, run: RunDirectory, notify: Notify) -> None:
         self._run, self._notify = run, notify
@@ -35,12 +32,12 @@ class Remarks:
         self.record(line)
 
     def record(self, line: str) -> None:
-        """Record a line that the user sees in another way."""
+        """Record a line that the user is shown elsewhere."""
         self._count += 1
         self._run.event(REMARK, str(self._count), text=line)
 
     def tell_differences(self) -> None:
-        """Tell how this process deviates from what an earlier one recorded, if it does."""
+        """Tell how this process differs from the record of an earlier one, if it does."""
         for line in _differences(self._run):
             self.tell(line)
 
@@ -65,33 +62,27 @@ def _differences(run: RunDirectory) -> Iterator[str]:
 
 def watch_calls(models: Models, budget: Budget, listener: Callable[[Event], None]) -> Models:
     """The same models; `listener` receives an event whenever a call begins or ends."""
-    counter = _CallCounter(budget, listener)
-    watched = {id(client): _WatchedClient(client, counter) for client in models.clients.values()}
+    in_progress = 0
+
+    def count(label: str, change: int) -> None:
+        nonlocal in_progress
+        in_progress += change
+        listener(CallsEvent(Place.parse(label), in_progress, budget.cost).to_event())
+
+    watched = {id(client): _WatchedClient(client, count) for client in models.clients.values()}
     return replace(models, clients={role: watched[id(c)] for role, c in models.clients.items()})
 
 
-@dataclass
-class _CallCounter:
-    budget: Budget
-    listener: Callable[[Event], None]
-    in_progress: int = 0
-
-    def change(self, label: str, by: int) -> None:
-        self.in_progress += by
-        event = CallsEvent(Place.parse(label), self.in_progress, self.budget.cost)
-        self.listener(event.to_event())
-
-
 class _WatchedClient(ClientWrapper):
-    """A client whose calls in progress are counted."""
+    """Reports the beginning (+1) and the end (-1) of each call, by label."""
 
-    def __init__(self, inner: Client, counter: _CallCounter) -> None:
+    def __init__(self, inner: Client, count: Callable[[str, int], None]) -> None:
         super().__init__(inner)
-        self._counter = counter
+        self._count = count
 
     async def complete(self, request: Request) -> Reply:
-        self._counter.change(request.label, 1)
+        self._count(request.label, 1)
         try:
             return await self._inner.complete(request)
         finally:
-            self._counter.change(request.label, -1)
+            self._count(request.label, -1)

@@ -1,4 +1,4 @@
-"""Run plans: a configuration with every name looked up, and what else decides results."""
+"""Run plans: a configuration with every name looked up, and the conditions of the run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from agentflow.workflows.registry import WORKFLOWS, check_fit
 
 @dataclass(frozen=True)
 class RunPlan:
-    """A configuration whose names have all been looked up, so that nothing fails later."""
+    """A configuration whose names have all been looked up."""
 
     config: DesignConfig
     task: Task
@@ -60,7 +60,7 @@ class RunPlan:
     def conditions(self) -> dict[str, str]:
         """What decides results besides configuration and replies, as recorded in run.yaml.
 
-        Hashes have 16 hex digits. `demands` covers everything that a task's brief holds.
+        Hashes have 16 hex digits; `demands` is that of the task's brief.
         """
         return {
             "prompts": self.prompts.digest,
@@ -71,15 +71,11 @@ class RunPlan:
         }
 
     def changes_since(self, document: Mapping[str, Any]) -> str:
-        """Which recorded conditions of a run.yaml differ now, in words; "" if none does."""
-        return " and ".join(
-            f"engine ({engine_change(document[name], now)})" if name == "engine" else name
-            for name, now in self.conditions.items()
-            if document.get(name, now) != now
-        )
+        """Which conditions differ from those in a run.yaml; see `describe_changes`."""
+        return describe_changes(document, self.conditions)
 
     def engine_note(self, document: Mapping[str, Any]) -> str:
-        """What to tell the user about a run.yaml that names no engine; "" if it does."""
+        """A message about a run.yaml that names no engine; "" if it names one."""
         if "engine" in document:
             return ""
         return f"the run does not record its physics engine; now it is {self.engine}"
@@ -104,7 +100,21 @@ class RunPlan:
         }
 
 
-def engine_change(before: str, now: str) -> str:
+def physics_conditions() -> dict[str, str]:
+    """The conditions that decide what a simulation gives: constants and engine."""
+    return {"constants": constants().digest, "engine": str(default_engine().identity)}
+
+
+def describe_changes(recorded: Mapping[str, Any], now: Mapping[str, str]) -> str:
+    """Which recorded conditions differ now, in words; "" if none does."""
+    return " and ".join(
+        f"engine ({_engine_change(recorded[name], value)})" if name == "engine" else name
+        for name, value in now.items()
+        if recorded.get(name, value) != value
+    )
+
+
+def _engine_change(before: str, now: str) -> str:
     """Two engine identities in words: "pybullet 3.2.7, now 3.2.8"."""
     name, _, version = now.rpartition(" ")
     return f"{before}, now {version if before.rpartition(' ')[0] == name else now}"

@@ -1,4 +1,4 @@
-"""Rationales of an earlier run, for designers to follow instead of their own."""
+"""Rationales of an earlier run, which designers follow instead of writing their own."""
 
 from __future__ import annotations
 
@@ -13,11 +13,7 @@ from agentflow.runs.events import AttemptEvent, read_typed_events
 
 
 def with_rationales(config: DesignConfig) -> DesignConfig:
-    """The configuration with the rationales of the run that it names, which is not needed again.
-
-    Raises:
-        RunError: That run cannot be read, or no design of it was accepted.
-    """
+    """The configuration with the rationales of the run in `rationale_from` stored in it."""
     if config.rationale_from is None or config.settings.rationales:
         return config
     plans = rationales_of(Path(config.rationale_from))
@@ -26,10 +22,9 @@ def with_rationales(config: DesignConfig) -> DesignConfig:
 
 
 def rationales_of(path: Path) -> tuple[str, ...]:
-    """Rationales of the accepted designs of a run, one text per trajectory.
+    """Rationales of a run's accepted designs, one text per trajectory that has one.
 
-    A trajectory's structures are in build order; trajectories without an accepted design are left
-    out.
+    Each text covers the trajectory's structures in build order.
 
     Raises:
         RunError: The run cannot be read, or no design of it was accepted.

@@ -1,4 +1,4 @@
-"""Replaying a finished run from its record, and comparing the two."""
+"""Replays a finished run from its record and compares the two."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ class MemoryRecord:
         self.events[kind, label] = json.loads(json.dumps(data))
 
     def save_machine(self, digest: str, text: str) -> None:
-        """Events name machines by digest, which is enough for a comparison."""
+        """Does nothing: events hold the digest, which is enough to compare."""
 
 
 def first_difference(
     recorded: Iterable[Event], replayed: Mapping[tuple[str, str], Mapping[str, Any]]
 ) -> str | None:
-    """The first recorded event that is missing from the replay or differs; then new events."""
+    """The first recorded event that is missing or differs, else the first new one, in words."""
     rest = dict(replayed)
     for event in recorded:
         if event.kind == REMARK:

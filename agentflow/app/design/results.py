@@ -1,4 +1,4 @@
-"""Results of runs: composed, saved, and read back."""
+"""Results of runs: composing, reading, and saving rollouts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import DesignConfig
 from agentflow.env.archive import save_npz
 from agentflow.errors import RunError
-from agentflow.files import write_atomically
+from agentflow.files import write_output
 from agentflow.metrics.intervals import wilson
 from agentflow.runs import read_result
 from agentflow.workflows.base import WorkflowResult
@@ -43,7 +43,7 @@ KEYS: Mapping[str, tuple[type, ...]] = MappingProxyType(
 
 
 def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:
-    """The part of a result that depends on the record alone, not on time or place."""
+    """The part of a result that a replay reproduces: no times, no paths."""
     result = execution.result
     best = result.best
     machine = best.machine if best else None
@@ -79,45 +79,34 @@ def read_finished(path: Path) -> dict[str, Any]:
         RunError: The run is unfinished, or its result is damaged.
     """
     result = read_result(path)
-    missing = [key for key in KEYS if key not in result]
-    if missing:
-        raise _damaged(path, f"it lacks {', '.join(missing)}")
-    for key, kinds in KEYS.items():
-        if type(result[key]) not in kinds:
-            raise _damaged(path, f"its {key} is {str(result[key])[:40]!r}")
+    fault = ""
+    if missing := [key for key in KEYS if key not in result]:
+        fault = f"it lacks {', '.join(missing)}"
+    elif wrong := [key for key, kinds in KEYS.items() if type(result[key]) not in kinds]:
+        fault = f"its {wrong[0]} is {str(result[wrong[0]])[:40]!r}"
+    if fault:
+        raise RunError(f"{path / 'result.json'} is damaged: {fault}")
     return result
 
 
-def _damaged(path: Path, why: str) -> RunError:
-    return RunError(f"{path / 'result.json'} is damaged: {why}")
-
-
 def save_rollouts(path: Path, config: DesignConfig, execution: Execution) -> None:
-    """Save the state trajectories of all machines, or of each stage's best machine.
-
-    Raises:
-        RunError: A file cannot be written.
-    """
+    """Save the state trajectories of all machines, or of each stage's best machine."""
     rollouts = execution.laboratory.rollouts
     chosen = set(rollouts) if config.keep_rollouts == "all" else _stage_winners(execution.result)
     for digest in sorted(chosen):
-        file = path / "rollouts" / f"{digest}.npz"
-        try:
-            with write_atomically(file) as part:
-                save_npz(rollouts[digest], part)
-        except OSError as error:
-            raise RunError(f"cannot write {file}: {error.strerror}") from None
+        with write_output(path / "rollouts" / f"{digest}.npz", RunError) as part:
+            save_npz(rollouts[digest], part)
 
 
 def _stage_winners(result: WorkflowResult) -> set[str]:
-    """Digest of each stage's best machine; among equals, that of the lowest trajectory."""
+    """Digest of each stage's best machine; of equally good ones, the lowest trajectory's."""
     winners = set()
     for stage in result.stages:
         ranked = [
-            (candidate.score, -candidate.trajectory, candidate.machine)
+            (candidate.score, -candidate.trajectory, candidate.machine.digest)
             for candidate in stage.survivors
             if candidate.score is not None and candidate.machine
         ]
         if ranked:
-            winners.add(max(ranked, key=lambda item: item[:2])[2].digest)
+            winners.add(max(ranked, key=lambda item: item[:2])[2])
     return winners

@@ -10,7 +10,7 @@ from typing import Any
 from agentflow.app.machines.files import machine_text
 from agentflow.env.drawing.gltf import machine_glb
 from agentflow.errors import UsageError
-from agentflow.files import write_atomically
+from agentflow.files import write_output
 from agentflow.machine import Machine, Problem, library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.formats.bsg_writing import to_bsg
@@ -51,11 +51,8 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
             "game; convert it to .json or .glb"
         )
     data = write(machine)
-    try:
-        with write_atomically(out) as part:
-            part.write_bytes(data)
-    except OSError as error:
-        raise UsageError(f"cannot write {out}: {error.strerror}") from None
+    with write_output(out) as part:
+        part.write_bytes(data)
     return {
         "out": str(out),
         "blocks": len(machine),

@@ -17,7 +17,7 @@ from agentflow.env.rollout import invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
-from agentflow.files import write_atomically
+from agentflow.files import write_output
 from agentflow.machine import check
 from agentflow.machine.formats.detect import read_for
 
@@ -47,11 +47,8 @@ def simulate_text(
     if parsed:
         result["answers"] = answer_queries(report.machine, rollout, parsed).data
     if save is not None and rollout.trace is not None:
-        try:
-            with write_atomically(save) as part:
-                save_npz(rollout, part)
-        except OSError as error:
-            raise UsageError(f"cannot write {save}: {error.strerror}") from None
+        with write_output(save) as part:
+            save_npz(rollout, part)
     return result
 
 

@@ -15,7 +15,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UnknownNameError, UsageError
-from agentflow.files import write_atomically
+from agentflow.files import write_output
 from agentflow.machine import Machine, check, library, read_machine
 from agentflow.machine.formats.detect import read_any
 from agentflow.runs import read_document
@@ -58,12 +58,9 @@ def _render(machine: Machine, task: Task, seed: int, out: Path, view: str) -> di
     if not out.name:
         raise UsageError(f"--out takes a file name, not {str(out)!r}")
     files = [out] if out.suffix else [out.with_suffix(GIF), out.with_suffix(STILL)]
-    try:
-        for file in files:
-            with write_atomically(file) as part:
-                _write(machine, task, seed, part, view)
-    except OSError as error:
-        raise UsageError(f"cannot write {file}: {error.strerror}") from None
+    for file in files:
+        with write_output(file) as part:
+            _write(machine, task, seed, part, view)
     return {NAMES[file.suffix.lower()]: str(file) for file in reversed(files)}
 
 

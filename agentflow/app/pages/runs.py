@@ -1,4 +1,4 @@
-"""Reports of runs: records read, machines simulated again, results put on a page."""
+"""Pages of runs: the record, and films of the machines, simulated again."""
 
 from __future__ import annotations
 
@@ -9,22 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.models import cost_function
-from agentflow.app.design.plan import engine_change
+from agentflow.app.design.plan import describe_changes, physics_conditions
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.config.run import PROCEDURAL, DesignConfig, build_config
 from agentflow.env.archive import load_npz
-from agentflow.env.constants import constants
-from agentflow.env.physics.engines import default_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import UsageError
-from agentflow.files import write_atomically
+from agentflow.files import write_output
 from agentflow.machine import Machine, library, read_machine
 from agentflow.report.page import check_bundle, page
 from agentflow.report.run import RunStory
@@ -39,15 +37,6 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class RecordedRollout:
-    """A rollout that today's physics no longer gives."""
-
-    file: Path
-    change: str
-    """What has changed, in words."""
-
-
-@dataclass(frozen=True)
 class ReportedMachine:
     """A machine on a page."""
 
@@ -58,8 +47,27 @@ class ReportedMachine:
     """The recorded score."""
     interval: float | None
     """Seconds between samples of its film; None shows it as built."""
-    recorded: RecordedRollout | None = None
-    """Shown instead of a new rollout, if physics has changed."""
+    recorded: Path | None
+    """Its recorded rollout, shown instead of a new one if physics has changed since."""
+    changes: str
+    """What has changed; see `describe_changes`."""
+
+    @classmethod
+    def of(
+        cls,
+        path: Path,
+        document: Mapping[str, Any],
+        machine: Machine,
+        score: float | None,
+        interval: float | None,
+    ) -> ReportedMachine:
+        """A machine of the run at `path`, whose run.yaml holds `document`."""
+        config = build_config(document.get("config"))
+        task = get_task(config.task, config.knobs)
+        file = path / "rollouts" / f"{machine.digest}.npz"
+        changes = describe_changes(document, physics_conditions())
+        recorded = file if changes and file.exists() else None
+        return cls(machine, task, config.seed, score, interval, recorded, changes)
 
 
 def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) -> Path:
@@ -67,34 +75,30 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
 
     Args:
         path: Run directory.
-        out: The file.
+        out: File to write.
         films: Number of machines with a film, best first; the others are shown as built.
-        workers: Processes that simulate machines.
+        workers: Worker processes for simulation.
         say: Receives progress.
-
-    Raises:
-        RunError: The run is damaged.
-        UsageError: The file cannot be written, or the page's bundle is missing.
     """
     document = read_document(path)
     require_writable(out)
     config = build_config(document.get("config"))
     result = read_finished(path) if (path / "result.json").exists() else None
-    story = RunStory.read(path, result, best_digest(result))
+    best = best_machine(result)
+    story = RunStory.read(path, result, best.digest if best else None)
     priced = bool(config.model.prices) or config.model.name == PROCEDURAL
     data = story.to_json(cost_function(config.model), priced)
     data["failures"] = count_failures(path)["kinds"]  # last: the run may be in progress
     shapes = Shapes()
-    machines = asyncio.run(
-        film_machines(_machines_to_report(path, story, config, films), shapes, workers, say)
-    )
+    chosen = _machines_to_report(path, story, films)
+    machines = asyncio.run(film_machines(chosen, shapes, workers, say))
     data |= {"machines": machines, "shapes": shapes.rows, "task": task_summary(config)}
     write_page(out, page(f"{config.task} · agentflow", data))
     return out
 
 
 def task_summary(config: DesignConfig) -> dict[str, Any]:
-    """What the task asks for, in the words of the prompts."""
+    """Title, objective, score and scene of the task, as worded in prompts."""
     brief = get_task(config.task, config.knobs).brief
     return {
         "title": get_level(config.task).file.title,
@@ -105,42 +109,34 @@ def task_summary(config: DesignConfig) -> dict[str, Any]:
 
 
 def require_writable(out: Path) -> None:
-    """Check that a page can be made and written, before the work starts.
-
-    Raises:
-        UsageError: The bundle is missing, or the file cannot be written.
-    """
+    """Check that the bundle exists and the page can be written, before the work starts."""
     check_bundle()
     if out.is_dir() or not out.parent.is_dir():
         why = "it is a folder" if out.is_dir() else f"there is no folder {out.parent}"
         raise UsageError(f"cannot write {out}: {why}")
 
 
-def best_digest(result: Mapping[str, Any] | None) -> str | None:
-    """Content hash of the best machine of a run; None if there is none."""
+def best_machine(result: Mapping[str, Any] | None) -> Machine | None:
+    """The best machine in the result of a run, if any."""
     if result is None or not result["valid"]:
         return None
-    machine = read_machine(result["machine"], library()).machine
-    return machine.digest if machine is not None else None
+    return read_machine(result["machine"], library()).machine
 
 
 async def film_machines(
     chosen: Mapping[str, ReportedMachine], shapes: Shapes, workers: int, say: Progress
 ) -> dict[str, dict[str, Any]]:
-    """Data of machines for a page, simulated as in their runs, by the same keys."""
+    """Simulate machines as in their runs; the data of each for a page, by the same keys."""
     done = 0
     filmed = [key for key, item in chosen.items() if item.interval is not None]
 
-    async def shown(key: str, item: ReportedMachine) -> tuple[str, dict[str, Any]]:
+    async def film(key: str, item: ReportedMachine) -> tuple[str, dict[str, Any]]:
         nonlocal done
         played = await _simulate_trials(item, pool)
-        rollout = (
-            _load_recorded(item)
-            if item.recorded is not None
-            else combine_trials(played)
-            if played
-            else None
-        )
+        if item.recorded is not None:
+            rollout = _load_recorded(item, item.recorded)
+        else:
+            rollout = combine_trials(played) if played else None
         if key in filmed:
             done += 1
             say(done, len(filmed))
@@ -149,58 +145,28 @@ async def film_machines(
         return key, machine_data(item.machine, rollout, shapes, remark, given=given, played=trials)
 
     async with RolloutPool(max(1, min(workers, len(filmed)))) as pool:
-        found = dict(await asyncio.gather(*(shown(key, item) for key, item in chosen.items())))
+        found = dict(await asyncio.gather(*(film(key, item) for key, item in chosen.items())))
     return {key: found[key] for key in chosen}
 
 
 def write_page(out: Path, text: str) -> None:
-    """Write a page.
-
-    Raises:
-        UsageError: The file cannot be written.
-    """
-    try:
-        with write_atomically(out) as part:
-            part.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write {out}: {error.strerror}") from None
+    """Write the text of a page to a file."""
+    with write_output(out) as part:
+        part.write_text(text, encoding="utf-8")
 
 
-def _machines_to_report(
-    path: Path, story: RunStory, config: DesignConfig, films: int
-) -> dict[str, ReportedMachine]:
+def _machines_to_report(path: Path, story: RunStory, films: int) -> dict[str, ReportedMachine]:
     """Every machine of the search tree, best first."""
-    task = get_task(config.task, config.knobs)
     found = {}
     for place, (digest, node) in enumerate(story.machines.items()):
         interval = None if place >= films else FINE if place < BEST else COARSE
-        found[digest] = ReportedMachine(
-            machine=recorded_machine(path, digest),
-            task=task,
-            seed=config.seed,
-            score=node.score,
-            interval=interval,
-            recorded=recorded_rollout(path, story.document, digest),
-        )
+        machine = recorded_machine(path, digest)
+        found[digest] = ReportedMachine.of(path, story.document, machine, node.score, interval)
     return found
 
 
-def recorded_rollout(
-    path: Path, document: Mapping[str, Any], digest: str
-) -> RecordedRollout | None:
-    """The recorded rollout of a machine, if there is one and physics has changed since."""
-    file = path / "rollouts" / f"{digest}.npz"
-    engine = str(default_engine().identity)
-    changes = []
-    if document.get("constants") != constants().digest:
-        changes.append("the physical constants have changed")
-    if document.get("engine", engine) != engine:
-        changes.append(f"the engine has changed ({engine_change(document['engine'], engine)})")
-    return RecordedRollout(file, " and ".join(changes)) if changes and file.exists() else None
-
-
 async def _simulate_trials(item: ReportedMachine, pool: RolloutPool) -> Sequence[Rollout]:
-    """The trials, simulated again; none if the machine is shown as built or recorded."""
+    """Simulate the trials again; none if the machine is shown as built or as recorded."""
     if item.recorded is not None or item.interval is None:
         return ()
     trials = item.task.trials(item.seed)
@@ -210,11 +176,10 @@ async def _simulate_trials(item: ReportedMachine, pool: RolloutPool) -> Sequence
     return await asyncio.gather(*runs)
 
 
-def _load_recorded(item: ReportedMachine) -> Rollout | None:
+def _load_recorded(item: ReportedMachine, file: Path) -> Rollout | None:
     """The recorded rollout with the scene of the trial that it shows; None if unreadable."""
-    assert item.recorded is not None
     try:
-        rollout = load_npz(item.recorded.file)
+        rollout = load_npz(file)
     except UsageError:
         return None
     number = rollout.terms.get(SHOWN_TRIAL)
@@ -229,7 +194,7 @@ def _remark(item: ReportedMachine, rollout: Rollout | None) -> str:
     if rollout is None:
         return "Shown as built: this page only has films of better machines."
     if item.recorded is not None:
-        return f"As recorded: {item.recorded.change} since."
+        return f"As recorded, with different {item.changes}."
     if rollout.trace is None:
         return f"Shown as built: its simulation ended as {rollout.status}."
     notes = []

@@ -13,7 +13,7 @@ from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, place
 from agentflow.env.drawing.plans import level_plans
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
-from agentflow.files import write_atomically
+from agentflow.files import write_output
 
 
 def picture_name(name: str) -> str:
@@ -35,13 +35,10 @@ def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
     views = level_plans(task)
     pen = PngPen(place_plans(views)[1])
     draw_plans(views, task.scene().wind, pen)
-    try:
+    few = pen.picture.quantize(64, dither=Image.Dither.NONE)
+    with write_output(file) as part:
         file.parent.mkdir(parents=True, exist_ok=True)
-        few = pen.picture.quantize(64, dither=Image.Dither.NONE)
-        with write_atomically(file) as part:
-            few.save(part, "PNG", optimize=True)
-    except OSError as error:
-        raise UsageError(f"cannot write {file}: {error.strerror}") from None
+        few.save(part, "PNG", optimize=True)
     return file
 
 
@@ -64,12 +61,9 @@ def write_page(names: Iterable[str], file: Path) -> Path:
     levels = [_level(number, name) for number, name in enumerate(names)]
     families = list(dict.fromkeys(level["family"] for level in levels))
     text = template.render(levels=levels, families=families)
-    try:
+    with write_output(file) as part:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with write_atomically(file) as part:
-            part.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot write {file}: {error.strerror}") from None
+        part.write_text(text, encoding="utf-8")
     return file
 
 

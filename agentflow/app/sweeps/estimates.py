@@ -1,16 +1,14 @@
-"""Estimated cost of a sweep, before anything is requested or simulated."""
+"""Estimates the cost of runs, without a request or a simulation."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import PROCEDURAL, DesignConfig
-from agentflow.env.tasks.base import Task
 from agentflow.llm.messages import Usage
-from agentflow.llm.wrappers.prices import Price
 from agentflow.workflows.registry import WORKFLOWS
 
 ROLLOUT_SECONDS = 0.2
@@ -21,7 +19,7 @@ WINDOW = 5.0
 
 @dataclass(frozen=True)
 class Estimate:
-    """Cost of one or several runs, without retries, and as if runs shared no rollouts."""
+    """Cost of one or several runs, without retries or rollouts shared between runs."""
 
     calls: int
     prompt: int
@@ -32,7 +30,7 @@ class Estimate:
     """None if a model has no price."""
     rollouts: int
     seconds: float
-    """Time of one worker, for rollouts only."""
+    """Worker time for rollouts."""
 
     def __add__(self, other: Estimate) -> Estimate:
         unknown = self.money is None or other.money is None
@@ -46,7 +44,7 @@ class Estimate:
         )
 
     def times(self, runs: int) -> Estimate:
-        """Cost of several runs like this one."""
+        """Cost of this many runs."""
         whole = (self.calls * runs, self.prompt * runs, self.completion * runs)
         money = None if self.money is None else self.money * runs
         return Estimate(*whole, money, self.rollouts * runs, self.seconds * runs)
@@ -61,25 +59,15 @@ def estimate(plan: RunPlan) -> Estimate:
     workflow = WORKFLOWS[config.workflow]
     settings = workflow.adapt(config.settings)
     calls, rollouts = workflow.calls(settings), workflow.rollouts(settings)
-    prompt = sum(count * ROLES[role].tokens[0] for role, count in calls.items())
-    completion = sum(count * ROLES[role].tokens[1] for role, count in calls.items())
+    task = plan.task
     return Estimate(
-        sum(calls.values()),
-        prompt,
-        completion,
-        _total_money(config, calls),
-        rollouts,
-        rollouts * _rollout_seconds(plan.task, config.seed),
+        calls=sum(calls.values()),
+        prompt=sum(count * ROLES[role].tokens[0] for role, count in calls.items()),
+        completion=sum(count * ROLES[role].tokens[1] for role, count in calls.items()),
+        money=_total_money(config, calls),
+        rollouts=rollouts,
+        seconds=rollouts * len(task.trials(config.seed)) * ROLLOUT_SECONDS * task.window / WINDOW,
     )
-
-
-def total_estimate(estimates: Iterable[Estimate]) -> Estimate:
-    """Sum of several estimates."""
-    return sum(estimates, NOTHING)
-
-
-def _rollout_seconds(task: Task, seed: int) -> float:
-    return ROLLOUT_SECONDS * len(task.trials(seed)) * task.window / WINDOW
 
 
 def _total_money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
@@ -91,10 +79,6 @@ def _total_money(config: DesignConfig, calls: Mapping[str, int]) -> float | None
         if count and name != PROCEDURAL:
             if price is None:
                 return None
-            spent += count * _call_cost(price, role)
+            prompt, completion = ROLES[role].tokens
+            spent += count * price.of(Usage(prompt=prompt, completion=completion))
     return spent
-
-
-def _call_cost(price: Price, role: str) -> float:
-    prompt, completion = ROLES[role].tokens
-    return price.of(Usage(prompt=prompt, completion=completion))

@@ -22,12 +22,10 @@ import yaml
 
 from agentflow import __version__
 from agentflow.app.design.config import config_json
-from agentflow.app.design.plan import engine_change
+from agentflow.app.design.plan import describe_changes, physics_conditions
 from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.config.sweep import SweepConfig, read_sweep
 from agentflow.config.yaml import NOT_YAML
-from agentflow.env.constants import constants
-from agentflow.env.physics.engines import default_engine
 from agentflow.errors import RunError
 from agentflow.files import write_atomically
 
@@ -115,17 +113,12 @@ def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -
             "folder with --out"
         )
     recorded, _ = read_folder(path)
-    engine = str(default_engine().identity)
-    changed = "" if recorded.get("constants") == constants().digest else "physical constants"
-    if recorded.get("engine", engine) != engine:
-        changed = f"engine ({engine_change(recorded['engine'], engine)})"
-    if changed:
+    if changed := describe_changes(recorded, physics_conditions()):
         raise RunError(
             f"{path} was started with different {changed}: further runs would not be comparable; "
             "choose another folder with --out"
         )
-    different = _first_difference(recorded["sweep"], document["sweep"], "")
-    if different:
+    if different := _first_difference(recorded["sweep"], document["sweep"], ""):
         raise RunError(
             f"{path} was started with a different {different}: resume it unchanged with "
             f"agentflow sweep {quote(str(path))} --resume, or choose another folder with --out"
@@ -146,8 +139,7 @@ def _write_new(file: Path, document: Mapping[str, Any]) -> None:
     head = {
         "schema": SCHEMA,
         "agentflow": __version__,
-        "constants": constants().digest,
-        "engine": str(default_engine().identity),
+        **physics_conditions(),
         "begun": datetime.now(timezone.utc).isoformat(timespec="seconds"),
     }
     text = yaml.safe_dump({**head, **document}, sort_keys=False)

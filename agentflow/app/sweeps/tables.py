@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 
 from agentflow.app.design.results import read_finished
 from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
-from agentflow.config.run import DesignConfig
 from agentflow.config.sweep import SweepConfig, SweepRun, list_runs
 from agentflow.errors import RunError
 from agentflow.metrics import published as literature
@@ -88,18 +87,15 @@ def read_sweep_result(path: Path) -> SweepResult:
     for planned in every:
         run = path / RUNS / planned.name
         if (run / "result.json").exists():
-            record = RunRecord.of(read_typed_events(run))
-            numbers = RunNumbers(record, _width(planned.config))
+            config = planned.config
+            width = WORKFLOWS[config.workflow].adapt(config.settings).search.children
+            numbers = RunNumbers(RunRecord.of(read_typed_events(run)), width)
             done.append(FinishedRun(planned, run, read_finished(run)["model"], numbers))
     if not done:
         raise RunError(
             f"no run of {path} is finished; run it with agentflow sweep {quote(str(path))} --resume"
         )
     return SweepResult(path, sweep, tuple(done), every, read_failures(path))
-
-
-def _width(config: DesignConfig) -> int:
-    return WORKFLOWS[config.workflow].adapt(config.settings).search.children
 
 
 def layout_table(result: SweepResult, *, published: bool = False) -> Table:
@@ -109,12 +105,10 @@ def layout_table(result: SweepResult, *, published: bool = False) -> Table:
         result: The sweep.
         published: Whether to add published rows.
     """
-    rows = _rows(result)
-    conditions = _conditions(result)
-    columns = _columns(result, conditions)
+    columns = _columns(result)
     measured = tuple(
         Row(key, tuple(_value(result, runs, column) for column in columns))
-        for key, runs in rows.items()
+        for key, runs in _rows(result).items()
     )
     published_rows = _published_rows(result, columns) if published else ()
     by_task = result.sweep.table.columns == "task"
@@ -152,8 +146,8 @@ def _conditions(result: SweepResult) -> tuple[str, ...]:
     return tuple(dict.fromkeys(planned.variant for planned in result.planned))
 
 
-def _columns(result: SweepResult, conditions: Sequence[str]) -> list[_Cell]:
-    table = result.sweep.table
+def _columns(result: SweepResult) -> list[_Cell]:
+    table, conditions = result.sweep.table, _conditions(result)
     if table.columns == "task":
         groups = [
             (f"{task} {condition}".strip(), task, condition)
@@ -174,40 +168,39 @@ def _rows(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:
     table = result.sweep.table
     by_task, by_variant = table.columns == "task", table.conditions != "axes"
 
-    def line(planned: SweepRun) -> tuple[str, str]:
-        return "" if by_task else task_of(planned), planned.variant if by_variant else ""
-
-    rows: dict[tuple[str, ...], list[FinishedRun]] = {}
-    for planned, model, runs in row_groups(result, line):
+    def labels(planned: SweepRun, model: str) -> tuple[str, ...]:
         if by_variant and planned.variant:
             model = f"{model}, {planned.variant}"
-        key = (model,) if by_task else (task_of(planned), model)
-        rows.setdefault(key, []).extend(runs)
-    return rows
+        return (model,) if by_task else (task_of(planned), model)
+
+    return group_runs(result, labels)
 
 
-def row_groups(
-    result: SweepResult, line: Callable[[SweepRun], tuple[str, ...]]
-) -> Iterator[tuple[SweepRun, str, list[FinishedRun]]]:
-    """The finished runs that rows consist of; one planned run for each row without any.
+def group_runs(
+    result: SweepResult, labels: Callable[[SweepRun, str], tuple[str, ...]]
+) -> dict[tuple[str, ...], list[FinishedRun]]:
+    """The finished runs of each row of a table; none in rows whose runs are all unfinished.
 
-    Yields the planned run, the model's name, and the finished run if there is one. The model of an
-    unfinished run is that of a finished run with the same configured model and workflow.
+    The model of an unfinished run is that of a finished run with the same configured model and
+    workflow.
 
     Args:
         result: The sweep.
-        line: What distinguishes rows, apart from the model.
+        labels: Labels of the row of a run, given the name of its model.
     """
     done = {run.planned.name: run for run in result.finished}
-    seen = {line(run.planned) for run in result.finished}
+    seen = {labels(run.planned, "") for run in result.finished}
     models = {_model_key(run.planned): run.model for run in result.finished}
+    rows: dict[tuple[str, ...], list[FinishedRun]] = {}
     for planned in result.planned:
         run = done.get(planned.name)
         if run is not None:
-            yield planned, run.model, [run]
-        elif line(planned) not in seen:
-            seen.add(line(planned))
-            yield planned, models.get(_model_key(planned), planned.config.model.name), []
+            rows.setdefault(labels(planned, run.model), []).append(run)
+        elif labels(planned, "") not in seen:
+            seen.add(labels(planned, ""))
+            model = models.get(_model_key(planned), planned.config.model.name)
+            rows.setdefault(labels(planned, model), [])
+    return rows
 
 
 def _model_key(planned: SweepRun) -> tuple[str, str]:

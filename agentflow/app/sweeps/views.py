@@ -11,9 +11,9 @@ from agentflow.app.design.models import cost_function
 from agentflow.app.sweeps.tables import (
     FinishedRun,
     SweepResult,
+    group_runs,
     layout_table,
     read_sweep_result,
-    row_groups,
     task_of,
 )
 from agentflow.errors import UnknownNameError, UsageError
@@ -43,7 +43,7 @@ def scores_table(result: SweepResult) -> Table:
 
     Without scipy there are no bootstrap intervals, and a note says so.
     """
-    groups = _all_variants(result)
+    groups = all_variants(result)
     cells = {key: last_cell(result, runs) for key, runs in groups.items()}
     powers = sorted({n for cell in cells.values() for n in cell.scores.best_at()})
     columns = [
@@ -85,7 +85,7 @@ def scores_table(result: SweepResult) -> Table:
 
 
 def usage_table(result: SweepResult) -> Table:
-    """Cost of runs by role and stage, and speed of simulations."""
+    """Cost of runs by role and stage, and speed of simulation."""
     rows: list[Row] = []
     for (task, model, variant), runs in variants(result).items():
         whole = _total_bill(runs)
@@ -93,11 +93,13 @@ def usage_table(result: SweepResult) -> Table:
         parts = [("all", whole.total), *whole.roles.items(), *whole.stages.items()]
         for name, spent in parts:
             share = whole.token_shares.get(name)
-            rate = speed.rollouts_per_second if name == "all" else None
-            simulated = speed.speed if name == "all" else None
-            rows.append(
-                Row((task, model, variant, name), (*_spent_values(spent, share), rate, simulated))
+            values = (
+                *(spent.calls, spent.tokens, share, spent.reasoning),
+                *(spent.money, spent.seconds, spent.retries),
+                speed.rollouts_per_second if name == "all" else None,
+                speed.speed if name == "all" else None,
             )
+            rows.append(Row((task, model, variant, name), values))
     names = ("calls", "tokens", "share", "reasoning", "money", "seconds", "retries")
     columns = [Column("", name, percent=name == "share") for name in names]
     columns += [Column("", "rollouts/s"), Column("", "simulated s/s")]
@@ -132,7 +134,7 @@ def players_table(result: SweepResult) -> Table:
 
 def expansions_table(result: SweepResult) -> Table:
     """Mean best score of searches against the number of new machines, by variant."""
-    groups = _all_variants(result)
+    groups = all_variants(result)
     counts = [
         n for n in CURVE if any(curve(_numbers(runs), n) is not None for runs in groups.values())
     ]
@@ -195,19 +197,12 @@ def format_view(path: Path, name: str, form: str, *, published: bool = False) ->
 
 def variants(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:
     """Task, model and variant -> finished runs, in the order of the sweep."""
-    groups: dict[tuple[str, ...], list[FinishedRun]] = {}
-    for run in result.finished:
-        key = (task_of(run.planned), run.model, run.planned.variant)
-        groups.setdefault(key, []).append(run)
-    return groups
+    return {key: runs for key, runs in all_variants(result).items() if runs}
 
 
-def _all_variants(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:
-    """As `variants`, including those without finished runs."""
-    groups: dict[tuple[str, ...], list[FinishedRun]] = {}
-    for planned, model, runs in row_groups(result, lambda one: (task_of(one), one.variant)):
-        groups.setdefault((task_of(planned), model, planned.variant), []).extend(runs)
-    return groups
+def all_variants(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]]:
+    """Like `variants`, including those without finished runs."""
+    return group_runs(result, lambda run, model: (task_of(run), model, run.variant))
 
 
 def _by_task(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:
@@ -238,10 +233,11 @@ def _format_interval(interval: tuple[float, float] | None) -> str | None:
 
 
 def _total_bill(runs: Iterable[FinishedRun]) -> Bill:
-    total = Bill(Spent(), {}, {})
-    for run in runs:
-        total += bill(read_calls(run.path), cost_function(run.planned.config.model), stage_of)
-    return total
+    bills = (
+        bill(read_calls(run.path), cost_function(run.planned.config.model), stage_of)
+        for run in runs
+    )
+    return sum(bills, Bill(Spent(), {}, {}))
 
 
 def _total_speed(runs: Iterable[FinishedRun]) -> SimulationSpeed:
@@ -252,15 +248,3 @@ def _total_speed(runs: Iterable[FinishedRun]) -> SimulationSpeed:
             result["rollouts"], result["simulated_seconds"], result["worker_seconds"]
         )
     return total
-
-
-def _spent_values(spent: Spent, share: float | None) -> tuple[Value, ...]:
-    return (
-        spent.calls,
-        spent.tokens,
-        share,
-        spent.reasoning,
-        spent.money,
-        spent.seconds,
-        spent.retries,
-    )

@@ -127,8 +127,8 @@ async def test_roles_with_the_same_model_share_its_client(tmp_path: Path) -> Non
         await models.aclose()
     assert len({id(client) for client in models.clients.values()}) == 2
     assert models.name == "m (meta_designer, designer, inspector, querier); big (refiner)"
-    assert models.samplings["refiner"].temperature == 0.1
-    assert models.samplings["designer"].temperature == 0.7
+    assert models.choices["refiner"].sampling.temperature == 0.1
+    assert models.choices["designer"].sampling.temperature == 0.7
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import pytest
 
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
-from agentflow.app.sweeps.estimates import Estimate, estimate, total_estimate
+from agentflow.app.sweeps.estimates import NOTHING, Estimate, estimate
 from agentflow.config.run import build_config, load_document
 from agentflow.metrics.usage import bill
 from agentflow.runs import read_calls, read_events, read_result
@@ -76,7 +76,7 @@ def test_money_needs_a_price_of_every_model_asked() -> None:
     assert of(**single, model={"name": "m", "prices": {"m": price}, "roles": roles}).money == (
         priced.money
     )
-    assert total_estimate([priced, of(model={"name": "m"})]).money is None
+    assert (priced + of(model={"name": "m"})).money is None
 
 
 def test_placers_cost_what_the_designers_model_costs() -> None:
@@ -96,5 +96,4 @@ def test_long_windows_and_trials_take_longer() -> None:
 
 def test_sums() -> None:
     one = Estimate(1, 2, 3, 4.0, 5, 6.0)
-    assert total_estimate([one, one]) == Estimate(2, 4, 6, 8.0, 10, 12.0)
-    assert total_estimate([]) == Estimate(0, 0, 0, 0.0, 0, 0.0)
+    assert one + one == NOTHING + one.times(2) == Estimate(2, 4, 6, 8.0, 10, 12.0)
