@@ -53,7 +53,7 @@ def load_loops(joints: Sequence[Joint], plan: Skeleton) -> tuple[LoadLoop, ...]:
         joints: All joints.
         plan: The spanning trees for which reactions are measured.
     """
-    up = {link.part: link for body in plan.pieces for link in body.links}
+    up = {link.part: link for link in plan.links}
     paths = {i: _path(joints[i], up) for i in sorted((*plan.idle, *plan.locked))}
     groups: list[list[int]] = []
     for closing, path in paths.items():

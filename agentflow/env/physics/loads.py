@@ -77,7 +77,7 @@ class Loads:
         for loop in loops:
             for joint in loop.joints.tolist():
                 group[joint] = int(loop.joints[0])
-        up = {link.part: link for piece in plan.pieces for link in piece.links}
+        up = {link.part: link for link in plan.links}
         return _Plan(loops, up, group, plan.locked)
 
     @property

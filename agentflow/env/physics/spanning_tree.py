@@ -6,7 +6,7 @@ the real machine.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from agentflow.env.physics.model import Joint
@@ -32,6 +32,11 @@ class Piece:
     root: int
     links: tuple[Link, ...]
 
+    @property
+    def parts(self) -> tuple[int, ...]:
+        """The root, then the part of each link."""
+        return (self.root, *(link.part for link in self.links))
+
 
 @dataclass(frozen=True)
 class Skeleton:
@@ -47,6 +52,11 @@ class Skeleton:
     """Moving joints that close a loop between clusters."""
     idle: tuple[int, ...]
     """Rigid joints that close a loop within a cluster and share its load."""
+
+    @property
+    def links(self) -> Iterator[Link]:
+        """The links of all pieces."""
+        return (link for piece in self.pieces for link in piece.links)
 
 
 class _Sets:

@@ -69,7 +69,7 @@ def wind_laws(
         return []
     locations = layout.locations
     boxes = [part.extents for part in assembly.parts] + [thing.size for thing in moving]
-    rows = np.arange(len(layout.leading), len(layout.handles), dtype=np.intp)
+    rows = np.arange(layout.thing_rows.start, layout.thing_rows.stop, dtype=np.intp)
     wind = WindForce(
         PartLocations(
             np.concatenate([locations.row, rows]),

@@ -5,13 +5,13 @@ Every link frame is at its joint and aligned with the machine frame at rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import TooLargeError
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
-from agentflow.env.physics.layout import Built
 from agentflow.env.physics.model import Joint, Part, Shape
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Link, Piece
@@ -36,12 +36,26 @@ MIDDLE: Vec3 = (0.0, 0.0, 0.0)
 LONE_RADIUS = 0.1
 """Radius of the ball that replaces the shape of a body without any solid shape, m."""
 
+Handle = tuple[int, int]
+"""Body and link number; link -1 is the base."""
+
 _KINDS = {
     "fixed": pybullet.JOINT_FIXED,
     "revolute": pybullet.JOINT_REVOLUTE,
     "prismatic": pybullet.JOINT_PRISMATIC,
     "spherical": pybullet.JOINT_SPHERICAL,
 }
+
+
+@dataclass(frozen=True)
+class Built:
+    """A piece of the machine as a body."""
+
+    uid: int
+    """Body number."""
+    piece: Piece
+    index: Mapping[int, int]
+    """Part -> link number."""
 
 
 class BodyBuilder:
@@ -56,8 +70,7 @@ class BodyBuilder:
         """The plane y = 0; friction None is that of the constants."""
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self.client)
         uid = self._single(0.0, plane, (0.0, 0.0, 0.0), IDENTITY)
-        usual, restitution = self._usual
-        self._surface(uid, -1, usual if friction is None else friction, restitution, 0.0)
+        self._surface(uid, -1, friction, None)
         return uid
 
     def thing(self, thing: Thing) -> int:
@@ -68,12 +81,7 @@ class BodyBuilder:
             solid = self._shapes((Shape(thing.shape, thing.size),), subtract(MIDDLE, thing.balance))
         place = add(thing.position, rotate_vector(thing.rotation, thing.balance))
         uid = self._single(thing.mass, solid, swap(place), swap_quaternion(thing.rotation))
-        friction, restitution = self._usual
-        if thing.friction is not None:
-            friction = thing.friction
-        if thing.restitution is not None:
-            restitution = thing.restitution
-        self._surface(uid, -1, friction, restitution, 0.0)
+        self._surface(uid, -1, thing.friction, thing.restitution)
         return uid
 
     def machine(self, piece: Piece, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:
@@ -87,8 +95,13 @@ class BodyBuilder:
         frames = {piece.root: parts[piece.root].centre}
         frames |= {link.part: joints[link.joint].pivot for link in piece.links}
         order = {piece.root: 0} | {link.part: i for i, link in enumerate(piece.links, 1)}
-        lone = not any(shape.solid for part in order for shape in parts[part].shapes)
-        solids = {part: self._part(parts[part], frames[part], lone) for part in order}
+        shapes = {part: parts[part].shapes for part in order}
+        if not any(shape.solid for each in shapes.values() for shape in each):
+            shapes = dict.fromkeys(order, (Shape("sphere", (2 * LONE_RADIUS,) * 3),))
+        solids = {
+            part: self._shapes(each, subtract(parts[part].centre, frames[part]))
+            for part, each in shapes.items()
+        }
         root = parts[piece.root]
         uid = pybullet.createMultiBody(
             root.mass,
@@ -116,7 +129,7 @@ class BodyBuilder:
         pybullet.changeDynamics(uid, -1, maxJointVelocity=FASTEST, physicsClientId=self.client)
         built = Built(uid, piece, {piece.root: -1} | self._indices(uid, piece))
         for part in order:
-            self._dynamics(built, part, parts[part])
+            self._dynamics(uid, built.index[part], parts[part])
         for link in piece.links:
             self._joint(built, link, joints[link.joint])
         return built
@@ -129,23 +142,31 @@ class BodyBuilder:
         }
         return {link.part: names[b"joint%d" % i] for i, link in enumerate(piece.links, 1)}
 
-    def _dynamics(self, built: Built, part_index: int, part: Part) -> None:
-        index = built.index[part_index]
-        inertia = (part.inertia[0], part.inertia[2], part.inertia[1])
+    def _dynamics(self, uid: int, index: int, part: Part) -> None:
         pybullet.changeDynamics(
-            built.uid, index, localInertiaDiagonal=inertia, physicsClientId=self.client
+            uid, index, localInertiaDiagonal=swap(part.inertia), physicsClientId=self.client
         )
-        self._surface(built.uid, index, part.friction, part.restitution, part.rolling_friction)
+        self._surface(uid, index, part.friction, part.restitution, part.rolling_friction)
 
     def _surface(
-        self, uid: int, index: int, friction: float, restitution: float, rolling: float
+        self,
+        uid: int,
+        index: int,
+        friction: float | None,
+        restitution: float | None,
+        rolling: float = 0.0,
     ) -> None:
-        """Set square roots: Bullet multiplies both coefficients, which makes the geometric mean."""
+        """Set the surface of a link; None stands for the constants' values.
+
+        Bullet multiplies the coefficients of two surfaces, so their square roots give the
+        geometric mean.
+        """
+        usual_friction, usual_restitution = self._usual
         pybullet.changeDynamics(
             uid,
             index,
-            lateralFriction=sqrt(friction),
-            restitution=sqrt(restitution),
+            lateralFriction=sqrt(usual_friction if friction is None else friction),
+            restitution=sqrt(usual_restitution if restitution is None else restitution),
             rollingFriction=rolling,
             spinningFriction=0.0,
             linearDamping=0.0,
@@ -175,12 +196,6 @@ class BodyBuilder:
             )
         )
 
-    def _part(self, part: Part, frame: Vec3, lone: bool) -> int:
-        shapes = part.shapes
-        if lone:
-            shapes = (Shape("sphere", (2 * LONE_RADIUS,) * 3),)
-        return self._shapes(shapes, subtract(part.centre, frame))
-
     def _shapes(self, shapes: tuple[Shape, ...], offset: Vec3) -> int:
         """Collision shape of the solid shapes, -1 if there are none."""
         solid = tuple(shape for shape in shapes if shape.solid)
@@ -200,7 +215,7 @@ class BodyBuilder:
                 radii=[radius for _, _, radius, _ in geometry],
                 lengths=[length for _, _, _, length in geometry],
                 collisionFramePositions=[swap(add(offset, shape.offset)) for shape in shapes],
-                collisionFrameOrientations=[_orientation(shape) for shape in shapes],
+                collisionFrameOrientations=[swap_quaternion(shape.rotation) for shape in shapes],
                 physicsClientId=self.client,
             )
         )
@@ -226,15 +241,13 @@ def _axis(joint: Joint, link: Link) -> Vec3:
 
 
 def _geometry(shape: Shape) -> tuple[int, Vec3, float, float]:
-    """PyBullet's type, half extents, radius and length."""
+    """PyBullet's type, half extents, radius and length.
+
+    Cylinders lie along the game's y, which is PyBullet's z, so their rotation needs no correction.
+    """
     half = scale(swap(shape.size), 0.5)
     if shape.kind == "sphere":
         return pybullet.GEOM_SPHERE, half, half[0], 0.0
     if shape.kind == "cylinder":
         return pybullet.GEOM_CYLINDER, half, half[0], shape.size[1]
     return pybullet.GEOM_BOX, half, 0.0, 0.0
-
-
-def _orientation(shape: Shape) -> Quat:
-    """Orientation of a shape; cylinders lie along the game's y, PyBullet's z, in both frames."""
-    return swap_quaternion(shape.rotation)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from agentflow.env.physics.layout import Built, Handle
 from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.pybullet.bodies import Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Skeleton
 from agentflow.env.tasks.base import Body
@@ -26,16 +27,15 @@ class Contacts:
         self,
         client: int,
         assembly: Assembly,
-        built: Sequence[Built],
+        handles: Mapping[int, Handle],
         ground: int,
         things: Mapping[str, int],
     ) -> None:
         self._client = client
         self._who: dict[Handle, Body] = {(ground, -1): "ground"}
         self._who |= {(uid, -1): name for name, uid in things.items()}
-        for body in built:
-            for part, index in body.index.items():
-                self._who[body.uid, index] = assembly.parts[part].block
+        for part, handle in handles.items():
+            self._who[handle] = assembly.parts[part].block
         self._where: dict[Body, list[Handle]] = {}
         for handle, named in self._who.items():
             self._where.setdefault(named, []).append(handle)
@@ -57,18 +57,14 @@ class Contacts:
         return frozenset(found - {body})
 
 
-def set_collisions_of_clusters(client: int, plan: Skeleton, built: Sequence[Built]) -> None:
+def set_collisions_of_clusters(client: int, plan: Skeleton, handles: Mapping[int, Handle]) -> None:
     """Switch off collisions between the parts of each rigid cluster."""
-    sizes: dict[int, int] = {}
-    for cluster in plan.cluster:
-        sizes[cluster] = sizes.get(cluster, 0) + 1
-    several = [cluster for cluster, size in sizes.items() if size > 1]
+    several = [cluster for cluster, size in Counter(plan.cluster).items() if size > 1]
     bits = {cluster: 1 << min(FIRST_BIT + i, LAST_BIT) for i, cluster in enumerate(several)}
-    for body in built:
-        for part, index in body.index.items():
-            bit = bits.get(plan.cluster[part], LOOSE_GROUP)
-            mask = -1 if bit == LOOSE_GROUP else ~bit
-            pybullet.setCollisionFilterGroupMask(body.uid, index, bit, mask, physicsClientId=client)
+    for part, (uid, index) in handles.items():
+        bit = bits.get(plan.cluster[part], LOOSE_GROUP)
+        mask = -1 if bit == LOOSE_GROUP else ~bit
+        pybullet.setCollisionFilterGroupMask(uid, index, bit, mask, physicsClientId=client)
 
 
 def set_collisions_of_scene(client: int, fixed: Sequence[int], moving: Sequence[int]) -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from agentflow.env.physics.frames import swap, swap_turn
-from agentflow.env.physics.layout import Built, Handle
 from agentflow.env.physics.model import Assembly, Joint
+from agentflow.env.physics.pybullet.bodies import Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Skeleton
 from agentflow.machine.geometry.vectors import (
@@ -24,7 +24,6 @@ STRONGEST = 1e6
 """N or N m: more than anything that a machine can exert."""
 HALF_AXLE = 0.5
 """Revolute loops are held at two points of their axis, this far from the pivot, m."""
-
 ALONG = 1e-6
 """Sine of the angle below which PyBullet takes an axis to lie along x."""
 
@@ -40,14 +39,16 @@ class Couplings:
         self._loops: list[tuple[int, Joint, list[int]]] = []
         """Joint index, joint and constraints of each loop."""
 
-    def renew(self, assembly: Assembly, plan: Skeleton, built: Sequence[Built]) -> None:
+    def renew(self, assembly: Assembly, plan: Skeleton, handles: Mapping[int, Handle]) -> None:
         """Replace all constraints by those that the skeleton needs."""
-        self._clear()
-        where = {part: (body.uid, index) for body in built for part, index in body.index.items()}
+        remove_constraints(self._client, self._ids)
+        for pair in self._apart:
+            set_collision(self._client, *pair, True)
+        self._ids, self._apart, self._loops = [], [], []
         for i in plan.loops:
             joint = assembly.joints[i]
-            self._loops.append((i, joint, self._loop(assembly, joint, where)))
-        carried = {link.joint: where[link.part] for body in plan.pieces for link in body.links}
+            self._loops.append((i, joint, self._loop(assembly, joint, handles)))
+        carried = {link.joint: handles[link.part] for link in plan.links}
         for mesh in assembly.devices.cog_meshes:
             one, other = assembly.joints[mesh.a], assembly.joints[mesh.b]
             if (
@@ -56,19 +57,6 @@ class Couplings:
                 and plan.cluster[one.a] == plan.cluster[other.a]
             ):
                 self._mesh(carried[mesh.a], carried[mesh.b], mesh.ratio)
-
-    def _clear(self) -> None:
-        """Remove all constraints; PyBullet has already removed those of removed bodies."""
-        count = pybullet.getNumConstraints(self._client)
-        there = {pybullet.getConstraintUniqueId(i, self._client) for i in range(count)}
-        for constraint in self._ids:
-            if constraint in there:
-                pybullet.removeConstraint(constraint, self._client)
-        self._ids = []
-        for one, other in self._apart:
-            self._collide(one, other, True)
-        self._apart = []
-        self._loops = []
 
     def loads(self, rotation: Callable[[int], Quat]) -> list[tuple[int, list[float]]]:
         """Joint and load (6,) of each loop in the last step, game frame, without what the spring of
@@ -82,7 +70,7 @@ class Couplings:
             states = [pybullet.getConstraintState(each, self._client) for each in made]
             turn = rotation(joint.a)
             if joint.kind == "prismatic":
-                load = _of_slider(states[0], swap(joint.axis), turn)
+                load = _slider_load(states[0], swap(joint.axis), turn)
             elif joint.kind == "revolute":
                 arm = scale(rotate_vector(turn, swap_turn(joint.axis)), HALF_AXLE)
                 load = [*add(*states), *cross(arm, subtract(*states))]
@@ -91,16 +79,9 @@ class Couplings:
             found.append((i, [*swap(load[:3]), *swap_turn(load[3:])]))
         return found
 
-    def _collide(self, one: Handle, other: Handle, on: bool) -> None:
-        (uid, link), (other_uid, other_link) = one, other
-        pybullet.setCollisionFilterPair(uid, other_uid, link, other_link, on, self._client)
-
-    def _loop(self, assembly: Assembly, joint: Joint, where: dict[int, Handle]) -> list[int]:
-        """Constrain two parts as their joint would.
-
-        Returns:
-            The constraints' numbers.
-        """
+    def _loop(self, assembly: Assembly, joint: Joint, handles: Mapping[int, Handle]) -> list[int]:
+        """Constrain two parts as their joint would; returns the numbers of the constraints."""
+        one, other = handles[joint.a], handles[joint.b]
         points: tuple[Vec3, ...] = (joint.pivot,)
         kind = pybullet.JOINT_POINT2POINT
         if joint.kind == "revolute":
@@ -108,13 +89,13 @@ class Couplings:
             points = (add(joint.pivot, half), subtract(joint.pivot, half))
         elif joint.kind == "prismatic":
             kind = pybullet.JOINT_PRISMATIC
-        self._apart.append((where[joint.a], where[joint.b]))
-        self._collide(where[joint.a], where[joint.b], False)
+        self._apart.append((one, other))
+        set_collision(self._client, one, other, False)
         return [
             self._bind(
                 kind,
-                where[joint.a],
-                where[joint.b],
+                one,
+                other,
                 swap(joint.axis),
                 swap(subtract(point, assembly.parts[joint.a].centre)),
                 swap(subtract(point, assembly.parts[joint.b].centre)),
@@ -141,7 +122,22 @@ class Couplings:
         return made
 
 
-def _of_slider(state: Sequence[float], axis: Vec3, turn: Quat) -> list[float]:
+def remove_constraints(client: int, ids: Iterable[int]) -> None:
+    """Remove constraints, but for those that PyBullet removed together with a body."""
+    count = pybullet.getNumConstraints(client)
+    present = {pybullet.getConstraintUniqueId(i, client) for i in range(count)}
+    for constraint in ids:
+        if constraint in present:
+            pybullet.removeConstraint(constraint, client)
+
+
+def set_collision(client: int, one: Handle, other: Handle, on: bool) -> None:
+    """Let two links collide or pass through each other."""
+    (uid, link), (other_uid, other_link) = one, other
+    pybullet.setCollisionFilterPair(uid, other_uid, link, other_link, on, client)
+
+
+def _slider_load(state: Sequence[float], axis: Vec3, turn: Quat) -> list[float]:
     """Load of a sliding loop.
 
     Args:

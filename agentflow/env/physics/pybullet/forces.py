@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,8 +10,9 @@ from agentflow.env.physics.frames import swap_all
 from agentflow.env.physics.laws.air import DragForce
 from agentflow.env.physics.laws.forces import PartForce, Wrench
 from agentflow.env.physics.laws.select import Law
-from agentflow.env.physics.layout import Built, RowLayout, drag_locations
+from agentflow.env.physics.layout import RowLayout, drag_locations
 from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.rows import Rows
 from agentflow.env.physics.rows import POSITION, Row
@@ -29,38 +30,33 @@ class AppliedForces:
         assembly: Assembly,
         plan: Skeleton,
         built: Sequence[Built],
+        handles: Mapping[int, Handle],
         layout: RowLayout,
+        rows: Rows,
+        things: Mapping[str, int],
         laws: Sequence[Law],
     ) -> None:
-        """Set up.
-
-        Args:
-            client: PyBullet client.
-            assembly: The machine.
-            plan: Its current skeleton.
-            built: The bodies.
-            layout: The rows.
-            laws: All forces except drag.
-        """
-        self._client, self._layout, self._laws = client, layout, laws
+        """Collect all forces: drag and `laws`."""
+        self._client, self._rows, self._laws = client, rows, laws
         inertia = swap_all(np.array([part.inertia for part in assembly.parts]).reshape(-1, 3))
         locations = drag_locations(assembly, plan, layout.locations)
         self._drag = DragForce(assembly.parts, locations, inertia)
-        self._at = {part: (body.uid, index) for body in built for part, index in body.index.items()}
-        for i, handle in enumerate(layout.handles[layout.thing_rows], len(assembly.parts)):
-            self._at[i] = handle
-        unseen = {uid for uid, links in layout.bodies if not links}
-        joined = (body.uid for body in built if body.piece.links)
-        self._stale = [uid for uid in joined if laws and uid in unseen]
+        moving = enumerate(layout.things, len(assembly.parts))
+        self._at = {**handles, **{i: (things[name], -1) for i, name in moving}}
+        self._leading = [handles[part] for part in layout.leading]
+        self._stale = [
+            body.uid
+            for body in built
+            if laws and body.piece.links and len({plan.cluster[part] for part in body.index}) == 1
+        ]
         """Bodies whose links are not read. Without a refresh PyBullet would push them where they
         were a step ago."""
-        led = {layout.handles[row] for row in self._drag.rows}
-        self._far = bool(laws) or any(index >= 0 for _, index in led)
+        self._far = bool(laws) or not set(self._drag.rows) <= set(rows.heads)
         """Whether any force acts on a row that is not a head."""
 
-    def __call__(self, rows: Rows) -> None:
+    def __call__(self) -> None:
         """Apply everything for one step; PyBullet clears it after the step."""
-        known = rows.all if self._far else rows.known
+        known = self._rows.all if self._far else self._rows.known
         self._apply_wrenches(self._drag(known), known)
         for uid in self._stale:
             pybullet.getLinkState(uid, 0, 0, 1, self._client)
@@ -68,8 +64,7 @@ class AppliedForces:
             self._apply_forces(law(known))
 
     def _apply_wrenches(self, wrenches: Sequence[Wrench], rows: Sequence[Row]) -> None:
-        """Apply forces and torques to clusters."""
-        client, handles = self._client, self._layout.handles
+        client, handles = self._client, self._leading
         for row, local, force, torque in wrenches:
             uid, index = handles[row]
             frame = pybullet.LINK_FRAME if local else pybullet.WORLD_FRAME
@@ -79,7 +74,6 @@ class AppliedForces:
                 pybullet.applyExternalTorque(uid, index, torque, frame, client)
 
     def _apply_forces(self, pushes: Sequence[PartForce]) -> None:
-        """Apply forces at the centres of parts."""
         client = self._client
         for part, force, at in pushes:
             uid, index = self._at[part]

@@ -9,9 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from agentflow.env.physics.frames import swap
-from agentflow.env.physics.layout import Built, Handle
 from agentflow.env.physics.model import Gripper
+from agentflow.env.physics.pybullet.bodies import Handle
 from agentflow.env.physics.pybullet.contacts import TOUCH
+from agentflow.env.physics.pybullet.couplings import remove_constraints, set_collision
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.machine.geometry.vectors import (
     Quat,
@@ -46,13 +47,7 @@ class Grippers:
     """All grabbers of one machine."""
 
     def __init__(self, client: int, grips: Sequence[Gripper], things: Mapping[str, int]) -> None:
-        """Start with nothing gripped.
-
-        Args:
-            client: PyBullet client.
-            grips: All grabbers.
-            things: Body number of each of the scene's things that can move.
-        """
+        """Start with nothing gripped; `things` are those that can move, and their body numbers."""
         self._client, self._grips = client, grips
         self._loose: dict[Handle, Held] = {(uid, -1): name for name, uid in things.items()}
         self._holds: dict[int, _Hold] = {}
@@ -64,16 +59,14 @@ class Grippers:
     def __bool__(self) -> bool:
         return bool(self._grips)
 
-    def bind(self, built: Sequence[Built]) -> None:
+    def bind(self, handles: Mapping[int, Handle]) -> None:
         """Switch to new bodies, and keep holding what was held.
 
-        The new bodies must be where the old ones were.
+        Args:
+            handles: Of each part; the new bodies must be where the old ones were.
         """
-        for hold in self._holds.values():
-            self._remove(hold)
-        self._names = dict(self._loose)
-        for body in built:
-            self._names |= {(body.uid, index): part for part, index in body.index.items()}
+        self._remove_all()
+        self._names = self._loose | {handle: part for part, handle in handles.items()}
         self._handles = {held: handle for handle, held in self._names.items()}
         for part, hold in self._holds.items():
             self._tie(part, hold)
@@ -82,9 +75,9 @@ class Grippers:
         """Let go of everything, or get ready to grip."""
         self._open = on
         if not on:
+            self._remove_all()
             for part, hold in self._holds.items():
-                self._remove(hold)
-                self._collide(part, hold, True)
+                set_collision(self._client, self._handles[part], self._handles[hold.held], True)
             self._holds.clear()
 
     def tighten(self) -> None:
@@ -97,9 +90,9 @@ class Grippers:
         if self._open and len(self._holds) < len(self._grips):
             for grip in self._grips:
                 if grip.part not in self._holds:
-                    self._try(grip)
+                    self._grip_touched(grip)
 
-    def _try(self, grip: Gripper) -> None:
+    def _grip_touched(self, grip: Gripper) -> None:
         uid, index = self._handles[grip.part]
         contacts = pybullet.getContactPoints(
             bodyA=uid, linkIndexA=index, physicsClientId=self._client
@@ -123,9 +116,10 @@ class Grippers:
                 return
 
     def _tie(self, part: int, hold: _Hold) -> None:
+        one, other = self._handles[part], self._handles[hold.held]
         hold.constraint = pybullet.createConstraint(
-            *self._handles[part],
-            *self._handles[hold.held],
+            *one,
+            *other,
             pybullet.JOINT_FIXED,
             (0.0, 0.0, 0.0),
             hold.place,
@@ -134,23 +128,15 @@ class Grippers:
             physicsClientId=self._client,
         )
         self._strengthen(hold)
-        self._collide(part, hold, False)
+        set_collision(self._client, one, other, False)
 
     def _strengthen(self, hold: _Hold) -> None:
         pybullet.changeConstraint(
             hold.constraint, maxForce=hold.force, physicsClientId=self._client
         )
 
-    def _collide(self, part: int, hold: _Hold, on: bool) -> None:
-        (uid, index), (other, link) = self._handles[part], self._handles[hold.held]
-        pybullet.setCollisionFilterPair(uid, other, index, link, on, self._client)
-
-    def _remove(self, hold: _Hold) -> None:
-        """Remove a constraint, unless PyBullet already has, as one of its bodies was removed."""
-        count = pybullet.getNumConstraints(self._client)
-        ids = [pybullet.getConstraintUniqueId(i, self._client) for i in range(count)]
-        if hold.constraint in ids:
-            pybullet.removeConstraint(hold.constraint, self._client)
+    def _remove_all(self) -> None:
+        remove_constraints(self._client, (hold.constraint for hold in self._holds.values()))
 
     def _frame(self, held: Held) -> tuple[Vec3, Quat]:
         """Centre of mass and orientation, engine frame."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from agentflow.env.physics.layout import Built
 from agentflow.env.physics.model import Drive, Joint
+from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.machine.geometry.vectors import IDENTITY
 
@@ -26,14 +26,7 @@ class Motors:
         built: Sequence[Built],
         joints: Sequence[Joint],
     ) -> None:
-        """Set every motor.
-
-        Args:
-            client: PyBullet client.
-            levels: How far each schedule entry is switched on, looked up whenever motors are set.
-            built: The bodies, until the next split.
-            joints: All joints.
-        """
+        """Set every motor; `levels` of schedule entries are read whenever motors are set."""
         self._client, self._levels = client, levels
         found: dict[str, list[Handled]] = {"revolute": [], "prismatic": [], "spherical": []}
         for body in built:

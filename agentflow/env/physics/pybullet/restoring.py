@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from agentflow.env.physics.frames import swap, swap_quaternion
-from agentflow.env.physics.layout import Built
 from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.readings import joint_motion, relative_motion
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from agentflow.env.physics.layout import RowLayout
+from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.rollout import Array
@@ -15,25 +16,25 @@ from agentflow.env.rollout import Array
 class Rows:
     """The rows of one layout."""
 
-    def __init__(self, client: int, layout: RowLayout, things: Mapping[str, int]) -> None:
-        """Read the heads.
-
-        Args:
-            client: PyBullet client.
-            layout: The assignment of rows.
-            things: Body number of each thing.
-        """
+    def __init__(
+        self, client: int, layout: RowLayout, built: Sequence[Built], things: Mapping[str, int]
+    ) -> None:
+        """Read the heads; `things` are the body numbers of the scene's things."""
         self._client = client
         self._heads: list[tuple[int, int]] = []
         self._tails: list[tuple[slice, int, tuple[int, ...]]] = []
         row = 0
-        for uid, links in layout.bodies:
-            self._heads.append((row, uid))
+        leading = set(layout.leading)
+        for body in built:
+            links = tuple(
+                body.index[link.part] for link in body.piece.links if link.part in leading
+            )
+            self._heads.append((row, body.uid))
             if links:
-                self._tails.append((slice(row + 1, row + 1 + len(links)), uid, links))
+                self._tails.append((slice(row + 1, row + 1 + len(links)), body.uid, links))
             row += 1 + len(links)
         self._heads += [(i, things[name]) for i, name in enumerate(layout.things, row)]
-        self._blank: list[Row] = [()] * len(layout.handles)
+        self._blank: list[Row] = [()] * layout.thing_rows.stop
         self._partial = False
         self.known = self._blank
         """Rows read so far; empty tuples for the others."""

@@ -10,7 +10,7 @@ from struct import Struct
 import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
-from agentflow.env.physics.layout import Built
+from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.spanning_tree import Link
 from agentflow.env.rollout import Array
@@ -23,13 +23,7 @@ class Sensors:
     """Sensors of the joints in the current trees."""
 
     def __init__(self, client: int, built: Sequence[Built], count: int) -> None:
-        """Set up.
-
-        Args:
-            client: PyBullet client.
-            built: All bodies.
-            count: Number of joints, in trees or not.
-        """
+        """Plan the reading of `count` joints, in trees or not."""
         self._client = client
         self._bodies: list[tuple[int, list[int]]] = []
         links: list[Link] = []

@@ -13,9 +13,9 @@ from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.select import device_laws, wind_laws
 from agentflow.env.physics.laws.tension import WinchForce
-from agentflow.env.physics.layout import Built, RowLayout, lay_out
+from agentflow.env.physics.layout import RowLayout, lay_out
 from agentflow.env.physics.model import Assembly, State
-from agentflow.env.physics.pybullet.bodies import BodyBuilder
+from agentflow.env.physics.pybullet.bodies import BodyBuilder, Built
 from agentflow.env.physics.pybullet.contacts import (
     Contacts,
     set_collisions_of_clusters,
@@ -42,7 +42,6 @@ from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector, subtra
 class Structure:
     """The machine's bodies until it comes apart, and what reads and moves them."""
 
-    plan: Skeleton
     built: tuple[Built, ...]
     layout: RowLayout
     readings: Readings
@@ -201,30 +200,33 @@ class PyBulletWorld:
             standing.get(piece) or self._builder.machine(piece, assembly.parts, assembly.joints)
             for piece in plan.pieces
         )
-        layout = lay_out(assembly, plan, built, self._moving, self.things)
+        handles = {part: (body.uid, index) for body in built for part, index in body.index.items()}
+        layout = lay_out(assembly, plan, self._moving)
+        rows = Rows(client, layout, built, self.things)
         laws = device_laws(assembly, plan, layout.locations, self._levels, self._winches)
         drag = self._physics["wind_drag"]
         laws += wind_laws(assembly, layout, self._scene, self._moving, drag, self._wind_strength)
-        set_collisions_of_clusters(client, plan, built)
-        self._couplings.renew(assembly, plan, built)
+        set_collisions_of_clusters(client, plan, handles)
+        self._couplings.renew(assembly, plan, handles)
         if self._grips:
-            self._grips.bind(built)
+            self._grips.bind(handles)
         return Structure(
-            plan,
             built,
             layout,
             readings=Readings(assembly, layout),
-            contacts=Contacts(client, assembly, built, self._ground, self.things),
+            contacts=Contacts(client, assembly, handles, self._ground, self.things),
             sensors=Sensors(client, built, len(assembly.joints)),
-            forces=AppliedForces(client, assembly, plan, built, layout, laws),
+            forces=AppliedForces(
+                client, assembly, plan, built, handles, layout, rows, self.things, laws
+            ),
             motors=Motors(client, self._levels, built, assembly.joints),
-            rows=Rows(client, layout, self.things),
+            rows=rows,
         )
 
     def _advance(self) -> None:
         """Push, step, read."""
         now = self._now
-        now.forces(now.rows)
+        now.forces()
         now.motors.set_suspensions()
         pybullet.stepSimulation(self.client)
         self._read()
