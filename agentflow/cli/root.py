@@ -26,23 +26,33 @@ commands = typer.Typer(
 )
 
 Knobs = Annotated[
-    list[str] | None, typer.Option("--set", help="Set a knob of the task, knob=value; repeatable.")
+    list[str] | None,
+    typer.Option(
+        "--set", help="Set a knob (an adjustable parameter of the task), knob=value; repeatable."
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print only JSON to stdout.")]
 Run = Annotated[Path, typer.Argument(help="Run directory.")]
 ModelName = Annotated[
     str | None,
-    typer.Option("--model", help="Model name; default: procedural (rules and chance, no LLM)."),
+    typer.Option(
+        "--model",
+        help="Model name; default: procedural (rules and random choices, no language model).",
+    ),
 ]
 BaseUrl = Annotated[
     str | None,
-    typer.Option(help="URL of an OpenAI-compatible endpoint; key: OPENAI_API_KEY."),
+    typer.Option(help="URL of an OpenAI-compatible endpoint. Its key is read from OPENAI_API_KEY."),
 ]
 Config = Annotated[Path | None, typer.Option(help="YAML configuration file.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print no progress and no remarks.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Suppress progress and notices.")]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", help="Set a configuration key or a task knob, key=value; repeatable."),
+    typer.Option(
+        "--set",
+        help="Set a configuration key or a knob (an adjustable parameter of the task), "
+        "key=value; repeatable.",
+    ),
 ]
 
 

@@ -42,8 +42,8 @@ PLAN = FailureKind(
     "plan not followed",
     "planning",
     "reply",
-    "a design changes or drops given blocks, adds none, or uses a type that its part "
-    "of the blueprint does not list; or a blueprint contradicts itself",
+    "a design changes or drops the blocks it was given, adds no new ones, or uses a type that the "
+    "blueprint does not list for the structure; or a blueprint contradicts itself",
     frozenset(
         {
             "given_altered",
@@ -64,7 +64,7 @@ RATIONALE = FailureKind(
     "rationale not followed",
     "planning",
     "reply",
-    "an accepted machine has fewer blocks of a type than its rationale counts by name "
+    "an accepted machine has fewer blocks of a type than its rationale states "
     '("four Small Wheels"); nothing else in the rationale is checked',
 )
 FORBIDDEN = FailureKind(
@@ -113,7 +113,7 @@ EDIT = FailureKind(
     "refused edit",
     "construction",
     "reply",
-    "an edit cannot be read or carried out for another reason",
+    "an edit cannot be parsed or applied, for a reason not listed above",
 )
 BREAKAGE = FailureKind(
     "breakage", "construction", "machine", "a connection broke in the simulation"

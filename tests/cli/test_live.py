@@ -80,7 +80,7 @@ def test_the_view_says_what_is_going_on(progress: Progress) -> None:
     lines = plain(seen(progress, 100))
     assert lines[0] == "throwing · iterative · a model"
     assert lines[1].startswith("initial · 8 trajectories · 2 evaluations · ")
-    assert lines[2] == "2 calls, 3 under way, 50% valid · 350 tokens · cost 0.01234"
+    assert lines[2] == "2 calls, 3 in progress, 50% valid · 350 tokens · cost 0.01234"
     assert lines[3] == "best 12.50  ██"
     assert lines[4].split() == ["stage", "valid", "mean", "best"]
     assert lines[5].split() == ["initial", "7/8", "12.50", "20.00"]

@@ -74,7 +74,7 @@ def test_show_tells_stages_costs_and_failures(capsys: Captured) -> None:
     (row,) = (line.split() for line in lines if line.startswith("env_feedback"))
     assert row[1:4] == ["2/2", "2/2", f"{last['mean']:.2f}"]
     assert row[4:] == [f"{last['max']:.2f}", str(last["calls"]), str(last["rollouts"])]
-    told = f"0 of {result['calls']} replies refused; {result['rollouts']} machines simulated"
+    told = f"0 of {result['calls']} replies rejected; {result['rollouts']} machines simulated"
     assert told in lines
     assert json.loads(shown(capsys, "show", str(RECORDED), "--json"))["state"] == "done"
 

@@ -89,14 +89,15 @@ def test_a_dry_run_lists_runs_and_costs_and_writes_nothing(
     assert capsys.readouterr().out == (
         "baseline.seed-0: 49 calls, 16 rollouts\n"
         "no_inspector.seed-0: 41 calls, 16 rollouts\n"
-        "2 runs left: about 90 calls without retries, no tokens and no cost: the procedural "
-        "model answers; at most 32 rollouts, 0.1 min with 2 workers\n"
+        "2 runs to do: about 90 calls (excluding retries), at most 32 rollouts, about 0.1 min "
+        "with 2 workers. No tokens and no cost, because the procedural model is used.\n"
     )
     price = "model.prices={m: {input: 1, output: 2}}"
     assert main([*words, "--model", "m", "--set", price, "--workers", "4"]) == 0
     assert capsys.readouterr().out.splitlines()[-1] == (
-        "2 runs left: about 90 calls without retries, about 333280 tokens without reasoning; "
-        "cost 0.35; at most 32 rollouts, 0.0 min with 4 workers, plus the time of the model calls"
+        "2 runs to do: about 90 calls (excluding retries), at most 32 rollouts, about 0.0 min "
+        "with 4 workers, plus the time of the model calls. About 333280 tokens, excluding "
+        "reasoning; cost 0.35."
     )
     assert main([*words, "--model", "m", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -124,14 +125,14 @@ def test_a_dry_run_does_not_count_runs_of_other_seeds(
     (done / "result.json").touch()
     words = ["sweep", str(ROOT / "configs/inspector.yaml"), "--seeds", "1", "--dry-run"]
     assert main([*words, "--out", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("2 runs left: about 90 calls ")
+    assert capsys.readouterr().out.splitlines()[-1].startswith("2 runs to do: about 90 calls ")
 
 
 def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sweep", str(folder / "mixed"), "--dry-run"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "lives.seed-0: done" in lines
-    assert lines[-1].startswith("1 run left: about 12 calls without retries, about ")  # of DEAD
+    assert lines[-1].startswith("1 run to do: about 12 calls (excluding retries), ")  # of DEAD
 
 
 @pytest.mark.parametrize(

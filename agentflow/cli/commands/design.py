@@ -39,12 +39,12 @@ def design(
     settings: Settings = None,
     seed: Annotated[int | None, typer.Option(help="Random seed.")] = None,
     rationale_from: Annotated[
-        str | None, typer.Option(help="Reuse the designers' plans from this run.")
+        str | None, typer.Option(help="Reuse the designers' rationales from this run directory.")
     ] = None,
     rollouts: Annotated[
-        int | None, typer.Option(help="Total number of simulations; random-dsl only.")
+        int | None, typer.Option(help="Total number of simulations; only for random-dsl.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Directory for run directories.")] = Path("runs"),
+    out: Annotated[Path, typer.Option(help="Parent directory for runs.")] = Path("runs"),
     workers: Annotated[int | None, typer.Option(help="Worker processes for simulation.")] = None,
     keep_rollouts: Annotated[
         Literal["winners", "all"] | None,
@@ -117,13 +117,17 @@ def replay(run: Run) -> None:
     epilog="Example: agentflow doctor --model qwen3 --base-url http://127.0.0.1:8000/v1"
 )
 def doctor(
-    model: Annotated[str | None, typer.Option(help="Model name; default: AGENTFLOW_MODEL.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Model name; default: value of AGENTFLOW_MODEL.")
+    ] = None,
     base_url: Annotated[
-        str | None, typer.Option(help="Endpoint URL; default: OPENAI_BASE_URL.")
+        str | None, typer.Option(help="Endpoint URL; default: value of OPENAI_BASE_URL.")
     ] = None,
     config: Config = None,
     settings: Settings = None,
-    role: Annotated[str, typer.Option(help="Role whose model to check.")] = "designer",
+    role: Annotated[
+        str, typer.Option(help="Check the model configured for this role.")
+    ] = "designer",
     as_json: Json = False,
 ) -> None:
     """Send one small request to a model endpoint and report what works."""

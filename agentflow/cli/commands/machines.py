@@ -31,7 +31,7 @@ def check(
     lines: Annotated[bool, typer.Option("--jsonl", help="Read one machine per line.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Check whether a machine is valid: its file, its geometry and the rules of a task."""
+    """Check whether a machine is valid: its format, its geometry and the rules of a task."""
     from agentflow.app.machines import files as machines
     from agentflow.cli.display.show import show_report
 
@@ -68,11 +68,14 @@ def edit(
     task: Task = None,
     knobs: Knobs = None,
     lines: Annotated[
-        bool, typer.Option("--jsonl", help="Read a machine and a script per line.")
+        bool, typer.Option("--jsonl", help="Read one machine and one script per line.")
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Edit a machine with a script of Add, Remove and Move commands, all or nothing."""
+    """Edit a machine with a script of Add, Remove and Move commands.
+
+    If one command fails, the machine stays unchanged.
+    """
     from agentflow.app.machines import edits
     from agentflow.app.machines import files as machines
     from agentflow.cli.display.show import show_edit
@@ -119,10 +122,10 @@ def simulate(
         Path | None, typer.Option(help="Save the recorded states to this .npz file.")
     ] = None,
     lines: Annotated[bool, typer.Option("--jsonl", help="Read one machine per line.")] = False,
-    workers: Annotated[int, typer.Option(min=1, help="Worker processes; --jsonl only.")] = 2,
+    workers: Annotated[int, typer.Option(min=1, help="Worker processes; only with --jsonl.")] = 2,
     as_json: Json = False,
 ) -> None:
-    """Simulate a machine at a task and print its score."""
+    """Simulate a machine on a task and print its score."""
     from agentflow.app.machines import files as machines
     from agentflow.app.machines import simulate as rollouts
     from agentflow.app.tasks import find_task
@@ -168,15 +171,22 @@ def render(
     seed: Seed = 0,
     out: Annotated[
         Path | None,
-        typer.Option(help="Output file: .png, .gif, .mp4 or .glb; no extension: .png and .gif."),
+        typer.Option(
+            help="Output file: .png, .gif, .mp4 or .glb. Without an extension, both a .png and a "
+            ".gif are written."
+        ),
     ] = None,
     view: Annotated[
-        str, typer.Option(help="front, back, left, right, top, three-quarter or sheet (all six).")
+        str,
+        typer.Option(
+            help="Viewpoint: front, back, left, right, top, three-quarter or sheet (all six)."
+        ),
     ] = "three-quarter",
 ) -> None:
-    """Draw a machine (.png), film its rollout (.gif, .mp4) or export both in 3D (.glb).
+    """Draw a machine (.png), film its simulation (.gif, .mp4) or export it in 3D (.glb).
 
-    A dotted line marks the path of the projectile or the root; broken blocks are red.
+    A dotted line marks the path of the boulder or of the root block; blocks that broke off are
+    red.
     """
     from agentflow.app.pages.pictures import render_file, render_run
     from agentflow.app.tasks import find_task

@@ -39,18 +39,25 @@ def show(
     role: Annotated[str, typer.Option(help=f"Role: {', '.join(ROLES.ours)}.")] = "designer",
     task: Annotated[str, typer.Option(help="Task, such as throwing or movement/3.")] = "throwing",
     name: Annotated[
-        str, typer.Option("--set", help=f"Prompt set: {', '.join(PROMPT_SETS.ours)}.")
+        str,
+        typer.Option("--set", help=f"Prompt set to show: {', '.join(PROMPT_SETS.ours)}."),
     ] = "default",
     knobs: Annotated[
         list[str] | None,
-        typer.Option("--knob", help="Set a knob of the task, knob=value; repeatable."),
-    ] = (None),
+        typer.Option(
+            "--knob",
+            help="Set a knob (an adjustable parameter of the task), knob=value; repeatable.",
+        ),
+    ] = None,
     machine: Annotated[
         str | None, typer.Option(help="Machine to include in the prompt; default: a small example.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Print a prompt as a model gets it, with an estimate of its tokens."""
+    """Print a prompt exactly as a model gets it, with an estimate of its tokens.
+
+    In this command, --set selects the prompt set, and --knob sets the task's parameters.
+    """
     from agentflow.app.machines.files import machine_text
     from agentflow.app.prompts import render_prompt
     from agentflow.app.tasks import find_task

@@ -35,7 +35,7 @@ def show_config(config: Config = None, settings: Settings = None, as_json: Json 
 
 @commands.command(epilog="Example: agentflow runs runs")
 def runs(
-    folder: Annotated[Path, typer.Argument(help="Directory of run directories.")] = Path("runs"),
+    folder: Annotated[Path, typer.Argument(help="Directory that contains runs.")] = Path("runs"),
     as_json: Json = False,
 ) -> None:
     """List runs with task, workflow, model, score, cost and state.
@@ -50,7 +50,7 @@ def runs(
 
 @commands.command(epilog="Example: agentflow show runs/recorded-throwing")
 def show(run: Run, as_json: Json = False) -> None:
-    """Show one run: stages, best machine, cost and failures."""
+    """Show the stages, best machine, cost and failures of one run."""
     from agentflow.app.inspect.overview import run_details
     from agentflow.cli.display.show_records import show_run
 
@@ -80,13 +80,15 @@ _RULES = "\n\n".join(f"{kind.name} ({kind.level}, {kind.unit}): {kind.rule}" for
 
 @commands.command(
     epilog="Example: agentflow failures runs/recorded-throwing",
-    help="Count failures of replies and machines, each kind by a fixed rule.\n\n"
-    "A refused reply counts as exactly one kind. An accepted reply can only count as `rationale "
+    help="Count what went wrong in replies and machines, classified by fixed rules.\n\n"
+    "A rejected reply counts as exactly one kind. An accepted reply can only count as `rationale "
     "not followed`. A machine is counted once per kind, however often it was simulated.\n\n"
     + _RULES,
 )
 def failures(
-    source: Annotated[Path, typer.Argument(help="Run directory, or directory of runs or sweeps.")],
+    source: Annotated[
+        Path, typer.Argument(help="Run directory, or directory that contains runs or sweeps.")
+    ],
     as_json: Json = False,
 ) -> None:
     from agentflow.app.inspect.failures import count_failures

@@ -11,7 +11,9 @@ import typer
 from agentflow.app.pages.registry import PAGES
 from agentflow.cli.root import commands
 
-Out = Annotated[Path | None, typer.Option(help="Output file; default: report.html in the run.")]
+Out = Annotated[
+    Path | None, typer.Option(help="Output file; default: report.html in the directory.")
+]
 Workers = Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")]
 Films = Annotated[int, typer.Option(min=0, help="Number of machines to film, best first.")]
 
@@ -24,10 +26,12 @@ def report(
     workers: Workers = 2,
     page: Annotated[
         str | None,
-        typer.Option(help=f"Page: {', '.join(PAGES.ours)}; default: the one for the directory."),
+        typer.Option(
+            help=f"Kind of page: {', '.join(PAGES.ours)}; default: chosen by the kind of directory."
+        ),
     ] = None,
 ) -> None:
-    """Write an HTML report: 3D films for a run, tables for a sweep."""
+    """Write an HTML report about a run (3D films) or a sweep (tables)."""
     from agentflow.app.sweeps.folder import is_sweep
 
     write = PAGES[page or ("sweep" if is_sweep(run) else "run")]
@@ -42,7 +46,9 @@ def _progress(done: int, of: int) -> None:
 
 @commands.command(epilog="Example: agentflow gallery runs --out gallery.html")
 def gallery(
-    runs: Annotated[list[Path], typer.Argument(help="Run directories, or directories of runs.")],
+    runs: Annotated[
+        list[Path], typer.Argument(help="Run directories, or directories that contain runs.")
+    ],
     out: Annotated[Path, typer.Option(help="Output file.")] = Path("gallery.html"),
     workers: Workers = 2,
 ) -> None:

@@ -33,12 +33,13 @@ def sweep(
         int | None, typer.Option(min=1, help="Use seeds 0 to N-1 instead of those in the file.")
     ] = None,
     jobs: Annotated[
-        int, typer.Option(min=1, help="Runs at the same time; they share the workers.")
+        int,
+        typer.Option(min=1, help="Number of runs to execute concurrently; they share the workers."),
     ] = 2,
     workers: Annotated[
         int | None, typer.Option(help="Worker processes, shared by all runs.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Directory for sweep directories.")] = Path("sweeps"),
+    out: Annotated[Path, typer.Option(help="Parent directory for sweeps.")] = Path("sweeps"),
     resume: Annotated[
         bool, typer.Option("--resume", help="Resume unfinished and failed runs.")
     ] = False,
@@ -48,7 +49,10 @@ def sweep(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Run configurations that differ in a few settings; `agentflow table` compares them."""
+    """Run configurations that differ in a few settings.
+
+    `agentflow table` compares the results.
+    """
     from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
     from agentflow.app.sweeps.run import run_sweep
     from agentflow.cli.display.sweep_live import watch_sweep
@@ -76,9 +80,10 @@ def table(
     show: Annotated[
         Literal["published", "scores", "usage", "players", "expansions"],
         typer.Option(
-            help="published: layout of the published table; scores: means with intervals and "
-            "Best@N; usage: calls, tokens, time; players: best score divided by the mean of "
-            "experienced players; expansions: score by number of expansions."
+            help="View of the sweep. published: columns as in the table that the sweep is compared "
+            "with; scores: means with intervals, and Best@N (expected best score of N machines); "
+            "usage: calls, tokens, time; players: best score divided by the mean score of "
+            "experienced players; expansions: best score by number of new machines."
         ),
     ] = "published",
     form: Annotated[
@@ -86,7 +91,10 @@ def table(
         typer.Option("--format", help="Output format."),
     ] = "text",
     published: Annotated[
-        bool, typer.Option("--published", help="Add the published numbers as separate rows.")
+        bool,
+        typer.Option(
+            "--published", help="Add the published scores of other models as separate rows."
+        ),
     ] = False,
 ) -> None:
     """Compare the runs of a sweep in a table."""
@@ -146,16 +154,16 @@ def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, worker
     minutes = cost["worker_seconds"] / workers / 60
     tokens = cost["prompt_tokens"] + cost["completion_tokens"]
     if procedural:
-        priced, answers = "no tokens and no cost: the procedural model answers", ""
+        priced, answers = "No tokens and no cost, because the procedural model is used", ""
     else:
         money = cost["money"]
         price = "unknown (model.prices is not set)" if money is None else f"{money:.2f}"
-        priced = f"about {tokens} tokens without reasoning; cost {price}"
+        priced = f"About {tokens} tokens, excluding reasoning; cost {price}"
         answers = ", plus the time of the model calls"
     return (
-        f"{runs} run{'s' if runs != 1 else ''} left: about {cost['calls']} calls without retries, "
-        f"{priced}; at most {cost['rollouts']} rollouts, "
-        f"{minutes:.1f} min with {workers} workers{answers}"
+        f"{runs} run{'s' if runs != 1 else ''} to do: about {cost['calls']} calls (excluding "
+        f"retries), at most {cost['rollouts']} rollouts, about {minutes:.1f} min with {workers} "
+        f"worker{'s' if workers != 1 else ''}{answers}. {priced}."
     )
 
 

@@ -14,15 +14,16 @@ from agentflow.errors import UsageError
 @commands.command(epilog="Example: agentflow tasks throwing/4 --picture throwing-4.png")
 def tasks(
     name: Annotated[
-        str | None, typer.Argument(help="Level to show: its name, or your own YAML file.")
+        str | None, typer.Argument(help="Level to show: its name, or the path of a YAML file.")
     ] = None,
     knobs: Knobs = None,
     picture: Annotated[
         Path | None,
-        typer.Option(help="Draw the level from above and from the right to this .png file."),
+        typer.Option(help="Save a drawing of the level (top and right views) to this .png file."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Directory for drawings of the level, or of all levels.")
+        Path | None,
+        typer.Option(help="Directory in which to save drawings of the level, or of all levels."),
     ] = None,
     html: Annotated[
         Path | None,

@@ -38,7 +38,7 @@ BARS = "▁▂▃▄▅▆▇█"
 
 @contextmanager
 def watch(quiet: bool) -> Iterator[tuple[Listener | None, Notify]]:
-    """A listener for a run's events and a callback for its remarks; neither prints if quiet."""
+    """A listener for a run's events and a callback for its notices; neither prints if quiet."""
     console = Console(stderr=True, highlight=False)
     if quiet:
         yield None, lambda _line: None
@@ -102,7 +102,7 @@ class Progress:
                 f"{seconds:.0f} s"
             ),
             _one_line(
-                f"{run.calls} calls, {self.under_way} under way{rate} · {run.tokens} tokens · "
+                f"{run.calls} calls, {self.under_way} in progress{rate} · {run.tokens} tokens · "
                 f"cost {cost}"
             ),
             Text.assemble("best ", (best, "bold green"), "  ", (sparkline(self.curve), "green")),

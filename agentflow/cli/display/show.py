@@ -11,6 +11,8 @@ from agentflow.cli.display.output import columns, output
 from agentflow.cli.display.text import number
 
 Data = Mapping[str, Any]
+VALID = ("valid at first try", "valid after retries")
+"""Headers of the two counts of valid machines."""
 
 
 def show_result(result: Data, pictures: Mapping[str, str]) -> None:
@@ -21,7 +23,7 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
             f"best score {number(result['score'])} ({result['task']}), "
             f"{len(result['machine'])} blocks, found in stage {result['best_stage']}"
         )
-    table = columns("stage", "valid first", "valid", "mean", "best")
+    table = columns("stage", *VALID, "mean", "best")
     for row in result["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
         table.add_row(row["name"], *counts, number(row["mean"]), number(row["max"]))
@@ -72,9 +74,9 @@ def ending_of(result: Data) -> str:
 def show_report(report: Data, warnings: Sequence[str]) -> None:
     """Print a validity report and warnings about the machine."""
     console = output()
-    for key in ("file_valid", "spatial_valid", "machine_valid"):
+    for key, label in _CHECKED.items():
         words = {True: "yes", False: "no", None: "not checked"}[report[key]]
-        console.print(f"{key.replace('_', ' ')}: {words}")
+        console.print(f"{label}: {words}")
     if report["size"] is not None:
         console.print("size: " + " x ".join(f"{extent:g}" for extent in report["size"]) + " m")
     for problem in report["problems"]:
@@ -88,6 +90,13 @@ def show_report(report: Data, warnings: Sequence[str]) -> None:
             console.print(
                 f"block {block['id']}: at {block['position']} facing {block['orientation']}"
             )
+
+
+_CHECKED = {
+    "file_valid": "file valid",
+    "spatial_valid": "spatially valid",
+    "machine_valid": "machine valid",
+}
 
 
 def show_edit(outcome: Data) -> None:
@@ -168,7 +177,7 @@ def show_diagnosis(found: Data) -> None:
         words = {True: "yes", False: "no", None: "unknown"}[found[key]]
         console.print(f"{_DIAGNOSED.get(key, key)}: {words}")
     for parameter, action in found["refused"].items():
-        console.print(f"refuses {parameter}: {action}")
+        console.print(f"rejects {parameter}: {action}")
     if found["latency_s"] is not None:
         console.print(f"latency: {found['latency_s']:.2f} s")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agentflow.cli.display.output import columns, output
-from agentflow.cli.display.show import Data
+from agentflow.cli.display.show import VALID, Data
 from agentflow.cli.display.text import number
 
 LONG = 1000
@@ -40,7 +40,7 @@ def show_run(run: Data) -> None:
     if run["stopped"] or run["reason"]:
         why = " ".join((run["reason"] or f"stopped: {run['stopped']} limit reached").split())
         console.print(why)
-    table = columns("stage", "valid first", "valid", "mean", "best", "calls", "rollouts")
+    table = columns("stage", *VALID, "mean", "best", "calls", "rollouts")
     for row in run["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
         scores = (number(row["mean"]), number(row["max"]))
@@ -53,7 +53,7 @@ def show_run(run: Data) -> None:
     console.print(table)
     _print_failures(run["failures"], every=False)
     for remark in run["remarks"]:
-        console.print(f"remark: {remark}")
+        console.print(f"notice: {remark}")
 
 
 def show_rescored(found: Data) -> None:
@@ -86,12 +86,12 @@ def _print_failures(found: Data, *, every: bool) -> None:
     """Print the count of each kind; with `every`, also of kinds that did not occur."""
     console = output()
     console.print(
-        f"{found['refused']} of {found['replies']} replies refused; "
+        f"{found['refused']} of {found['replies']} replies rejected; "
         f"{found['machines']} machines simulated"
     )
     kinds = [kind for kind in found["kinds"] if every or kind["count"]]
     if kinds:
-        table = columns("level", "failure", "count", "of")
+        table = columns("category", "failure", "count", "out of")
         for kind in kinds:
             total = found["replies"] if kind["unit"] == "reply" else found["machines"]
             of = f"{total} {'replies' if kind['unit'] == 'reply' else 'machines'}"

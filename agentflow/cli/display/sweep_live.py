@@ -40,7 +40,7 @@ def watch_sweep(runs: int, quiet: bool) -> Iterator[Watcher]:
 
 
 class Lines:
-    """Prints a line when a run starts, ends or has a remark; only failures if quiet."""
+    """Prints a line when a run starts, ends or has a notice; only failures if quiet."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
@@ -128,7 +128,7 @@ class View:
         table = Table(box=None, pad_edge=False)
         for name in ("run", "state", "stage"):
             table.add_column(name, overflow="ellipsis", no_wrap=True)
-        for name in ("calls", "tried", "best", "time"):
+        for name in ("calls", "simulated", "best", "time"):
             table.add_column(name, justify="right", no_wrap=True)
         for name in self._chosen():
             table.add_row(*(Text(escape_controls(cell)) for cell in self.lines[name].cells(name)))
