@@ -65,13 +65,15 @@ def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
     things = (*scene.things, *_given(brief.given))
     volume = _volume(scene.start, brief.size_limit)
     low, high = _frame(things, volume)
+    by_height = sorted(things, key=lambda thing: _points(thing)[:, 1].max())
+    by_nearness = sorted(things, key=lambda thing: _points(thing)[:, 0].max())
     above = LevelPlan(
         "from above",
         "x",
         -1,
         (low[2], -high[0]),
         (high[2], -low[0]),
-        tuple(_outline(thing, (2, 0), -1) for thing in sorted(things, key=_top)),
+        tuple(_outline(thing, (2, 0), -1) for thing in by_height),
         tuple(convex_hull(volume[:, [2, 0]] * (1, -1))),
     )
     right = LevelPlan(
@@ -80,7 +82,7 @@ def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
         1,
         (low[2], low[1]),
         (high[2], high[1]),
-        tuple(_outline(thing, (2, 1), 1) for thing in sorted(things, key=_nearness)),
+        tuple(_outline(thing, (2, 1), 1) for thing in by_nearness),
         tuple(convex_hull(volume[:, [2, 1]])),
     )
     return above, right
@@ -137,11 +139,3 @@ def _outline(thing: Thing, axes: tuple[int, int], sign: int) -> Outline:
     small = (points.max(axis=0) - points.min(axis=0)).max() < LONG / 8
     places = points[:, axes] * (1, sign)
     return Outline(thing.name, tuple(convex_hull(places)), thing.color, small or not beside)
-
-
-def _top(thing: Thing) -> float:
-    return float(_points(thing)[:, 1].max())
-
-
-def _nearness(thing: Thing) -> float:
-    return float(_points(thing)[:, 0].max())

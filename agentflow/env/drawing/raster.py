@@ -203,16 +203,18 @@ def _sphere(ray: _Ray) -> tuple[Grid, Grid]:
     return _hit_distance(enter, leave), _light_cosine(ray, normal)
 
 
-def _cylinder(ray: _Ray) -> tuple[Grid, Grid]:
+def _capped(ray: _Ray, side: Grid, side_out: Grid, rise: Grid | float) -> tuple[Grid, Grid]:
+    """A solid of revolution cut off at y = -1 and 1; `rise` is the y of its side's normal."""
     (a, b, c), (x, y, z) = ray.start, ray.way
-    side, side_out = _quadric(x * x + z * z, a * x + c * z, a * a + c * c - 1.0)
     cap, cap_out = _slab(b, y)
-    bright = np.where(
-        side > cap,
-        _light_cosine(ray, (a + side * x, 0.0, c + side * z)),
-        np.float32(np.sign(b) * ray.sun[1]),
-    )
+    lit = _light_cosine(ray, (a + side * x, rise, c + side * z))
+    bright = np.where(side > cap, lit, np.float32(np.sign(b) * ray.sun[1]))
     return _hit_distance(np.maximum(side, cap), np.minimum(side_out, cap_out)), bright
+
+
+def _cylinder(ray: _Ray) -> tuple[Grid, Grid]:
+    (a, _, c), (x, _, z) = ray.start, ray.way
+    return _capped(ray, *_quadric(x * x + z * z, a * x + c * z, a * a + c * c - 1.0), 0.0)
 
 
 def _cone(ray: _Ray) -> tuple[Grid, Grid]:
@@ -225,15 +227,7 @@ def _cone(ray: _Ray) -> tuple[Grid, Grid]:
     endless = np.float32(np.inf)
     side = np.where(steepness > 0, low, np.where(y < 0, high, -endless))
     side_out = np.where(steepness > 0, high, np.where(y < 0, endless, low))
-    cap, cap_out = _slab(b, y)
-    enter = np.maximum(side, cap)
-    tall = (1.0 - b - enter * y) * 0.25
-    bright = np.where(
-        side > cap,
-        _light_cosine(ray, (a + enter * x, tall, c + enter * z)),
-        np.float32(np.sign(b) * ray.sun[1]),
-    )
-    return _hit_distance(enter, np.minimum(side_out, cap_out)), bright
+    return _capped(ray, side, side_out, (1.0 - b - side * y) * 0.25)
 
 
 _SHAPES = {"box": _box, "sphere": _sphere, "cylinder": _cylinder, "cone": _cone}

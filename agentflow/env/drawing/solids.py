@@ -14,7 +14,7 @@ from agentflow.env.physics.model import Assembly, Color
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import compose, conjugate, rotate
 from agentflow.env.scene import Thing
-from agentflow.machine.geometry.placement import Geometry, place
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import (
     Quat,
     Vec3,
@@ -64,12 +64,14 @@ class MachineSolids:
             () if step.two_ended else tuple(self._solids(step.id, assembly)) for step in machine
         )
         self._colors = [assembly.parts[parts[0]].color for parts in assembly.blocks]
+        shift = centres[0] - geometry.blocks[0].center
         self.ends = {
-            block: tuple(
-                rotate(conjugate(rotations[parent]), end - centres[parent])
-                for parent, end in zip(machine[block].parents, ends, strict=True)
+            rod.id: tuple(
+                rotate(conjugate(rotations[parent]), np.asarray(end) + shift - centres[parent])
+                for parent, end in zip(machine[rod.id].parents, (rod.end_a, rod.end_b), strict=True)
             )
-            for block, ends in _rod_ends(geometry, centres[0]).items()
+            for rod in geometry.blocks
+            if rod.two_ended
         }
         """Two-ended block -> both ends, each in the frame of the parent that it is attached to."""
 
@@ -115,16 +117,6 @@ def _to_world(thing: Thing, centre: Vec3, rotation: Quat) -> Thing:
     """Transform an object from a block's frame to the world."""
     position = add(centre, rotate_vector(rotation, thing.position))
     return replace(thing, position=position, rotation=product(rotation, thing.rotation))
-
-
-def _rod_ends(geometry: Geometry, root: Array) -> dict[int, tuple[Array, Array]]:
-    """Both ends of each two-ended block as built, in the world with the root at `root`."""
-    shift = root - geometry.blocks[0].center
-    return {
-        placed.id: (np.asarray(placed.end_a) + shift, np.asarray(placed.end_b) + shift)
-        for placed in geometry.blocks
-        if placed.two_ended
-    }
 
 
 def _quat(rotation: Array) -> Quat:

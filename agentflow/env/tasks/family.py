@@ -58,6 +58,12 @@ class CommonKnobs(Parameters):
     schedule: StartTimes = StartTimes()
     wind: Wind = Wind()
 
+    @property
+    def control_schedule(self) -> Schedule:
+        """The control schedule of the level."""
+        times = self.schedule
+        return Schedule(times.motors, times.springs, times.steering_hinges)
+
 
 def schedule_sentences(
     schedule: Schedule, window: float, blocks: Collection[int]
@@ -118,12 +124,6 @@ class Family(Task):
 
     knobs: ClassVar[type[CommonKnobs]]
     parameters: CommonKnobs
-
-    @classmethod
-    def schedule_of(cls, knobs: CommonKnobs) -> Schedule:
-        """The control schedule that these knobs describe."""
-        times = knobs.schedule
-        return Schedule(times.motors, times.springs, times.steering_hinges)
 
 
 @dataclass(frozen=True)

@@ -173,7 +173,7 @@ def get_task(name: str, overrides: Mapping[str, object] | None = None) -> Task:
     kind = FAMILIES[level.file.family]
     values = deep_merge(level.file.parameters, nest_keys(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
-    return kind(level.name, level.number, knobs, knobs.window, kind.schedule_of(knobs))
+    return kind(level.name, level.number, knobs, knobs.window, knobs.control_schedule)
 
 
 def knob_table(task: Task) -> tuple[tuple[Knob, Any], ...]:

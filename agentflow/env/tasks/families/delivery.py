@@ -132,8 +132,7 @@ class Delivery(Family):
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, obstacles, cargo and wind."""
-        knobs = self.parameters
-        width = 2 * knobs.road.half_width - knobs.road.wall_thickness
+        knobs, width = self.parameters, self.parameters.road.inner_width
         things = (
             *road_walls(knobs.road, knobs.curve),
             *slabs(knobs.terrain, width, 0),

@@ -17,7 +17,7 @@ from agentflow.env.scene import Gust, Scene
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.platforms import Platform
-from agentflow.env.tasks.features.rings import CLOSE, EACH, Ring, RingProgress
+from agentflow.env.tasks.features.rings import CLOSE, EACH, Ring, RingProgress, ring_things
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -98,18 +98,26 @@ class Flying(Family):
                 *_gust_sentences(knobs),
             ),
             schedule=schedule_sentences(self.schedule, self.window, blocks),
-            score=_mark_score(self.window) if self.marks else _altitude_score(self.window),
+            score=(
+                f"Score: {EACH:g} for every hoop that the Starting Block's centre passes in order, "
+                f"within {self.window:g} s, plus {CLOSE:g} minus its closest distance in metres to "
+                "the centre of the next hoop (at least 0).",
+                "A hoop must be passed from its z- side to its z+ side, within its inner radius.",
+            )
+            if self.marks
+            else (
+                "Score: the greatest height in metres of the Starting Block's centre above its "
+                f"position at t = 0, within {self.window:g} s.",
+                "Sideways motion and motion before t = 0 do not count.",
+            ),
             blocks=blocks,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Platform, hoops and wind."""
         knobs = self.parameters
-        things = [*knobs.platform.things()]
-        for index, hoop in enumerate(self.marks, start=1):
-            things += hoop.things(f"hoop {index}")
-        gusts = gusts_of(knobs.gusts)
-        return Scene(tuple(things), knobs.wind.velocity, gusts, knobs.platform.start)
+        things = (*knobs.platform.things(), *ring_things(self.marks, "hoop"))
+        return Scene(things, knobs.wind.velocity, gusts_of(knobs.gusts), knobs.platform.start)
 
     def referee(self, machine: Machine) -> FlightReferee:  # noqa: ARG002 - the root is block 0
         return FlightReferee(self.marks)
@@ -219,20 +227,3 @@ def _gust_sentences(knobs: FlyingKnobs) -> Iterator[str]:
             f"From t = 0 on it blows in gusts around this mean, in the same direction: its speed "
             f"changes within a second or two between {low:g} and {high:g} m/s."
         )
-
-
-def _altitude_score(window: float) -> tuple[str, ...]:
-    return (
-        "Score: the greatest height in metres of the Starting Block's centre above its position at "
-        f"t = 0, within {window:g} s.",
-        "Sideways motion and motion before t = 0 do not count.",
-    )
-
-
-def _mark_score(window: float) -> tuple[str, ...]:
-    return (
-        f"Score: {EACH:g} for every hoop that the Starting Block's centre passes in order, "
-        f"within {window:g} s, plus {CLOSE:g} minus its closest distance in metres to the centre "
-        "of the next hoop (at least 0).",
-        "A hoop must be passed from its z- side to its z+ side, within its inner radius.",
-    )

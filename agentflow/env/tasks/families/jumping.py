@@ -53,6 +53,12 @@ class JumpingKnobs(CommonKnobs):
     variation: JumpVariation = JumpVariation()
 
     @property
+    def control_schedule(self) -> Schedule:
+        """Springs and steering hinges are delayed by `jump_at`."""
+        times, wait = self.schedule, self.jump_at
+        return Schedule(times.motors, wait + times.springs, wait + times.steering_hinges)
+
+    @property
     def obstacle(self) -> Walls | Trench:
         """The trench if there is one, else the walls."""
         return self.trench if self.trench.length else self.walls
@@ -76,13 +82,6 @@ class Jumping(TrialFamily):
     family: ClassVar[str] = "jumping"
     knobs: ClassVar[type[CommonKnobs]] = JumpingKnobs
     parameters: JumpingKnobs
-
-    @classmethod
-    def schedule_of(cls, knobs: CommonKnobs) -> Schedule:
-        """Delay springs and steering hinges by `jump_at`."""
-        assert isinstance(knobs, JumpingKnobs)
-        times, wait = knobs.schedule, knobs.jump_at
-        return Schedule(times.motors, wait + times.springs, wait + times.steering_hinges)
 
     def vary_knobs(self, rng: random.Random) -> JumpingKnobs:
         """Vary position and height of the obstacles, friction, and the machine's yaw."""
@@ -206,16 +205,10 @@ class JumpReferee:
         """Whether and how the trial succeeded or failed."""
         root = self._world.centre(0)[2]
         share = self._share_beyond()
-        success = (
-            self._early is None
-            and self._touch is None
-            and root > self._far
-            and share >= HALF - 1e-9
-        )
-        miss = None if success else self._miss(root)
+        success, outcome, miss = self._judge(root, share)
         terms: dict[str, float | bool | str | None] = {
             "success": success,
-            "outcome": self._outcome(success, root, share),
+            "outcome": outcome,
             "miss": miss,
             "root_beyond": root - self._far,
             "mass_beyond": share,
@@ -230,28 +223,23 @@ class JumpReferee:
         beyond = [self._world.centre(step.id)[2] > self._far for step in self._machine]
         return sum(m for m, over in zip(masses, beyond, strict=True) if over) / sum(masses)
 
-    def _miss(self, root: float) -> float | None:
+    def _judge(self, root: float, share: float) -> tuple[bool, str, float | None]:
+        """Whether the trial succeeded, the outcome in words, and what it missed by, m."""
         if self._early is not None:
-            return None
-        if self._touch is not None:
-            return self._touch[3]
-        return max(0.0, self._far - root)
-
-    def _outcome(self, success: bool, root: float, share: float) -> str:
-        if self._early is not None:
-            return f"failed, {block_name(self._machine, self._early)} was across before t = 0"
+            early = block_name(self._machine, self._early)
+            return False, f"failed, {early} was across before t = 0", None
         if self._touch is not None:
             time, block, name, miss = self._touch
+            touched = f"{block_name(self._machine, block)} touched the {name} at {number(time)} s"
             what = "too low" if isinstance(self._obstacle, Walls) else "short"
-            return (
-                f"failed, {block_name(self._machine, block)} touched the {name} at "
-                f"{number(time)} s, {number(miss)} m {what}"
-            )
-        if success:
-            return f"success, ends {number(root - self._far)} m beyond"
-        if root <= self._far:
-            return f"failed, the root ends {number(self._far - root)} m short of the far side"
-        return f"failed, only {share:.0%} of the mass got across"
+            return False, f"failed, {touched}, {number(miss)} m {what}", miss
+        beyond = root - self._far
+        if beyond <= 0.0:
+            short = self._far - root
+            return False, f"failed, the root ends {number(short)} m short of the far side", short
+        if share < HALF - 1e-9:
+            return False, f"failed, only {share:.0%} of the mass got across", 0.0
+        return True, f"success, ends {number(beyond)} m beyond", None
 
     def _events(self) -> tuple[RolloutEvent, ...]:
         if self._touch is None:

@@ -98,8 +98,7 @@ class Movement(Family):
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, obstacles and wind."""
-        knobs = self.parameters
-        width = 2 * knobs.road.half_width - knobs.road.wall_thickness
+        knobs, width = self.parameters, self.parameters.road.inner_width
         things = (
             *road_walls(knobs.road, knobs.curve),
             *_bumps(knobs.bump, width),

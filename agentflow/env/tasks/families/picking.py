@@ -61,6 +61,23 @@ class PickingKnobs(CommonKnobs):
     bar: Bar = Bar()
 
     @property
+    def control_schedule(self) -> Schedule:
+        """Drive, lower, grab, lift, drive back."""
+        times = self.schedule
+        winches = ((times.lower, -1.0), (times.grab, 0.0), (times.lift, 1.0), (times.back, 0.0))
+        at_springs = [level for start, level in winches if start <= times.springs]
+        more = (
+            (0.0, "grabbers", 0.0),
+            (times.springs, "winches", at_springs[-1] if at_springs else 0.0),
+            (times.lower, "motors", 0.0),
+            (times.lower, "decouplers", 1.0),
+            *((start, "winches", level) for start, level in winches),
+            (times.grab, "grabbers", 1.0),
+            (times.back, "motors", -1.0),
+        )
+        return Schedule(times.motors, times.springs, times.steering_hinges, more)
+
+    @property
     def middle(self) -> float:
         """z of the pit's middle, m."""
         return self.pit.edge + self.pit.opening / 2
@@ -78,24 +95,6 @@ class Picking(Family):
     family: ClassVar[str] = "picking"
     knobs: ClassVar[type[CommonKnobs]] = PickingKnobs
     parameters: PickingKnobs
-
-    @classmethod
-    def schedule_of(cls, knobs: CommonKnobs) -> Schedule:
-        """Drive, lower, grab, lift, drive back."""
-        times = knobs.schedule
-        assert isinstance(times, PickingTimes)
-        winches = ((times.lower, -1.0), (times.grab, 0.0), (times.lift, 1.0), (times.back, 0.0))
-        at_springs = [level for start, level in winches if start <= times.springs]
-        more = (
-            (0.0, "grabbers", 0.0),
-            (times.springs, "winches", at_springs[-1] if at_springs else 0.0),
-            (times.lower, "motors", 0.0),
-            (times.lower, "decouplers", 1.0),
-            *((start, "winches", level) for start, level in winches),
-            (times.grab, "grabbers", 1.0),
-            (times.back, "motors", -1.0),
-        )
-        return Schedule(times.motors, times.springs, times.steering_hinges, more)
 
     @property
     def brief(self) -> Brief:

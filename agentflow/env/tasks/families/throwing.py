@@ -16,7 +16,7 @@ from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sen
 from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_sentences, arena_things
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
 from agentflow.env.tasks.features.platforms import Platform
-from agentflow.env.tasks.features.rings import Ring
+from agentflow.env.tasks.features.rings import Ring, ring_things
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.brief import Brief
@@ -112,13 +112,12 @@ class Throwing(Family):
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Arena, platform, rings and wind."""
         knobs = self.parameters
-        things = [
+        things = (
             *arena_things(knobs.wall, knobs.ramp, knobs.obstacle),
             *knobs.platform.things(),
-        ]
-        for index, ring in enumerate(knobs.rings, start=1):
-            things += ring.things(f"ring {index}")
-        return Scene(tuple(things), knobs.wind.velocity, start=knobs.platform.start)
+            *ring_things(knobs.rings, "ring"),
+        )
+        return Scene(things, knobs.wind.velocity, start=knobs.platform.start)
 
     def referee(self, machine: Machine) -> ThrowReferee:
         return ThrowReferee(machine, self.parameters)

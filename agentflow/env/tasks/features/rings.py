@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, dist, hypot, inf, pi, sin, tan
 
@@ -53,6 +53,12 @@ class Ring:
         x = before[0] + share * (now[0] - before[0])
         y = before[1] + share * (now[1] - before[1])
         return hypot(x - self.centre[0], y - self.centre[1]) < self.radius
+
+
+def ring_things(rings: Iterable[Ring], kind: str) -> Iterator[Thing]:
+    """The pieces of all rings, named "ring 1, piece 1" or the like."""
+    for index, ring in enumerate(rings, start=1):
+        yield from ring.things(f"{kind} {index}")
 
 
 class RingProgress:

@@ -29,6 +29,11 @@ class Road(Parameters):
     back: float = knob(16, 10, 50, "m", "distance of the rear wall's centre behind z = 0")
     length: float = knob(250, 50, 1000, "m", "length of the side walls along z+")
 
+    @property
+    def inner_width(self) -> float:
+        """Distance between the side walls, m."""
+        return 2 * self.half_width - self.wall_thickness
+
 
 class Curve(Parameters):
     """Turns of the road."""
@@ -149,14 +154,8 @@ def centre_line(road: Road, curve: Curve) -> CentreLine:
 
 def road_walls(road: Road, curve: Curve) -> tuple[Thing, ...]:
     """Walls on both sides and behind the machine."""
-    width = 2 * road.half_width - road.wall_thickness
-    rear = wall(
-        "wall back",
-        0.0,
-        -road.back,
-        (width, road.wall_height, road.wall_thickness),
-        road.wall_friction,
-    )
+    end: Vec3 = (road.inner_width, road.wall_height, road.wall_thickness)
+    rear = wall("wall back", 0.0, -road.back, end, road.wall_friction)
     if curve.angle:
         first, *others = centre_line(road, curve).segments
         first = replace(first, z=-road.back, length=road.back + first.length)
