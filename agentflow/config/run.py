@@ -1,4 +1,4 @@
-"""The configuration of a run: one typed tree, read from YAML files and dotted settings."""
+"""The configuration of a run, read from YAML files and dotted settings."""
 
 from __future__ import annotations
 
@@ -113,14 +113,7 @@ def load_document(path: Path) -> dict[str, Any]:
 
 
 def apply_settings(document: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
-    """Apply `a.b=value` settings to a document.
-
-    A path that begins with a key of `DesignConfig` or of its `settings` sets that key; any other
-    path is a knob of the task. Values are read as YAML.
-
-    Raises:
-        ConfigError: A setting has no `=`, or its path runs through a plain value.
-    """
+    """Apply `a.b=value` settings to a document; see `split_setting` and `set_key`."""
     result = dict(document)
     for setting in settings:
         result = set_key(result, *split_setting(setting))
@@ -136,24 +129,38 @@ def split_setting(setting: str) -> tuple[str, Any]:
     path, equals, text = setting.partition("=")
     if not equals or not path:
         raise ConfigError(f"--set takes name=value, not {setting!r}")
-    return path.strip(), _value(text, path)
+    try:
+        return path.strip(), read_yaml(text)
+    except NOT_YAML as error:
+        why = yaml_problem(error)
+        raise ConfigError(f"--set {path}: {text!r} is not a YAML value: {why}") from None
 
 
 def set_key(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any]:
-    """The document with one key set; `path` as in `apply_settings`.
+    """The document with one key set.
+
+    A path that begins with a key of `DesignConfig` or of its `settings` sets that key; any other
+    path is a knob of the task.
 
     Raises:
         ConfigError: The path runs through a plain value.
     """
-    result = dict(document)
-    _set(result, _keys_of(path), value, path)
+    result = group = dict(document)
+    *groups, last = _keys_of(path)
+    for key in groups:
+        below = group.get(key, {})
+        if not isinstance(below, Mapping):
+            raise ConfigError(f"--set {path}: {key} is a single value, not a group of keys")
+        group[key] = dict(below)
+        group = group[key]
+    group[last] = value
     return result
 
 
 def suggest_key(knobs: Iterable[str]) -> str:
-    """A hint for errors about unknown knobs that look like configuration keys; "" if none does.
+    """A hint for unknown knobs that look like a configuration key; "" if none does.
 
-    Keys also match by their last parts: `rounds` is `search.rounds`.
+    `rounds` also matches `search.rounds`.
     """
     keys = [key.removeprefix("settings.") for key in _keys_in(DesignConfig)]
     for knob in knobs:
@@ -166,7 +173,7 @@ def suggest_key(knobs: Iterable[str]) -> str:
 
 
 def _keys_in(kind: type[BaseModel], above: str = "") -> Iterator[str]:
-    """Every dotted key and group of keys; each group precedes its keys."""
+    """Every dotted key; a group of keys precedes its members."""
     for name, field in kind.model_fields.items():
         yield above + name
         inner = field.annotation
@@ -178,14 +185,14 @@ def build_config(document: object) -> DesignConfig:
     """Validate a document.
 
     Raises:
-        ConfigError: A key is wrong; names it, its value, and what was expected.
+        ConfigError: A key is wrong; the message names it, its value, and what was expected.
     """
     if not isinstance(document, Mapping):
         raise ConfigError("the configuration must be a mapping of keys")
     try:
         found = DesignConfig.model_validate(dict(document))
     except ValidationError as error:
-        raise ConfigError(_explain(error)) from None
+        raise ConfigError(explain(error, DesignConfig, "configuration key")) from None
     if key := find_bool_as_number(document, found.model_dump()):
         raise ConfigError(f"{key}: expected a number, not true or false")
     return found
@@ -202,41 +209,24 @@ def _keys_of(path: str) -> tuple[str, ...]:
     return ("knobs", path)
 
 
-def _value(text: str, path: str) -> Any:
-    try:
-        return read_yaml(text)
-    except NOT_YAML as error:
-        why = yaml_problem(error)
-        raise ConfigError(f"--set {path}: {text!r} is not a YAML value: {why}") from None
-
-
-def _set(document: dict[str, Any], keys: tuple[str, ...], value: Any, path: str) -> None:
-    *branches, last = keys
-    for key in branches:
-        below = document.get(key, {})
-        if not isinstance(below, Mapping):
-            raise ConfigError(f"--set {path}: {key} is a single value, not a group of keys")
-        document[key] = dict(below)
-        document = document[key]
-    document[last] = value
-
-
-def _explain(error: ValidationError) -> str:
+def explain(error: ValidationError, root: type[BaseModel], what: str) -> str:
+    """What is wrong with a document of type `root`, whose keys are called `what`."""
     first = first_fault(error)
     place = [str(part) for part in first["loc"]]
     name = ".".join(place)
     if first["type"] == "extra_forbidden":
-        return str(UnknownNameError("configuration key", name, _names_beside(place)))
+        return str(UnknownNameError(what, name, _names_beside(place, root)))
     if place[-1] == "key_variable":  # do not print it: it may be the key itself
         return f"{name} takes the name of an environment variable, not a key"
     if first["type"] == "missing":
         return f"{name} {describe_fault(first)}"
+    if first["type"] == "value_error":  # the message names the value
+        return f"{name}: {describe_fault(first)}"
     return f"{name}: {describe_fault(first)}, not {first['input']!r}"
 
 
-def _names_beside(place: list[str]) -> list[str]:
-    """The valid keys at the place of an unknown one."""
-    kind: type[BaseModel] = DesignConfig
+def _names_beside(place: list[str], kind: type[BaseModel]) -> list[str]:
+    """The valid keys in place of an unknown one."""
     for part in place[:-1]:
         if part in kind.model_fields:  # keys of mappings are not fields
             kind = _model_in(kind.model_fields[part].annotation) or kind
@@ -244,7 +234,7 @@ def _names_beside(place: list[str]) -> list[str]:
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:
-    """The group of keys that an annotation allows: plain, optional, or as values of a mapping."""
+    """The model in an annotation: alone, optional, or in a list or mapping."""
     for kind in (annotation, *get_args(annotation)):
         if isinstance(kind, type) and issubclass(kind, BaseModel):
             return kind

@@ -1,4 +1,4 @@
-"""Sweeps: a base configuration, axes and seeds, and the runs that result from them."""
+"""Sweeps: a base configuration, axes and seeds, and the runs that they define."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from agentflow.config.run import DesignConfig, build_config, set_key
-from agentflow.config.yaml import describe_fault, find_bool_as_number, first_fault
-from agentflow.errors import ConfigError, UnknownNameError
+from agentflow.config.run import DesignConfig, build_config, explain, set_key
+from agentflow.config.yaml import find_bool_as_number
+from agentflow.errors import ConfigError
 
 StageChoice = Literal["initial", "blind_refinement", "env_feedback"]
 Seed = Annotated[int, Field(ge=-(2**63), lt=2**63)]
@@ -40,11 +40,11 @@ class TableLayout(BaseModel):
 
     conditions: Literal["axes", "stages", "rounds", "none"] = Field(
         "axes",
-        description="what columns compare: all axes but task, the stages of each run, one search "
-        "cut after several rounds, or nothing; the other axes are rows",
+        description="what columns compare: all axes but task, the stages of each run, a search "
+        "cut off after several rounds, or nothing; the other axes are rows",
     )
     stage: StageChoice = Field("env_feedback", description="stage whose machines are counted")
-    rounds: tuple[int, ...] = Field((), description="rounds after which a search is cut")
+    rounds: tuple[int, ...] = Field((), description="rounds after which a search is cut off")
     metrics: tuple[str, ...] = Field(min_length=1, description="columns of each condition")
     task_metrics: dict[str, tuple[str, ...]] = Field({}, description="tasks with other metrics")
     columns: Literal["condition", "task"] = Field(
@@ -117,7 +117,7 @@ def read_sweep(document: Mapping[str, Any], source: str) -> SweepConfig:
 
     Args:
         document: As loaded.
-        source: Name for error messages.
+        source: File name for error messages.
 
     Raises:
         ConfigError: A key is unknown or wrong, or this is the configuration of a single run.
@@ -130,28 +130,17 @@ def read_sweep(document: Mapping[str, Any], source: str) -> SweepConfig:
     try:
         found = SweepConfig.model_validate(dict(document))
     except ValidationError as error:
-        raise ConfigError(f"{source}: {_explain(error)}") from None
+        raise ConfigError(f"{source}: {explain(error, SweepConfig, 'key')}") from None
     if wrong := find_bool_as_number(document, found.model_dump()):
         raise ConfigError(f"{source}: {wrong}: expected a number, not true or false")
     return found
 
 
-def _explain(error: ValidationError) -> str:
-    first = first_fault(error)
-    place = [str(part) for part in first["loc"]]
-    key = ".".join(place)
-    if first["type"] == "extra_forbidden":
-        kind = TableLayout if place[0] == "table" else SweepConfig
-        known = [".".join([*place[:-1], name]) for name in kind.model_fields]
-        return str(UnknownNameError("key", key, known))
-    return f"{key} is missing" if first["type"] == "missing" else f"{key}: {describe_fault(first)}"
-
-
 def list_runs(sweep: SweepConfig) -> tuple[SweepRun, ...]:
-    """All runs: the product of the axes, in order, each with all seeds.
+    """All runs: every combination of the axes, in order, with every seed.
 
     Raises:
-        ConfigError: A configuration is wrong, or two runs would be the same.
+        ConfigError: A configuration is wrong, or two runs would have the same name.
     """
     found: dict[str, SweepRun] = {}
     for choice in product(*(axis.items() for axis in sweep.axes.values())):
@@ -184,15 +173,12 @@ def axis_of_key(sweep: SweepConfig) -> dict[str, str]:
 
 
 def _label_values(name: str, axis: object) -> object:
-    """An axis as a mapping. A list gives values of the configuration key that names the axis."""
+    """An axis as a mapping; a list holds values of the key that the axis is named after."""
     if isinstance(axis, list):
-        found = {str(value): {name: value} for value in axis}
-        if len(found) < len(axis):
-            twice = next(
-                str(value) for i, value in enumerate(axis) if str(value) in map(str, axis[:i])
-            )
-            raise ValueError(f"axis {name} has {twice} twice")
-        return found
+        labels = [str(value) for value in axis]
+        if repeated := [label for label in labels if labels.count(label) > 1]:
+            raise ValueError(f"axis {name} has {repeated[0]} twice")
+        return {str(value): {name: value} for value in axis}
     if isinstance(axis, Mapping):
         return {str(label): settings for label, settings in axis.items()}
     return axis

@@ -1,4 +1,4 @@
-"""Strict reading of YAML documents, and validation errors in plain words."""
+"""Reads YAML strictly, and puts validation errors in plain words."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 NOT_YAML = (yaml.YAMLError, ValueError, RecursionError)
-"""What reading YAML raises, also for impossible dates and deeply nested brackets."""
+"""Errors of reading YAML, including impossible dates and deeply nested brackets."""
 
 MOST_VALUES = 1_000_000
-"""Most values in a document; chosen to be far more than anyone writes."""
+"""Most values in a document; far more than anyone writes."""
 
 _GROUP, _LIST = "expected a group of keys", "expected a list"
 _WHOLE, _NUMBER, _TRUTH = "expected a whole number", "expected a number", "expected true or false"
@@ -69,23 +69,18 @@ def read_yaml(text: str) -> Any:
         node = loader.get_single_node()
         if node is None:
             return None
-        _check_size(node)
+        if _count_values(node, {}) > MOST_VALUES:  # nested aliases could fill the memory
+            problem = f"with all aliases expanded it has more than {MOST_VALUES:,} values"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
         return loader.construct_object(node, deep=True)
     finally:
         loader.dispose()
 
 
-def _check_size(node: yaml.Node) -> None:
-    """Refuse nested aliases that would fill the memory once expanded."""
-    if _count_values(node, {}) > MOST_VALUES:
-        problem = f"with all aliases expanded it has more than {MOST_VALUES:,} values"
-        raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
-
-
 def _count_values(node: yaml.Node, known: dict[int, int]) -> int:
     """Number of values, groups and lists in a node, with aliases expanded."""
     if id(node) not in known:
-        known[id(node)] = 1  # while counting: a node that contains itself is refused later
+        known[id(node)] = 1  # ends the recursion for a node that contains itself; refused later
         parts = node.value if isinstance(node, yaml.CollectionNode) else []
         pairs = [part if isinstance(part, tuple) else (part,) for part in parts]
         known[id(node)] += sum(_count_values(part, known) for pair in pairs for part in pair)
@@ -93,9 +88,9 @@ def _count_values(node: yaml.Node, known: dict[int, int]) -> int:
 
 
 def first_fault(error: ValidationError) -> ErrorDetails:
-    """The most telling error: an unknown key if there is one, else the first.
+    """An unknown key if there is one, else the first error.
 
-    A required key that is misspelt is also missing.
+    A misspelt required key is both unknown and missing; the former says more.
     """
     found = error.errors(include_url=False)
     return next((item for item in found if item["type"] == "extra_forbidden"), found[0])
@@ -110,20 +105,23 @@ def describe_fault(fault: ErrorDetails) -> str:
     return message[0].lower() + message[1:]
 
 
-def find_bool_as_number(given: object, taken: object, place: tuple[str, ...] = ()) -> str | None:
+def find_bool_as_number(
+    document: object, validated: object, place: tuple[str, ...] = ()
+) -> str | None:
     """The first dotted key where true or false was read as a number; None if there is none.
 
     Args:
-        given: The document.
-        taken: The validated document as plain data.
+        document: As loaded.
+        validated: The validated document as plain data.
         place: Keys leading to both.
     """
-    if isinstance(given, bool) and isinstance(taken, int | float) and not isinstance(taken, bool):
+    is_number = isinstance(validated, int | float) and not isinstance(validated, bool)
+    if isinstance(document, bool) and is_number:
         return ".".join(place)
     pairs: list[tuple[Any, Any, Any]] = []
-    if isinstance(given, Mapping) and isinstance(taken, Mapping):
-        pairs = [(key, value, taken.get(key)) for key, value in given.items()]
-    elif isinstance(given, list | tuple) and isinstance(taken, list | tuple):
-        pairs = [(i, *both) for i, both in enumerate(zip(given, taken, strict=False))]
+    if isinstance(document, Mapping) and isinstance(validated, Mapping):
+        pairs = [(key, value, validated.get(key)) for key, value in document.items()]
+    elif isinstance(document, list | tuple) and isinstance(validated, list | tuple):
+        pairs = [(i, *both) for i, both in enumerate(zip(document, validated, strict=False))]
     found = (find_bool_as_number(one, other, (*place, str(key))) for key, one, other in pairs)
     return next((key for key in found if key), None)

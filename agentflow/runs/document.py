@@ -14,7 +14,7 @@ import yaml
 from agentflow.errors import RunError
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""Both give the same data; libyaml, if installed, is seven times as fast."""
+"""Both read the same data; libyaml, if installed, is seven times as fast."""
 
 SCHEMA = 1
 """Version of the layout of run directories; other versions are refused."""

@@ -17,7 +17,7 @@ EVENTS, CALLS, RESULT = "events.jsonl", "calls.jsonl", "result.json"
 AGAIN = b'{"again": true, '
 """Start of the line of an event that replaces an earlier one with the same kind and label."""
 State = Literal["done", "running", "stopped"]
-"""Of a run: complete, running in some process, or stopped before its end."""
+"""State of a run: complete, running in some process, or stopped before its end."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class Event:
     at: float = field(default=0.0, compare=False)
     """Seconds of work into the run, without the time between a kill and a resumption."""
     line: int = field(default=0, compare=False)
-    """Number of its line in the file; 0 if it was not read from one."""
+    """Line number in the file; 0 if it was not read from one."""
 
 
 def read_events(path: Path) -> Iterator[Event]:
-    """The recorded events in order, one at a time, without a half-written last line.
+    """The recorded events in order, without a half-written last line.
 
-    Of events with the same kind and label, only the last one is given. Memory use does not grow
+    Of events with the same kind and label, only the last one is yielded. Memory use does not grow
     with the number of events.
 
     Raises:
@@ -54,7 +54,7 @@ def read_events(path: Path) -> Iterator[Event]:
 
 
 def read_calls(path: Path) -> Iterator[dict[str, Any]]:
-    """The lines of calls.jsonl as data, one at a time: `key`, `model`, `request`, `reply`.
+    """The lines of calls.jsonl as data: `key`, `model`, `request`, `reply`.
 
     Raises:
         RunError: A line before the last is damaged.
@@ -106,7 +106,7 @@ def state_of(path: Path) -> State:
     """Whether a run is complete, running, or waiting to be resumed.
 
     Raises:
-        RunError: It is not a run directory, or cannot be read.
+        RunError: It is not a run directory.
     """
     try:
         if (path / RESULT).exists():
@@ -125,10 +125,7 @@ def state_of(path: Path) -> State:
 def find_runs(folder: Path) -> Iterator[Path]:
     """The run directories in a folder and its subfolders, by name; `folder` may be a run itself.
 
-    Runs are not searched for further runs; links to folders are not followed.
-
-    Raises:
-        RunError: A folder cannot be read.
+    Runs inside runs are not found; links to folders are not followed.
     """
     try:
         if (folder / FILE_NAME).is_file():

@@ -1,4 +1,4 @@
-"""A run directory while it is being written, by one process at a time."""
+"""Writing a run directory, one process at a time."""
 
 from __future__ import annotations
 
@@ -23,24 +23,19 @@ ATTEMPTS, PAUSE = 50, 0.01
 Listener = Callable[[Event], None]
 """Receives every event of a run."""
 Notify = Callable[[str], None]
-"""Receives one line of text for the user: waits, refused parameters, dropped half lines."""
+"""Receives one line of text for the user, e.g. about a retry or an unsupported parameter."""
 
 
 class RunDirectory:
     """One run on disk, locked by this process.
 
     Files: run.yaml (written first), calls.jsonl (written by the tape), events.jsonl, machines/,
-    rollouts/, result.json (written last). A line is in the file when `event` returns, and other
-    files are replaced atomically, so a killed process loses at most what it was just writing.
+    rollouts/, result.json (written last). Events are on disk when `event` returns, and other files
+    are replaced atomically, so a killed process loses at most what it was writing.
     """
 
     def __init__(self, path: Path, lock: IO[str]) -> None:
-        """Open the run at `path`, whose run.yaml is locked by `lock`.
-
-        Raises:
-            RunError: The record is damaged.
-            OSError: The folder cannot be written.
-        """
+        """Open the run at `path`; `lock` is its run.yaml, open and locked."""
         self.path = path
         self.listeners: list[Listener] = []
         self.replaced: list[Event] = []
@@ -67,11 +62,7 @@ class RunDirectory:
 
     @classmethod
     def create(cls, out: Path, name: str, document: Mapping[str, Any]) -> RunDirectory:
-        """Create `out/name` (numbered if that exists) and write run.yaml into it.
-
-        Raises:
-            RunError: The folder cannot be created or written.
-        """
+        """Create `out/name` (with a number if that exists) and write its run.yaml."""
         made = [folder for folder in (out, *out.parents) if not folder.exists()]
         path: Path | None = None
         try:
@@ -91,12 +82,7 @@ class RunDirectory:
 
     @classmethod
     def resume(cls, path: Path) -> RunDirectory:
-        """Open an unfinished run; recorded events are not written again.
-
-        Raises:
-            RunError: It is not a run directory, has another schema, is damaged or edited, cannot
-                be written, or is in use by another process.
-        """
+        """Open an unfinished run; recorded events are not written again."""
         read_document(path)
         lock = _lock(path)
         try:
@@ -121,14 +107,14 @@ class RunDirectory:
     def event(self, kind: str, label: str, **data: Any) -> None:
         """Append one event and notify the listeners.
 
-        A resumed run does not repeat recorded events. An event that differs from the record (a
-        rollout that had timed out) is appended; the last event with a kind and label counts.
-
-        Raises:
-            RunError: The line could not be written.
+        A resumed run does not append recorded events again, unless they differ (as after a rollout
+        that had timed out); the last event with a kind and label counts.
         """
         event = Event(kind, label, data, round(self.seconds, 3))
-        recorded = self._match_recorded(_hash(kind, label)) if self._known else None
+        key = _hash(kind, label) if self._known else b""
+        recorded = self._known.get(key)
+        if recorded is not None:
+            self._reproduced.add(key)
         if recorded is None or recorded != _hash(data):
             item = {"kind": kind, "label": label, "at": event.at, "data": data}
             line = json.dumps(item).encode()
@@ -141,12 +127,6 @@ class RunDirectory:
                 self.replaced.append(event)
         for listener in self.listeners:
             listener(event)
-
-    def _match_recorded(self, key: bytes) -> bytes | None:
-        recorded = self._known.get(key)
-        if recorded is not None:
-            self._reproduced.add(key)
-        return recorded
 
     @property
     def dropped(self) -> int:
@@ -171,7 +151,7 @@ class RunDirectory:
         _write(self.path / RESULT, json.dumps(result, indent=1) + "\n")
 
     def close(self) -> None:
-        """Close the run, so that other processes may open it."""
+        """Close the run and release its lock."""
         self._events.close()
         self._lock.close()
 
@@ -182,11 +162,11 @@ class RunDirectory:
 
 
 def _remove(path: Path | None, made: Sequence[Path]) -> None:
-    """Remove a run, and the folders created for it that are empty now."""
+    """Remove a run, and the folders created for it that are now empty."""
     if path is not None:
         shutil.rmtree(path)
     for folder in made:
-        with contextlib.suppress(OSError):  # never created, or now used by another run
+        with contextlib.suppress(OSError):  # never created, or used by another run
             folder.rmdir()
 
 
