@@ -1,4 +1,4 @@
-"""Checking a configured endpoint, for `agentflow doctor`."""
+"""Checks a configured endpoint, for `agentflow doctor`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.doctor import Diagnosis, diagnose
 
 _IDLE_S, _TOTAL_S = 60.0, 120.0
-"""Longest waits for one small reply, shorter than a run's."""
+"""Time-outs for one small reply, shorter than in a run."""
 
 
 def check_endpoint(config: DesignConfig, role: str) -> Diagnosis:
@@ -18,12 +18,12 @@ def check_endpoint(config: DesignConfig, role: str) -> Diagnosis:
 
     Raises:
         UnknownNameError: There is no such role.
-        ConfigError: It has no endpoint, or base URL or key cannot be used.
+        ConfigError: The model has no endpoint, or its base URL or key cannot be used.
     """
-    found = choose_models(config.model)
-    if role not in found:
-        raise UnknownNameError("role", role, found)
-    if found[role].procedural:
+    choices = choose_models(config.model)
+    if role not in choices:
+        raise UnknownNameError("role", role, choices)
+    if choices[role].procedural:
         raise ConfigError(
             "the procedural model has no endpoint to check; name a model with --model or "
             "AGENTFLOW_MODEL"
@@ -32,4 +32,4 @@ def check_endpoint(config: DesignConfig, role: str) -> Diagnosis:
     settings = http.model_copy(
         update={"idle_s": min(http.idle_s, _IDLE_S), "total_s": min(http.total_s, _TOTAL_S)}
     )
-    return asyncio.run(diagnose(found[role].endpoint(), settings))
+    return asyncio.run(diagnose(choices[role].endpoint(), settings))

@@ -1,4 +1,4 @@
-"""Prompt sets for users: the list, one rendered prompt, the difference of two sets."""
+"""Prompt sets: list them, render one prompt, compare two sets."""
 
 from __future__ import annotations
 
@@ -27,17 +27,13 @@ def list_prompt_sets() -> list[dict[str, Any]]:
 
 
 def render_prompt(name: str, role: str, brief: Brief, source: str | None = None) -> dict[str, Any]:
-    """One prompt as a model receives it, with its length.
+    """A prompt as a model receives it, with its length.
 
     Args:
         name: Name of the prompt set.
         role: Role that uses the prompt.
         brief: The task.
-        source: A machine as text, for roles that receive one; None takes a small one.
-
-    Raises:
-        UnknownNameError: There is no such set or role.
-        UsageError: The text holds no machine.
+        source: A machine as text, for roles that receive one; by default a small one.
     """
     asker, prompts = ROLES[role](), PromptSet(name)
     given = asker.sample(brief, _machine(brief, source))

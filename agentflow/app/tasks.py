@@ -1,4 +1,4 @@
-"""Tasks for users: the list of levels, and one level in full."""
+"""Tasks: list the levels, or show one in full."""
 
 from __future__ import annotations
 
@@ -13,32 +13,15 @@ from agentflow.machine.brief import LONE_ROOT
 
 
 def find_task(name: str, settings: Iterable[str] = ()) -> Task:
-    """A task with `knob=value` settings applied to its level.
-
-    Raises:
-        UnknownNameError: There is no such task.
-        ConfigError: A knob is unknown or out of range.
-    """
+    """A task with `knob=value` settings applied to its level."""
     return get_task(name, dict(map(split_setting, settings)))
 
 
 def list_tasks() -> list[dict[str, Any]]:
-    """Every level: name, title, objective, window, block list, and what a good score is."""
-    items = []
-    for name in task_names():
-        level, task = get_level(name), get_task(name)
-        items.append(
-            {
-                "name": name,
-                "family": task.family,
-                "title": level.file.title,
-                "objective": task.brief.objective,
-                "window": task.window,
-                "blocks": list(task.brief.blocks),
-                "good": level.file.good,
-            }
-        )
-    return items
+    """Every level: name, family, title, objective, window, blocks, and a good score."""
+    keys = ("name", "family", "title", "objective", "window", "blocks", "good")
+    levels = map(task_json, task_names())
+    return [{key: level[key] for key in keys} for level in levels]
 
 
 def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:
@@ -47,10 +30,6 @@ def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:
     Args:
         name: Name of a level, or path of a YAML file.
         settings: Strings `knob=value`.
-
-    Raises:
-        UnknownNameError: There is no such task.
-        ConfigError: A knob is unknown or out of range.
     """
     task, file = find_task(name, settings), get_level(name).file
     brief = task.brief

@@ -1,4 +1,4 @@
-"""Converting machine files between formats."""
+"""Converts machine files between formats."""
 
 from __future__ import annotations
 
@@ -22,16 +22,12 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     """Read a machine in any format and write it in the format given by the suffix of `out`.
 
     Blocks that are not in the library, scaled, off the grid or unconnected are reported and
-    skipped. All types of the library are supported, including extended ones.
+    skipped.
 
     Args:
         source: File, or `-` for standard input.
         out: File to write: `.json` (tree), `.coords.json`, `.bsg` or `.glb` (for viewing only).
         strict: Refuse machines with skipped blocks or ambiguous parents.
-
-    Raises:
-        UsageError: The source is not a machine, only its Starting Block is supported, it is
-            refused, or `out` cannot be written.
     """
     write = _writer(out)
     reading = read_any(machine_text(source), blocks=tuple(library()))
@@ -62,10 +58,10 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
 
 
 def _summarize(problems: tuple[Problem, ...]) -> str:
-    """The first problem, unreadable numbers before others, and the number of further ones."""
-    problems = tuple(sorted(problems, key=lambda problem: problem.code != "not_a_number"))
+    """The first problem, preferably an unreadable number, and how many more there are."""
+    first = min(problems, key=lambda problem: problem.code != "not_a_number")
     rest = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return problems[0].message + rest
+    return first.message + rest
 
 
 def _coordinates(machine: Machine) -> bytes:
@@ -79,7 +75,7 @@ WRITERS: Mapping[str, Callable[[Machine], bytes]] = {
     ".bsg": lambda machine: to_bsg(machine).encode(),
     ".glb": machine_glb,
 }
-"""Suffix of a file -> function that makes its content; the first match counts."""
+"""File suffix -> function that makes the content; the first match counts."""
 OF_THE_GAME = (WRITERS[".coords.json"], WRITERS[".bsg"])
 """Formats in which a machine begins with the Starting Block."""
 

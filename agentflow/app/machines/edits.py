@@ -1,4 +1,4 @@
-"""Applying edit scripts to machines from files and lines."""
+"""Applies edit scripts to machines from files and JSON lines."""
 
 from __future__ import annotations
 
@@ -7,21 +7,17 @@ from typing import Any
 
 from agentflow.app.machines.files import machine_text, parse_line, read_text
 from agentflow.errors import UsageError
-from agentflow.machine import Brief, Report, StepVerdict, apply_script, check
+from agentflow.machine import Brief, StepVerdict, apply_script, check
 from agentflow.machine.formats.detect import read_for
 
 FORM = '{"machine": [...], "script": "Remove 3"}'
 
 
 def edit_file(source: str, script: str, brief: Brief | None) -> dict[str, Any]:
-    """Apply a script to a machine file; one of the two may be `-`, standard input.
-
-    Raises:
-        UsageError: A file cannot be read, or the machine is invalid; the message says why.
-    """
+    """Apply a script to a machine file; one of the two may be `-`, standard input."""
     if source == script == "-":
         raise UsageError("machine and script cannot both come from standard input; give --script")
-    report = _check(machine_text(source), brief)
+    report = check(read_for(brief, machine_text(source)), brief)
     if report.machine is None:
         raise UsageError(f"{source} cannot be edited: {report.problems[0].message}")
     return apply_script(report.machine, read_text(script), brief).to_json()
@@ -33,27 +29,19 @@ def edit_lines(lines: Iterable[str], brief: Brief | None) -> Iterator[dict[str, 
         yield _edit_line(parse_line(line), brief)
 
 
-def _edit_line(given: object, brief: Brief | None) -> dict[str, Any]:
-    machine = given.get("machine") if isinstance(given, dict) else None
-    script = given.get("script") if isinstance(given, dict) else None
+def _edit_line(line: object, brief: Brief | None) -> dict[str, Any]:
+    machine = line.get("machine") if isinstance(line, dict) else None
+    script = line.get("script") if isinstance(line, dict) else None
     if machine is None or not isinstance(script, str):
         return _failure(machine, f"expected a JSON object like {FORM}")
-    report = _check(machine, brief)
+    report = check(read_for(brief, machine), brief)
     if report.machine is None:
         return _failure(machine, f"the machine cannot be edited: {report.problems[0].message}")
     return apply_script(report.machine, script, brief).to_json()
 
 
-def _check(source: object, brief: Brief | None) -> Report:
-    return check(read_for(brief, source), brief)
-
-
 def _failure(machine: object, reason: str) -> dict[str, Any]:
     """The outcome of a line whose script was not applied."""
     verdict = StepVerdict("", "Error", "bad_format", reason)
-    return {
-        "outcome": "failure",
-        "steps": [verdict.to_json()],
-        "machine": machine,
-        "id_map": {},
-    }
+    steps = [verdict.to_json()]
+    return {"outcome": "failure", "steps": steps, "machine": machine, "id_map": {}}

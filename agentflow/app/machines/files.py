@@ -16,17 +16,13 @@ from agentflow.machine.formats.detect import Form, read_any, read_for
 
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 LARGEST = 64 * 2**20
-"""Most bytes of one text (characters for standard input), so that endless files are refused."""
+"""Most bytes of a text (characters for standard input); refuses endless files."""
 NO_MACHINE = ("not_json", "not_xml", "not_a_machine")
-"""Codes of problems that mean a text is not a machine."""
+"""Problem codes of texts that are not machines."""
 
 
 def read_text(source: str) -> str:
-    """The text of a file, or of standard input for `-`; UTF-8, or UTF-16 with a byte order mark.
-
-    Raises:
-        UsageError: There is no such file, or it is not text or too large.
-    """
+    """The text of a file, or of standard input for `-`; UTF-8, or UTF-16 with a byte order mark."""
     if source == "-":
         return _limit_size(_standard_input().read(LARGEST + 1), "standard input")
     try:
@@ -46,11 +42,7 @@ def _limit_size(data: AnyStr, source: str) -> AnyStr:
 
 
 def read_lines(source: str) -> Iterator[str]:
-    """The lines of a file or of standard input, one at a time, including blank ones.
-
-    Raises:
-        UsageError: There is no such file.
-    """
+    """The lines of a file, or of standard input for `-`, including blank ones."""
     if source == "-":
         yield from _standard_input()
         return
@@ -76,7 +68,7 @@ def machine_text(source: str) -> str:
     A .bsg file must have that format; the format of other files is detected.
 
     Raises:
-        UsageError: The file holds no machine.
+        UsageError: The file cannot be read or holds no machine.
     """
     text = read_text(source)
     form: Form = "bsg" if source.lower().endswith(".bsg") else "auto"
@@ -90,7 +82,7 @@ def machine_text(source: str) -> str:
 def check(
     source: object, brief: Brief | None, geometry: bool, form: Form = "auto"
 ) -> dict[str, Any]:
-    """The validity report as data; `source` is any model text or JSON data."""
+    """The validity report as data; `source` is text or JSON data."""
     report = check_machine(read_for(brief, source, form), brief)
     answer: dict[str, Any] = report.to_json()
     if geometry:
@@ -122,21 +114,17 @@ def parse_line(line: str) -> object:
 
 
 def list_blocks() -> list[dict[str, Any]]:
-    """Every block type of the library as data, in ascending order."""
+    """Every block type of the library as data, by id."""
     return [block_json(block) for block in library().values()]
 
 
 def find_block(name: str) -> dict[str, Any]:
-    """One block type by id or name.
-
-    Raises:
-        UnknownNameError: There is no such type; lists similar ones.
-    """
+    """One block type by id or name."""
     return block_json(library().find(name))
 
 
 def block_json(block: BlockType) -> dict[str, Any]:
-    """A block type as data: metres, kilograms."""
+    """A block type as data, in metres and kilograms."""
     return {
         "type": block.type,
         "name": block.name,

@@ -1,4 +1,4 @@
-"""Simulating machines from files: one or many, with queries and saved states."""
+"""Simulates machines from files: one or many, with queries and saved states."""
 
 from __future__ import annotations
 
@@ -34,9 +34,7 @@ def simulate_text(
 ) -> dict[str, Any]:
     """Simulate one machine given as text or data; the result as data.
 
-    Raises:
-        UsageError: A query is not JSON, or the states cannot be saved. (A machine that was not
-            simulated has no states.)
+    States are saved only if the machine was simulated.
     """
     parsed = [_parse_query(item) for item in queries]
     report = check(read_for(task.brief, text), task.brief)
@@ -63,7 +61,7 @@ async def simulate_lines(
 ) -> AsyncIterator[dict[str, Any]]:
     """Simulate one machine per line, as lines arrive; one result per line, in order.
 
-    Holds only a few rollouts per worker at a time.
+    At most a few rollouts per worker are in memory at a time.
     """
 
     async def result(line: str) -> dict[str, Any]:
