@@ -1,4 +1,4 @@
-"""Design runs from configuration to result, new or resumed."""
+"""Carries out design runs, new or resumed, from configuration to result."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from agentflow.runs import Event, Listener, Notify, RunDirectory, read_document,
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a run is carried out. Only `client` can change its result."""
+    """How to carry out a run. Only `client` can change the result."""
 
     notify: Notify = lambda _line: None
     """Receives remarks for the user, one line each."""
@@ -58,7 +58,7 @@ async def design_async(
 
     Args:
         config: What to do.
-        out: Folder for run directories; created if missing.
+        out: Parent folder of the run directory; created if missing.
         options: How to do it.
         name: Name of the run directory; by default date, task, workflow and seed.
 
@@ -67,7 +67,7 @@ async def design_async(
 
     Raises:
         UsageError: A name or value is wrong, or the folder cannot be written.
-        EndpointError: The model cannot be used; a run without any reply leaves nothing behind.
+        EndpointError: The model cannot be used; without any reply, nothing is left behind.
     """
     return await DesignRun.create(config, out, options or RunOptions(), name).carry_out()
 
@@ -137,11 +137,7 @@ class DesignRun:
             )
 
     def carry_out_blocking(self) -> dict[str, Any]:
-        """Finish the run on a new event loop.
-
-        Raises:
-            InterruptedRunError: Ctrl-C.
-        """
+        """Finish the run on a new event loop."""
         try:
             return asyncio.run(self.carry_out())
         except KeyboardInterrupt:

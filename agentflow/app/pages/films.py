@@ -1,4 +1,4 @@
-"""Data of a machine and its rollout for a page: solids, motion, events."""
+"""The data of a machine and its rollout on a page: solids, motion, events."""
 
 from __future__ import annotations
 
@@ -25,11 +25,9 @@ GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
     ("target", (0.13, 0.50, 0.66, 1.0)),
 )
 """Name and colour of given blocks: those with a motor, and the others."""
-STALLED = "motor_stalled"
 THINNED = 3
-"""Trials that are not shown first keep one in this many samples."""
+"""Trials other than the one shown first keep one in this many samples."""
 MOST_TRACES = 4
-NO_PLACE = (0.0, 0.0, 0.0)
 MOST_EVENTS = 40
 """Most events listed for one film."""
 Row = list[Any]
@@ -60,15 +58,15 @@ def machine_data(
     given: Machine = LONE_ROOT,
     played: Sequence[Rollout] = (),
 ) -> dict[str, Any]:
-    """Data of a machine for a page: in motion if there is a trace, else as built.
+    """The data of a machine for a page: in motion if there is a trace, else as built.
 
     Args:
         machine: File-valid.
         rollout: Its rollout; None if it was not simulated.
         shapes: Collects the machine's solids.
-        remark: Shown below the film.
-        given: Blocks given by the task, which get their own colours.
-        played: All trials in order, if each gets its own film.
+        remark: Text below the film.
+        given: Blocks given by the task, which get special colours.
+        played: All trials in order, if each gets a film.
     """
     figures, marked = MachineSolids(machine), _given_marks(given)
     solids = [
@@ -116,9 +114,9 @@ def _film_data(
 def _trial_data(
     machine: Machine, figures: MachineSolids, whole: Rollout | None, played: Sequence[Rollout]
 ) -> list[dict[str, Any]]:
-    """Data of every trial; the one that `whole` shows has no second film.
+    """Data of every trial, with a film unless it is the one that `whole` shows.
 
-    Empty if a trial did not finish, so that `whole` has no outcomes.
+    Empty if a trial did not finish: then `whole` has no outcomes.
     """
     if whole is None or SHOWN_TRIAL not in whole.terms:
         return []
@@ -137,7 +135,7 @@ def _trial_data(
 
 
 def _given_marks(given: Machine) -> dict[int, tuple[str, Color]]:
-    """Given block -> its name and colour; the root is not one."""
+    """Name and colour of each given block except the root."""
     return {
         step.id: GIVEN[0] if library()[step.type].non_static else GIVEN[1]
         for step in given
@@ -166,7 +164,7 @@ def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]
 def _motion(figures: MachineSolids, trace: Trace | None, machine: Machine, every: int) -> Motion:
     """Motion of blocks, then of moving things, with one in `every` samples.
 
-    Two-ended blocks are drawn between their ends and do not move here.
+    Two-ended blocks get no motion: they are drawn between their ends.
     """
     if trace is None:
         rest = figures.rest
@@ -191,10 +189,10 @@ def _solid_row(solid: Thing) -> Row:
 
 
 def _in_own_frame(thing: Thing, columns: dict[str, int]) -> Thing:
-    """A static thing as it is; a moving one in its own frame."""
+    """A thing, in its own frame if it moves."""
     if thing.name not in columns:
         return thing
-    return Thing(thing.name, thing.shape, thing.size, NO_PLACE, color=thing.color)
+    return Thing(thing.name, thing.shape, thing.size, (0.0, 0.0, 0.0), color=thing.color)
 
 
 def _rod_data(block: int, machine: Machine, figures: MachineSolids) -> dict[str, Any]:
@@ -227,7 +225,7 @@ def _events(rollout: Rollout, machine: Machine) -> list[dict[str, Any]]:
 def _event_text(event: RolloutEvent) -> str:
     """An event in words. The text of a stalled motor only names the motor."""
     text = event.text or event.kind.replace("_", " ")
-    return f"motor stands still: {text}" if event.kind == STALLED else text
+    return f"motor stands still: {text}" if event.kind == "motor_stalled" else text
 
 
 def _break_text(item: Broken, machine: Machine) -> str:

@@ -28,11 +28,7 @@ SIZES = {GIF: (480, 360), MP4: (640, 480)}
 
 
 def render_run(path: Path, out: Path | None = None, view: str = "three-quarter") -> dict[str, str]:
-    """Draw and film the best machine of a finished run: `out`, or best.png and best.gif.
-
-    Raises:
-        RunError: The run is unfinished, or found no valid machine.
-    """
+    """Draw or film the best machine of a finished run: `out`, by default best.png and best.gif."""
     result = read_finished(path)
     config = build_config(read_document(path).get("config"))
     machine = read_machine(result["machine"], range(1000)).machine
@@ -43,11 +39,7 @@ def render_run(path: Path, out: Path | None = None, view: str = "three-quarter")
 
 
 def render_file(source: str, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
-    """Draw or film the machine of a file, depending on the suffix of `out`; both without one.
-
-    Raises:
-        UsageError: The machine cannot be built; the message names the first problem.
-    """
+    """Draw or film the machine of a file, depending on the suffix of `out`; both without one."""
     report = check(read_any(machine_text(source), blocks=tuple(library())))
     if report.machine is None or not report.machine_valid:
         raise UsageError(f"{source} cannot be built: {report.problems[0].message}")
@@ -79,7 +71,6 @@ def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> No
 
 
 def _simulate(machine: Machine, task: Task, seed: int, interval: float) -> Rollout:
-    """A rollout of the machine; repeatable with the same seed."""
     rollout = simulate(machine, task, seed=seed, interval=interval)
     if rollout.trace is None:
         why = "; ".join(str(problem["message"]) for problem in rollout.problems)

@@ -15,16 +15,7 @@ from agentflow.runs import read_result
 
 
 def sweep_report(path: Path, out: Path, **_: Any) -> Path:
-    """Write the page of a sweep, finished or not.
-
-    Args:
-        path: The sweep's folder.
-        out: The file.
-
-    Raises:
-        RunError: No run of the sweep is finished, or it is damaged.
-        UsageError: The file cannot be written, or the page's bundle is missing.
-    """
+    """Write the page of a sweep, finished or not, to a file."""
     require_writable(out)
     result = read_sweep_result(path)
     views = {name: make(result) for name, make in VIEWS.items() if name != LAYOUT}

@@ -11,7 +11,6 @@ from PIL import Image
 from agentflow.app.tasks import find_task, list_tasks, task_json
 from agentflow.env.drawing.plan_drawing import PngPen, SvgPen, draw_plans, place_plans
 from agentflow.env.drawing.plans import level_plans
-from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.files import write_output
 
@@ -24,11 +23,7 @@ def picture_name(name: str) -> str:
 
 
 def draw_task(name: str, settings: Iterable[str], file: Path) -> Path:
-    """Draw a level from above and from the right, with axes in metres.
-
-    Raises:
-        UsageError: There is no such level or knob, or the file cannot be written.
-    """
+    """Draw a level from above and from the right, with axes in metres."""
     if file.suffix.lower() != ".png":
         raise UsageError(f"the picture must be a .png file, not {file.name!r}")
     task = find_task(name, settings)
@@ -49,11 +44,7 @@ def draw_all(folder: Path) -> list[Path]:
 
 
 def write_page(names: Iterable[str], file: Path) -> Path:
-    """Write a self-contained HTML page of levels, for light and dark themes.
-
-    Raises:
-        UsageError: There is no such level, or the file cannot be written.
-    """
+    """Write a self-contained HTML page of levels, for light and dark themes."""
     import jinja2
 
     loader = jinja2.PackageLoader("agentflow.app.pages", "")
@@ -68,12 +59,8 @@ def write_page(names: Iterable[str], file: Path) -> Path:
 
 
 def _level(number: int, name: str) -> dict[str, Any]:
-    task = find_task(name)
-    found = task_json(name)
-    return {**found, "anchor": f"level-{number}", "svg": _svg(number, task)}
-
-
-def _svg(number: int, task: Task) -> str:
-    views, pen = level_plans(task), SvgPen(f"clip-{number}")
+    task, pen = find_task(name), SvgPen(f"clip-{number}")
+    views = level_plans(task)
     draw_plans(views, task.scene().wind, pen)
-    return pen.to_svg(place_plans(views)[1], f"{task.name} from above and from the right")
+    svg = pen.to_svg(place_plans(views)[1], f"{task.name} from above and from the right")
+    return {**task_json(name), "anchor": f"level-{number}", "svg": svg}

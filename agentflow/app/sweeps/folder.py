@@ -27,7 +27,7 @@ from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.config.sweep import SweepConfig, read_sweep
 from agentflow.config.yaml import NOT_YAML
 from agentflow.errors import RunError
-from agentflow.files import write_atomically
+from agentflow.files import whole_lines, write_atomically
 
 SCHEMA = 1
 NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"
@@ -48,8 +48,7 @@ def read_folder(path: Path) -> tuple[dict[str, Any], SweepConfig]:
     """The content of sweep.yaml, and the sweep in it.
 
     Raises:
-        RunError: It is missing or damaged, or has another schema.
-        ConfigError: The sweep is invalid.
+        RunError: The file is missing or damaged, or has another schema.
     """
     try:
         document = yaml.safe_load((path / NAME).read_text(encoding="utf-8"))
@@ -77,8 +76,8 @@ def lock_folder(path: Path, document: Mapping[str, Any], resume: bool) -> Iterat
         resume: Whether the folder may already hold the sweep.
 
     Raises:
-        RunError: It exists although `resume` is false, holds a different sweep, is in use by
-            another process, or cannot be written.
+        RunError: The folder holds a sweep that must not be resumed, is in use by another process,
+            or cannot be written.
     """
     with _lock(path):
         if is_sweep(path):
@@ -126,7 +125,7 @@ def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -
 
 
 def _first_difference(one: Any, other: Any, place: str) -> str:
-    """The first key whose values differ; "" if there is none."""
+    """The first dotted key whose values differ; "" if there is none."""
     if one == other:
         return ""
     if not (isinstance(one, dict) and isinstance(other, dict)):
@@ -155,25 +154,17 @@ def _cannot_write(path: Path, error: OSError) -> RunError:
 
 
 def folder_name(name: str, sweep: SweepConfig) -> str:
-    """Name of the folder of a sweep: its name and, unless procedural, its model."""
+    """Folder name of a sweep: its name and, unless procedural, its model."""
     model = build_config(sweep.base).model.name
     kept = "".join(c if c.isalnum() or c in "._-" else "-" for c in model)
     return name if model == PROCEDURAL else f"{name}-{kept}"
 
 
 def read_failures(path: Path) -> dict[str, str]:
-    """Name of each run whose last attempt failed -> reason in one line.
-
-    Raises:
-        RunError: The log is damaged.
-    """
+    """Name of each run whose last attempt failed -> reason in one line."""
     found: dict[str, str] = {}
     log = path / LOG
-    if not log.exists():
-        return found
-    for number, line in enumerate(log.read_bytes().splitlines(keepends=True), start=1):
-        if not line.endswith(b"\n"):
-            break
+    for number, line in whole_lines(log) if log.exists() else ():
         try:
             item = json.loads(line)
             found.pop(item["run"], None)

@@ -1,4 +1,4 @@
-"""Sweep plans: settings applied to the base, and every name looked up."""
+"""Sweep plans: a sweep with settings applied to its base, and every name looked up."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class SweepPlan:
     name: str
     sweep: SweepConfig
     firsts: tuple[SweepRun, ...]
-    """The first run of each group that differs only in the seed."""
+    """The first run of each group of runs that differ only in the seed."""
     plans: tuple[RunPlan, ...]
-    """The plan of each of them."""
+    """The plans of `firsts`."""
 
     @cached_property
     def runs(self) -> tuple[SweepRun, ...]:
@@ -50,12 +50,7 @@ class SweepPlan:
 
     @classmethod
     def of(cls, name: str, sweep: SweepConfig) -> SweepPlan:
-        """Look up tasks, workflows, prompts, metrics and published tables.
-
-        Raises:
-            UnknownNameError: One of them does not exist.
-            ConfigError: A configuration is wrong, or an axis holds credentials.
-        """
+        """Look up tasks, workflows, prompts, metrics and published tables."""
         check_metrics(sweep.table.metrics)
         for metrics in sweep.table.task_metrics.values():
             check_metrics(metrics)
@@ -75,11 +70,12 @@ def plan_sweep(
         path: The YAML file, or an existing sweep folder.
         settings: Strings `a.b=value` for all runs.
         options: Dotted configuration keys for all runs; None means not given.
-        seeds: Number of seeds, from 0, instead of those in the file.
+        seeds: Use seeds 0 to `seeds` - 1 instead of those in the file.
 
     Raises:
-        ConfigError: A key is unknown, or an axis varies it.
-        UnknownNameError: A task, workflow, metric or the like does not exist.
+        UnknownNameError: A task, workflow, metric ... does not exist.
+        ConfigError: A configuration is wrong, a setting is varied by an axis, or an axis holds
+            credentials.
     """
     given = {key: value for key, value in options.items() if value is not None}
     if is_sweep(path):
@@ -113,12 +109,12 @@ def plan_sweep(
 
 
 def sweep_folder(plan: SweepPlan, path: Path, out: Path) -> Path:
-    """The folder of a sweep: `path` if that is one, else a folder in `out`."""
+    """The folder of a sweep: `path` if it is one, else a folder in `out`."""
     return path if is_sweep(path) else out / folder_name(plan.name, plan.sweep)
 
 
 def _refuse_credentials(sweep: SweepConfig, found: Iterable[SweepRun]) -> None:
-    """Refuse credentials in axes, which are written to files and name runs."""
+    """Refuse credentials in axes, which are written to files and to the names of runs."""
     known = urls_with_credentials(build_config(sweep.base))
     for run in found:
         if urls_with_credentials(run.config) - known:

@@ -1,4 +1,4 @@
-"""Carrying out sweeps: several runs at once on one pool, independent of each other's failures."""
+"""Carries out sweeps: several runs at a time on one pool; the failure of one stops no other."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class SweepOutcome:
     failed: Mapping[str, str]
     """Name -> reason in one line."""
     endpoint: bool = False
-    """Whether every failure was caused by the endpoint."""
+    """Whether every failure was the endpoint's."""
 
 
 def run_sweep(
@@ -75,8 +75,8 @@ def run_sweep(
         watcher: Receives progress.
         jobs: Number of concurrent runs.
         resume: Whether the folder may already hold the sweep.
-        pool: Simulates machines for all runs; by default a new pool of as many processes as the
-            base configuration's `workers`.
+        pool: Simulates machines for all runs; by default a new pool with the `workers` of the
+            base configuration.
 
     Raises:
         RunError: The folder cannot be used.
@@ -147,7 +147,7 @@ class _Work:
                     )
 
     async def _work_through(self, queue: Iterator[SweepRun], store: Store, log: LineFile) -> None:
-        """Carry out runs one after the other until none are left."""
+        """Carry out runs from a shared queue until none are left."""
         for run in queue:
             name = run.name
             self.watcher.run_started(name)

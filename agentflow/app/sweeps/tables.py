@@ -51,7 +51,7 @@ class SweepResult:
 
     @property
     def tasks(self) -> tuple[str, ...]:
-        """Tasks in the order of all runs."""
+        """Tasks of all runs, in order."""
         return tuple(dict.fromkeys(task_of(planned) for planned in self.planned))
 
     @property
@@ -71,7 +71,7 @@ class SweepResult:
 
 
 def task_of(planned: SweepRun) -> str:
-    """The task as tables name it: the axis label if there is one, else the configured name."""
+    """The name of the task in tables: its axis label if there is one, else the configured name."""
     return planned.labels.get("task", planned.config.task)
 
 
@@ -99,12 +99,7 @@ def read_sweep_result(path: Path) -> SweepResult:
 
 
 def layout_table(result: SweepResult, *, published: bool = False) -> Table:
-    """The table in the published layout.
-
-    Args:
-        result: The sweep.
-        published: Whether to add published rows.
-    """
+    """The table in the published layout, with published rows if `published`."""
     columns = _columns(result)
     measured = tuple(
         Row(key, tuple(_value(result, runs, column) for column in columns))
@@ -204,7 +199,7 @@ def group_runs(
 
 
 def _model_key(planned: SweepRun) -> tuple[str, str]:
-    """What decides the model's name in results; some workflows use no model."""
+    """Decides the name of the model in results; some workflows use no model."""
     return planned.config.model.name, planned.config.workflow
 
 

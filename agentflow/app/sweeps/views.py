@@ -41,7 +41,7 @@ OWN_SCALE = (
 def scores_table(result: SweepResult) -> Table:
     """Validity with Wilson intervals, means with bootstrap intervals, and Best@N, by variant.
 
-    Without scipy there are no bootstrap intervals, and a note says so.
+    Without scipy, bootstrap intervals are missing and a note says so.
     """
     groups = all_variants(result)
     cells = {key: last_cell(result, runs) for key, runs in groups.items()}
@@ -113,13 +113,12 @@ def usage_table(result: SweepResult) -> Table:
 
 
 def players_table(result: SweepResult) -> Table:
-    """The best score of each task relative to the published mean of experienced players."""
+    """The best score of each task divided by the published mean of experienced players."""
     means = literature.player_means()
     rows = []
     for (task, model), runs in _by_task(result).items():
-        best = max(
-            (_best_score(run) for run in runs), default=None, key=lambda s: (s is not None, s or 0)
-        )
+        scores = [read_result(run.path)["score"] for run in runs]
+        best = max((float(score) for score in scores if score is not None), default=None)
         mean = means.get(task.partition("/")[0])
         share = best / mean if best is not None and mean else None
         rows.append(Row((task, model), (best, mean, share)))
@@ -169,17 +168,12 @@ VIEWS: Mapping[str, Callable[[SweepResult], Table]] = MappingProxyType(
 
 
 def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
-    """A table of a sweep.
-
-    Args:
-        path: The sweep's folder.
-        name: Name of the view.
-        published: Whether to add published rows.
+    """A table of the sweep in a folder, with published rows if `published`.
 
     Raises:
         UnknownNameError: There is no such view.
         UsageError: The view has no published rows.
-        RunError: As `read_sweep_result`.
+        RunError: It is not a sweep folder, is damaged, or has no finished run.
     """
     if name not in VIEWS:
         raise UnknownNameError("view", name, VIEWS)
@@ -221,11 +215,6 @@ def last_cell(result: SweepResult, runs: Sequence[FinishedRun]) -> Cell:
     reached = {item.place.name for run in runs for item in run.numbers.record.candidates}
     last = [stage for stage in STAGES if stage in reached]
     return Cell(_numbers(runs), last[-1] if last else result.sweep.table.stage)
-
-
-def _best_score(run: FinishedRun) -> float | None:
-    score = read_result(run.path)["score"]
-    return None if score is None else float(score)
 
 
 def _format_interval(interval: tuple[float, float] | None) -> str | None:
