@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import RoleInput
-from agentflow.agents.meta_designer import ROOT_TYPE, Blueprint, Structure
+from agentflow.agents.context import ROOT_TYPE, RoleInput
+from agentflow.agents.meta_designer import Blueprint, Structure
 from agentflow.agents.replies import machine_items, no_machine, read_reply, rejection
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from agentflow.agents.base import Parsed, Role
-from agentflow.agents.context import task_context
+from agentflow.agents.context import ROOT_TYPE, task_context
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.json_text import iter_json
 from agentflow.machine.tree import Machine
 
 MAX_TYPES = 3
 """Maximum number of block types per structure, not counting the root."""
-ROOT_TYPE = 0
 _KEYS = ("definition", "function_points", "design_structure", "build_order", "machine_structure")
 
 

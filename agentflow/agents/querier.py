@@ -33,7 +33,6 @@ class QuerierInput(RoleInput):
 class Inquiry:
     """The querier's queries, as raw JSON items. They are checked when they are answered."""
 
-    thought: str
     queries: tuple[object, ...]
 
 
@@ -55,20 +54,20 @@ class Querier(Role[QuerierInput, Inquiry]):
         }
 
     def parse(self, text: str, given: QuerierInput) -> Parsed[Inquiry]:  # noqa: ARG002
-        """Read the thought and the list of queries, which may be empty."""
+        """Read the list of queries, which may be empty."""
         found = find_sections(text, (THOUGHT, QUERIES))
         if QUERIES not in found:
             problem = f"The reply lacks the section <{QUERIES}>."
             return Parsed(None, problem, "missing_section", parsed=False)
-        thought, wanted = found.get(THOUGHT, ""), found[QUERIES]
+        wanted = found[QUERIES]
         if wanted.strip(" .`\n").casefold() in _NOTHING:
-            return Parsed(Inquiry(thought, ()))
+            return Parsed(Inquiry(()))
         many, repaired = extract_json(wanted, list)
         if many is not None:
-            return Parsed(Inquiry(thought, tuple(many)), repaired=repaired)
+            return Parsed(Inquiry(tuple(many)), repaired=repaired)
         one, repaired = extract_json(wanted, dict)
         if one is not None:
-            return Parsed(Inquiry(thought, (one,)), repaired=repaired)
+            return Parsed(Inquiry((one,)), repaired=repaired)
         problem = (
             f"<{QUERIES}> holds no JSON list. Expected, for instance: "
             '[{"id": 3, "duration": [0.0, 1.0], "properties": ["position"]}]'

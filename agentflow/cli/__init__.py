@@ -1,7 +1,4 @@
-"""The command line: short typer commands that call `agentflow.app`.
-
-`main` turns every AgentflowError into one or two lines on stderr and an exit status.
-"""
+"""The command line: short typer commands that call `agentflow.app`."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ MODULES = ("design", "machines", "prompts", "records", "reports", "sweeps", "tas
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command and return the exit status.
+    """Run one command, print errors to stderr, and return the exit status.
 
     0 success, 1 comparison failed, 2 usage or configuration error, 3 partly failed, 4 model
     endpoint unusable, 130 interrupted. Tracebacks only with `--debug`.

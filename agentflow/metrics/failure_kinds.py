@@ -1,12 +1,10 @@
-"""The kinds of failures, each with the rule by which it is counted. Imports almost nothing."""
+"""The kinds of failures, each with the rule for counting it. Imports almost nothing."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-Level = Literal["format", "planning", "construction"]
-Unit = Literal["reply", "machine"]
 STILL = 0.1
 """A machine counts as motionless if no block moves farther than this, m."""
 
@@ -19,29 +17,27 @@ class FailureKind:
     """
 
     name: str
-    level: Level
+    level: Literal["format", "planning", "construction"]
     """planning: the wrong machine was planned; construction: it was built wrongly."""
-    unit: Unit
-    """What is counted: replies, or simulated machines (each once)."""
     rule: str
     codes: frozenset[str] = frozenset()
     """Codes of the refused replies of this kind."""
+    unit: Literal["reply", "machine"] = "reply"
+    """What is counted: replies, or simulated machines (each once)."""
 
 
 UNPARSABLE = FailureKind(
-    "unparsable", "format", "reply", "the reply is empty, cut off or not in the required format"
+    "unparsable", "format", "the reply is empty, cut off or not in the required format"
 )
 MISSING = FailureKind(
     "missing component",
     "planning",
-    "reply",
     "a machine or blueprint has too few or too many of a required block",
     frozenset({"required_count", "required_missing"}),
 )
 PLAN = FailureKind(
     "plan not followed",
     "planning",
-    "reply",
     "a design changes or drops the blocks it was given, adds no new ones, or uses a type that the "
     "blueprint does not list for the structure; or a blueprint contradicts itself",
     frozenset(
@@ -63,35 +59,32 @@ PLAN = FailureKind(
 RATIONALE = FailureKind(
     "rationale not followed",
     "planning",
-    "reply",
     "an accepted machine has fewer blocks of a type than its rationale states "
     '("four Small Wheels"); nothing else in the rationale is checked',
 )
 FORBIDDEN = FailureKind(
     "block not allowed",
     "planning",
-    "reply",
     "a block type is unknown or not allowed in the task",
     frozenset({"type_not_allowed", "unknown_type", "two_ended_type"}),
 )
 MOTIONLESS = FailureKind(
     "no motion",
     "planning",
-    "machine",
     f"no block moves more than {STILL} m after power comes on; not counted for "
     "gearing, where cogs turn in place",
+    unit="machine",
 )
 FACING = FailureKind(
     "wrong facing",
     "construction",
-    "machine",
     "the axle of a powered wheel is not along x in a driving task, or a loaded "
     "container does not open upwards",
+    unit="machine",
 )
 ATTACHMENT = FailureKind(
     "wrong attachment",
     "construction",
-    "reply",
     "a block is attached to a parent or face that does not exist, is occupied or "
     "comes later, has an impossible rotation, or is two-ended with one parent",
     frozenset(
@@ -106,22 +99,18 @@ ATTACHMENT = FailureKind(
         }
     ),
 )
-OVERLAP = FailureKind(
-    "overlap", "construction", "reply", "two blocks overlap", frozenset({"overlap"})
-)
+OVERLAP = FailureKind("overlap", "construction", "two blocks overlap", frozenset({"overlap"}))
 EDIT = FailureKind(
     "refused edit",
     "construction",
-    "reply",
     "an edit cannot be parsed or applied, for a reason not listed above",
 )
 BREAKAGE = FailureKind(
-    "breakage", "construction", "machine", "a connection broke in the simulation"
+    "breakage", "construction", "a connection broke in the simulation", unit="machine"
 )
 OTHER = FailureKind(
     "other",
     "construction",
-    "reply",
     "anything else, such as the machine's size or the order of its ids",
     frozenset({"size_limit", "id_sequence", "root", "starting_block", "too_many_blocks"}),
 )

@@ -70,11 +70,8 @@ class FirstAttempt:
 
     def __and__(self, other: FirstAttempt) -> FirstAttempt:
         """How far both got, for designs that build on each other."""
-        return FirstAttempt(
-            self.parsed and other.parsed,
-            self.spatial and other.spatial,
-            self.valid and other.valid,
-        )
+        both = zip(vars(self).values(), vars(other).values(), strict=True)
+        return FirstAttempt(*map(all, both))
 
 
 FLAWLESS = FirstAttempt(parsed=True, spatial=True, valid=True)

@@ -75,6 +75,11 @@ class WorkflowContext:
         """By stage name; trajectories may be in different stages at the same time."""
 
     @property
+    def trajectories(self) -> range:
+        """The numbers of the trajectories, from 1."""
+        return range(1, self.settings.trajectories + 1)
+
+    @property
     def role_input(self) -> dict[str, Any]:
         """The fields of `RoleInput`, for the inputs of roles."""
         settings = self.settings
@@ -166,14 +171,12 @@ class WorkflowContext:
         count = self._counts[name]
         earlier = (self._counts[stage.name].machines for stage in self._stages)
         found = {candidate.trajectory: candidate for candidate in candidates}
-        every = range(1, self.settings.trajectories + 1)
-        stage = Stage(
-            name,
-            tuple(found.get(t) or Candidate(t, reason="ended in an earlier stage") for t in every),
-            count.calls,
-            count.tokens,
-            len(count.machines.difference(*earlier)),
+        every = tuple(
+            found.get(t) or Candidate(t, reason="ended in an earlier stage")
+            for t in self.trajectories
         )
+        rollouts = len(count.machines.difference(*earlier))
+        stage = Stage(name, every, count.calls, count.tokens, rollouts)
         for candidate in stage.candidates:
             place = Place(name, trajectory=candidate.trajectory)
             self.note(CandidateEvent(place, **_fields(candidate)))

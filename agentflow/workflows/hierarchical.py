@@ -22,17 +22,16 @@ async def hierarchical(run: WorkflowContext) -> WorkflowResult:
 
     With the meta-designer off, designers build whole machines.
     """
-    settings = run.settings
     run.begin_stage(INITIAL)
     blueprint: Blueprint | None = None
-    if settings.meta_designer == "off":
+    if run.settings.meta_designer == "off":
         candidates = await design_machines(run)
     else:
         blueprint, reason = await _plan(run)
         candidates = (
             await build(run, blueprint)
             if blueprint
-            else [Candidate(t, reason=reason) for t in range(1, settings.trajectories + 1)]
+            else [Candidate(t, reason=reason) for t in run.trajectories]
         )
     return await refine(run, candidates, blueprint)
 

@@ -32,7 +32,7 @@ async def placement(run: WorkflowContext) -> WorkflowResult:
         outcome = await run.ask(Placer(), given, asked, stage=INITIAL, once=True)
         return candidate_of(attempt, outcome)
 
-    placed = await run_concurrently(place(attempt) for attempt in _attempts(run))
+    placed = await run_concurrently(place(attempt) for attempt in run.trajectories)
     run.end_stage(INITIAL, await simulate(run, INITIAL, placed))
     return run.result()
 
@@ -43,7 +43,7 @@ async def random_placement(run: WorkflowContext) -> WorkflowResult:
     brief = run.brief
     size = len(brief.given) + 1, len(brief.given) + MOST_PLACED
     placed = []
-    for attempt in _attempts(run):
+    for attempt in run.trajectories:
         try:
             machine = random_machine(run.stream(f"traj-{attempt}"), brief, size)
         except UsageError as error:
@@ -52,10 +52,6 @@ async def random_placement(run: WorkflowContext) -> WorkflowResult:
             placed.append(Candidate(attempt, machine, first=FLAWLESS))
     run.end_stage(INITIAL, await simulate(run, INITIAL, placed))
     return run.result()
-
-
-def _attempts(run: WorkflowContext) -> range:
-    return range(1, run.settings.trajectories + 1)
 
 
 def _adapt(settings: WorkflowSettings) -> WorkflowSettings:

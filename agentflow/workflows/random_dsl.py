@@ -31,9 +31,8 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     The stages are those of the other workflows. `settings.rollouts` limits the simulations of the
     whole run; by default every stage has one per trajectory, as in the published baseline.
     """
-    settings = run.settings
-    rngs = {t: run.stream(f"traj-{t}") for t in range(1, settings.trajectories + 1)}
-    total = _rollouts(settings)
+    rngs = {t: run.stream(f"traj-{t}") for t in run.trajectories}
+    total = _rollouts(run.settings)
     run.begin_stage(INITIAL)
     drawn = [_draw(run.brief, t, rngs[t]) for t in list(rngs)[:total]]
     initial = run.end_stage(INITIAL, await simulate(run, INITIAL, drawn))

@@ -15,10 +15,9 @@ def stage_row(stage: Stage) -> dict[str, Any]:
     """The stage as one row of the table, over all trajectories of the run.
 
     `mean`, `max` and `std` (of the population) are over the valid machines; `mean_all` counts
-    invalid ones as 0. Machines whose simulation failed are in neither. None if there is nothing to
-    average. `parsed_first`, `spatial_first` and `valid_first` count first attempts, `valid` counts
-    machines after the retries. In the feedback loop, the first attempt is the first one of each
-    search, and `valid` counts searches.
+    invalid ones as 0; neither includes failed simulations. They are None without machines.
+    `parsed_first`, `spatial_first` and `valid_first` count first attempts (in the feedback loop,
+    the first of each search), `valid` counts machines after the retries.
     """
     candidates = stage.candidates
     valid = [c.score for c in candidates if c.valid and c.score is not None]
@@ -62,11 +61,5 @@ def count_passes(stage: Stage) -> dict[str, Any]:
 
 def find_best(stages: tuple[Stage, ...]) -> tuple[Candidate, Stage] | None:
     """The valid machine with the highest score, the earliest if tied; None without one."""
-    found: tuple[Candidate, Stage] | None = None
-    highest: float | None = None
-    for stage in stages:
-        for candidate in stage.survivors:
-            score = candidate.score
-            if score is not None and (highest is None or score > highest):
-                found, highest = (candidate, stage), score
-    return found
+    scored = [(c, stage) for stage in stages for c in stage.survivors if c.score is not None]
+    return max(scored, key=lambda found: found[0].score or 0.0, default=None)

@@ -30,7 +30,7 @@ TEXT = '{"id": 3, "duration": [0, 1], "properties": ["position"]}'
 def test_queries(wanted: str, queries: tuple[object, ...], repaired: bool) -> None:
     text = f"<thought process>why</thought process><Required Feedback>{wanted}</Required Feedback>"
     parsed = Querier().parse(text, GIVEN)
-    assert (parsed.output, parsed.repaired) == (Inquiry("why", queries), repaired)
+    assert (parsed.output, parsed.repaired) == (Inquiry(queries), repaired)
 
 
 def test_missing_section() -> None:

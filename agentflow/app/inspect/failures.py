@@ -37,13 +37,8 @@ def count_failures(path: Path) -> dict[str, Any]:
         "refused": total.refused,
         "machines": total.machines,
         "kinds": [
-            {
-                "name": kind.name,
-                "level": kind.level,
-                "unit": kind.unit,
-                "rule": kind.rule,
-                "count": total.kinds[kind.name],
-            }
+            {key: getattr(kind, key) for key in ("name", "level", "unit", "rule")}
+            | {"count": total.kinds[kind.name]}
             for kind in KINDS
         ],
         "codes": dict(total.codes.most_common()),

@@ -11,7 +11,6 @@ from agentflow.app.inspect.reading import recorded_machine
 from agentflow.config.run import build_config
 from agentflow.env.constants import constants
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.env.rollout import Rollout
 from agentflow.runs import read_document
 from agentflow.runs.events import EvaluationEvent, read_typed_events
 
@@ -41,9 +40,17 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
             return list(await asyncio.gather(*(again(digest, pool) for digest in evaluations)))
 
     async def again(digest: str, pool: RolloutPool) -> dict[str, Any]:
-        machine = recorded_machine(path, digest)
+        machine, evaluation = recorded_machine(path, digest), evaluations[digest]
         rollout = await pool.run(machine, plan.task, seed=plan.config.seed)
-        return _compare(evaluations[digest], rollout)
+        old, new = evaluation.score, rollout.score
+        return {
+            "machine": digest,
+            "place": evaluation.label,
+            "recorded": {"status": evaluation.status, "score": old},
+            "now": {"status": rollout.status, "score": new},
+            "difference": None if old is None or new is None else new - old,
+            "identical": rollout.digest == evaluation.rollout and old == new,
+        }
 
     machines = asyncio.run(compare())
     return {
@@ -53,17 +60,4 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
         "engine": {"recorded": document.get("engine"), "now": plan.engine},
         "identical": sum(item["identical"] for item in machines),
         "machines": machines,
-    }
-
-
-def _compare(evaluation: EvaluationEvent, rollout: Rollout) -> dict[str, Any]:
-    """Compare a recorded evaluation with a new rollout of the same machine."""
-    old, new = evaluation.score, rollout.score
-    return {
-        "machine": evaluation.machine,
-        "place": evaluation.label,
-        "recorded": {"status": evaluation.status, "score": old},
-        "now": {"status": rollout.status, "score": new},
-        "difference": None if old is None or new is None else new - old,
-        "identical": rollout.digest == evaluation.rollout and old == new,
     }

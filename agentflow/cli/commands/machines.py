@@ -37,8 +37,7 @@ def check(
 
     brief = _brief(task, knobs)
     if lines:
-        source = machines.read_lines(machine)
-        for report in machines.check_lines(source, brief, geometry, form):
+        for report in machines.check_lines(machines.read_lines(machine), brief, geometry, form):
             print_json(report)
         return
     text = machines.machine_text(machine)
@@ -136,10 +135,9 @@ def simulate(
         if query or save:
             raise UsageError("--query and --save need a single machine; remove --jsonl")
         source = machines.read_lines(machine)
-        results = rollouts.simulate_lines(
-            source, level, seed=seed, rate=rate, power=on, workers=workers
+        _print_all(
+            rollouts.simulate_lines(source, level, seed=seed, rate=rate, power=on, workers=workers)
         )
-        _print_all(results)
         return
     result = rollouts.simulate_text(
         machines.machine_text(machine),
@@ -156,11 +154,11 @@ def simulate(
 def _print_all(results: AsyncIterator[Any]) -> None:
     import asyncio
 
-    async def each() -> None:
+    async def print_each() -> None:
         async for result in results:
             print_json(result)
 
-    asyncio.run(each())
+    asyncio.run(print_each())
 
 
 @commands.command(epilog="Example: agentflow render car.json --task movement --out car.mp4")

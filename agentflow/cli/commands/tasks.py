@@ -32,14 +32,19 @@ def tasks(
     as_json: Json = False,
 ) -> None:
     """List all tasks, or show one level: scene, schedule, score, blocks and knobs."""
+    from agentflow.app.tasks import list_tasks, task_json
+    from agentflow.cli.display.show import show_task, show_tasks
+
     if name is None and (knobs or picture):
         raise UsageError("--set and --picture need one level; name it")
     if html and knobs:
         raise UsageError("--html shows levels with their default knobs; remove --set")
     if picture or out or html:
         _draw(name, knobs or [], picture, out, html)
+    elif name is None:
+        print_result(list_tasks(), as_json, show_tasks)
     else:
-        _show(name, knobs or [], as_json)
+        print_result(task_json(name, knobs or ()), as_json, show_task)
 
 
 def _draw(
@@ -58,13 +63,3 @@ def _draw(
     if html:
         names = [item["name"] for item in list_tasks()] if name is None else [name]
         print(taskpages.write_page(names, html))
-
-
-def _show(name: str | None, knobs: list[str], as_json: bool) -> None:
-    from agentflow.app.tasks import list_tasks, task_json
-    from agentflow.cli.display.show_tasks import show_task, show_tasks
-
-    if name is None:
-        print_result(list_tasks(), as_json, show_tasks)
-    else:
-        print_result(task_json(name, knobs), as_json, show_task)

@@ -1,7 +1,4 @@
-"""Progress of a run: a live view on a terminal, plain lines otherwise.
-
-Everything goes to stderr; stdout is for the result.
-"""
+"""Progress of a run: a live view on a terminal, plain lines otherwise, on stderr."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Progress of a running sweep: one line per run, live on a terminal.
-
-Everything goes to stderr; stdout is for the result.
-"""
+"""Progress of a running sweep: one line per run, live on a terminal, on stderr."""
 
 from __future__ import annotations
 

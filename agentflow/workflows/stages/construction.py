@@ -1,4 +1,4 @@
-"""Building to a blueprint, structure by structure, with a beam of one machine per trajectory."""
+"""Builds a blueprint structure by structure, with a beam of one machine per trajectory."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Slot:
     groups: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """Structure -> ids of its blocks."""
     spare: tuple[Slot, ...] = ()
-    """Further valid designs of the same place, for places without one."""
+    """Further valid designs, for places without one."""
 
 
 async def build(run: WorkflowContext, blueprint: Blueprint) -> list[Candidate]:
@@ -44,13 +44,13 @@ async def build(run: WorkflowContext, blueprint: Blueprint) -> list[Candidate]:
     structure, or if the budget is spent; machines that lack required blocks are invalid candidates.
     """
     chance = run.stream("beam")
-    beam = [Slot() for _ in range(run.settings.trajectories)]
+    beam = [Slot() for _ in run.trajectories]
     for number, structure in enumerate(blueprint.structures, start=1):
         here = Place(structure=number)
         places = beam if number == 1 else _refill(run, beam, here, chance)
         built = await run_concurrently(
             _build_structure(run, blueprint, number, slot, place)
-            for place, slot in enumerate(places, start=1)
+            for place, slot in zip(run.trajectories, places, strict=True)
         )
         if not any(slot.machine for slot in built):
             reason = f"structure {structure.name!r} obtained no valid design: {built[0].reason}"
@@ -65,7 +65,10 @@ async def build(run: WorkflowContext, blueprint: Blueprint) -> list[Candidate]:
         run.note(BeamEvent(here, machines))
         if run.spent:
             break
-    return [_candidate(i, s) for i, s in enumerate(beam, start=1)]
+    return [
+        Candidate(t, slot.machine, first=slot.first, reason=slot.reason, groups=slot.groups)
+        for t, slot in zip(run.trajectories, beam, strict=True)
+    ]
 
 
 def _refill(
@@ -118,9 +121,3 @@ async def _build_structure(
     if not valid:
         return designs[0]
     return replace(valid[0], first=designs[0].first, spare=tuple(valid[1:]))
-
-
-def _candidate(trajectory: int, slot: Slot) -> Candidate:
-    return Candidate(
-        trajectory, slot.machine, first=slot.first, reason=slot.reason, groups=slot.groups
-    )

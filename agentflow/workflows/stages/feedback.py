@@ -17,7 +17,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt
 from agentflow.runs.places import FEEDBACK, Place
 from agentflow.search.concurrency import run_concurrently
-from agentflow.search.node import Attempt, Evaluation, Node, SearchResult
+from agentflow.search.node import Attempt, Evaluation, Node
 from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
@@ -59,7 +59,15 @@ async def feedback_loop(
         recorder,
     )
     recorder.finish(found)
-    return _candidate(candidate, found, trajectory.first)
+    best = found.nodes[found.best]
+    return Candidate(
+        candidate.trajectory,
+        best.candidate.machine,
+        best.evaluation,
+        first=trajectory.first,
+        edit=best.candidate.edit,
+        search_cost=found.cost,
+    )
 
 
 class Trajectory:
@@ -184,15 +192,3 @@ def _verdict(attempt: Attempt[Version]) -> str:
 def _feedback(node: Node[Version]) -> str:
     summary: SimulationSummary = node.evaluation.details
     return summary.feedback
-
-
-def _candidate(start: Candidate, found: SearchResult[Version], first: FirstAttempt) -> Candidate:
-    best = found.nodes[found.best]
-    return Candidate(
-        start.trajectory,
-        best.candidate.machine,
-        best.evaluation,
-        first=first,
-        edit=best.candidate.edit,
-        search_cost=found.cost,
-    )

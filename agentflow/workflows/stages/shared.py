@@ -53,8 +53,7 @@ async def design_machines(run: WorkflowContext) -> list[Candidate]:
         place = Place(Designer.name, trajectory=trajectory)
         return candidate_of(trajectory, await run.ask(Designer(), given, place, stage=INITIAL))
 
-    every = range(1, run.settings.trajectories + 1)
-    return await run_concurrently(design(number) for number in every)
+    return await run_concurrently(design(number) for number in run.trajectories)
 
 
 async def simulate(
