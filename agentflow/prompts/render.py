@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import traceback
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from importlib import resources
 from importlib.abc import Traversable
-from types import TracebackType
 
 import jinja2
 import yaml
@@ -99,7 +99,9 @@ class PromptSet:
         try:
             return self._environment.get_template(template).render(variables).strip() + "\n"
         except jinja2.UndefinedError as error:
-            place = _template_of(error.__traceback__) or template
+            # jinja shows templates as frames; the last one may be an included part
+            names = [frame.filename for frame in traceback.extract_tb(error.__traceback__)]
+            place = [template, *(name for name in names if name.endswith(".j2"))][-1]
             raise PromptError(f"prompt set {self.name!r}, {place}: {error.message}") from error
         except jinja2.TemplateError as error:
             raise PromptError(f"prompt set {self.name!r}, {template}: {error}") from error
@@ -132,13 +134,3 @@ def _environment(files: Mapping[str, str]) -> jinja2.Environment:
     filters = {"quote": quote, "guard": guard, "oneline": oneline, "as_json": as_json, "clip": clip}
     environment.filters.update(filters)
     return environment
-
-
-def _template_of(trace: TracebackType | None) -> str | None:
-    """The innermost template in a traceback (jinja shows templates as frames)."""
-    found = None
-    while trace is not None:
-        name = trace.tb_frame.f_code.co_filename
-        found = name if name.endswith(".j2") else found
-        trace = trace.tb_next
-    return found

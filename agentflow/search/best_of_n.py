@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agentflow.search.events import Observer, Selected, ignore
+from agentflow.search.events import Observer, ignore
 from agentflow.search.node import C, Evaluate, Evaluation, Expand, SearchResult
 from agentflow.search.settings import SearchSettings
 from agentflow.search.tree import SearchTree
@@ -22,10 +22,6 @@ async def best_of_n(
     Arguments as for `mcts`; `settings.ucb` is not used.
     """
     tree = SearchTree(root, evaluation, expand, evaluate, settings.waves, observe)
-    for round_ in range(1, settings.rounds + 1):
-        best = tree.best()
-        observe(Selected(round_, tuple(node.id for node in tree.path(best))))
-        await tree.grow(best, round_, settings.width)
-        if tree.stopped:
-            break
+    for round_ in tree.rounds(settings.rounds):
+        await tree.grow(tree.best(), round_, settings.width)
     return tree.result(tree.best())

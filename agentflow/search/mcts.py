@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agentflow.search.events import BackedUp, Observer, Selected, ignore
+from agentflow.search.events import BackedUp, Observer, ignore
 from agentflow.search.node import C, Evaluate, Evaluation, Expand, Node, SearchResult
 from agentflow.search.settings import SearchSettings
 from agentflow.search.tree import SearchTree
@@ -31,13 +31,10 @@ async def mcts(
         observe: Called with every event, in an order that does not depend on concurrency.
     """
     tree = SearchTree(root, evaluation, expand, evaluate, settings.waves, observe)
-    for round_ in range(1, settings.rounds + 1):
-        path = select(tree.nodes, settings.ucb)
-        observe(Selected(round_, tuple(node.id for node in path)))
-        for child in await tree.grow(path[-1], round_, settings.width):
+    for round_ in tree.rounds(settings.rounds):
+        leaf = select(tree.nodes, settings.ucb)[-1]
+        for child in await tree.grow(leaf, round_, settings.width):
             _back_up(tree, child, round_, observe)
-        if tree.stopped:
-            break
     return tree.result(tree.best())
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agentflow.search.events import Observer, Selected, ignore
+from agentflow.search.events import Observer, ignore
 from agentflow.search.node import C, Evaluate, Evaluation, Expand, SearchResult
 from agentflow.search.settings import SearchSettings
 from agentflow.search.tree import SearchTree
@@ -21,10 +21,6 @@ async def random(
     Arguments as for `mcts`; `settings.width` and `settings.ucb` are not used.
     """
     tree = SearchTree(root, evaluation, expand, evaluate, settings.waves, observe)
-    for round_ in range(1, settings.rounds + 1):
-        last = tree.nodes[-1]
-        observe(Selected(round_, tuple(node.id for node in tree.path(last))))
-        await tree.grow(last, round_, width=1)
-        if tree.stopped:
-            break
+    for round_ in tree.rounds(settings.rounds):
+        await tree.grow(tree.nodes[-1], round_, width=1)
     return tree.result(tree.nodes[-1])

@@ -6,11 +6,13 @@ Nodes are numbered by attempt, not by arrival, so the tree does not depend on co
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from itertools import takewhile
 from typing import Generic
 
 from agentflow.errors import BudgetSpentError
 from agentflow.search.concurrency import EvaluateOnce, run_concurrently
-from agentflow.search.events import Expanded, Observer, Simulated
+from agentflow.search.events import Expanded, Observer, Selected, Simulated
 from agentflow.search.node import (
     Attempt,
     C,
@@ -68,6 +70,10 @@ class SearchTree(Generic[C]):
                 best = node
         return best
 
+    def rounds(self, count: int) -> Iterator[int]:
+        """Yield round numbers from 1 to `count`; stop early when the budget has run out."""
+        return takewhile(lambda _: not self.stopped, range(1, count + 1))
+
     async def grow(self, parent: Node[C], round_: int, width: int) -> list[Node[C]]:
         """Add up to `width` children to a node and evaluate them concurrently.
 
@@ -76,6 +82,7 @@ class SearchTree(Generic[C]):
         Returns:
             The children by id; empty only if the budget ran out before the first valid one.
         """
+        self._observe(Selected(round_, tuple(node.id for node in self.path(parent))))
         attempts = await self._run_waves(parent, f"round-{round_}/node-{parent.id}", width)
         new = [(item.candidate, item.label) for item in attempts if item.candidate is not None]
         self._cost.expansions += bool(attempts)

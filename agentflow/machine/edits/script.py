@@ -18,7 +18,7 @@ from agentflow.machine.edits.commands import (
     script_lines,
 )
 from agentflow.machine.formats.parse import MAX_BLOCKS
-from agentflow.machine.geometry.placement import Geometry, place_steps
+from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.problems import block_label, comma_list, face_problem, type_problem
 from agentflow.machine.tree import Machine, Step, renumber
 from agentflow.machine.validity import spatial_problems
@@ -213,7 +213,7 @@ class _Draft:
             raise _Refused(problem.code, prefix + problem.message)
 
     def _geometry(self) -> Geometry:
-        return Geometry(tuple(place_steps(self.steps.values()).values()))
+        return place(self.steps.values())
 
     def _absent(self, block_id: int, use: str) -> str:
         if self.original <= block_id < self.next_id:

@@ -130,17 +130,12 @@ def _grips(block_type: int) -> bool:
     return not block.non_stable or block.non_static
 
 
-def place(machine: Machine) -> Geometry:
-    """Place every block of a file-valid machine."""
-    return Geometry(tuple(place_steps(machine.steps).values()))
-
-
-def place_steps(steps: Iterable[Step]) -> dict[int, Placed]:
-    """Place steps, keyed by id. Ids may have gaps; parents come first and have the faces used."""
+def place(steps: Machine | Iterable[Step]) -> Geometry:
+    """Place the steps of a file-valid machine, or steps whose ids have gaps."""
     placed: dict[int, Placed] = {}
     for step in steps:
         placed[step.id] = place_step(step, placed)
-    return placed
+    return Geometry(tuple(placed.values()))
 
 
 def place_step(step: Step, placed: Mapping[int, Placed]) -> Placed:
