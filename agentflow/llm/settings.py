@@ -1,6 +1,6 @@
 """Settings of an endpoint: time-outs, retries, rate limits.
 
-Separate from the code that uses them, so that reading a configuration does not load httpx.
+Kept apart from the client code: reading a configuration must not load httpx.
 """
 
 from __future__ import annotations

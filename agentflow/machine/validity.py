@@ -48,7 +48,7 @@ class Report:
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Joints that cannot move: legal, but hardly ever intended."""
+        """Joints that cannot move: legal, but rarely intended."""
         return () if self.machine is None else tuple(locked_joints(place(self.machine)))
 
     def to_json(self) -> dict[str, object]:

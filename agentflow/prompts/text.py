@@ -14,7 +14,7 @@ _UNSAFE = {"`": "\\u0060", "\x85": "\\u0085", "\u2028": "\\u2028", "\u2029": "\\
 
 
 def quote(text: str) -> str:
-    """Put "> " before every line, so that no line can start a heading or a fence."""
+    """Put "> " before every line to keep it from starting a heading or a fence."""
     return "\n".join(f"> {line}".rstrip() for line in text.strip().splitlines())
 
 

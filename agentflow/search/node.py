@@ -17,7 +17,7 @@ class Evaluation:
     """The result of evaluating a candidate.
 
     `score` is None if the infrastructure failed (timeout, crash) rather than the candidate. Such a
-    result is not a zero, and means leave it out.
+    result does not count as 0, and means exclude it.
     """
 
     valid: bool

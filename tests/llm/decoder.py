@@ -17,7 +17,7 @@ TEMPLATE = "{% for message in messages %}{{ message.content }}\n{% endfor %}"
 
 
 def write(folder: str) -> None:
-    """Weights, tokenizer and chat template, as a model's folder has them."""
+    """Weights, tokenizer and chat template in the layout of a model folder."""
     tokens = {token: number for number, token in enumerate(["<unk>", *CHARACTERS])}
     tokenizer = Tokenizer(models.WordLevel(tokens, unk_token="<unk>"))
     tokenizer.pre_tokenizer = pre_tokenizers.Split(Regex(r"[\s\S]"), "isolated")

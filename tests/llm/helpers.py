@@ -28,13 +28,13 @@ def client_for(
     warn: Callable[[str], None] = lambda _line: None,
     **settings: float,
 ) -> OpenAIClient:
-    """A bare client of model m."""
+    """An unwrapped client of model m."""
     endpoint = Endpoint("m", base_url, key)
     return OpenAIClient(endpoint, HttpSettings.model_validate(settings), warn)
 
 
 async def once(base_url: str, request: Request | None = None, **options: float) -> Reply:
-    """One attempt with a client of its own."""
+    """One attempt with a new client."""
     client = client_for(base_url, **options)
     try:
         return await client.complete(request or ask())

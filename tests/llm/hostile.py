@@ -15,7 +15,7 @@ Answer = Callable[[asyncio.StreamWriter], Awaitable[None]]
 
 @dataclass(frozen=True)
 class Asked:
-    """One request as it arrived."""
+    """One received request."""
 
     target: str
     headers: Mapping[str, str]
@@ -24,7 +24,7 @@ class Asked:
 
 @dataclass
 class Server:
-    """Gives the answers in order; the last one again and again."""
+    """Gives the answers in order and repeats the last one."""
 
     answers: list[Answer]
     base_url: str = ""
@@ -81,7 +81,7 @@ async def serving(*answers: Answer, tls: ssl.SSLContext | None = None) -> AsyncI
 
 
 def raw(*parts: bytes, pause_s: float = 0.0, close: bool = False) -> Answer:
-    """These bytes, with pauses between them."""
+    """Sends these bytes with pauses between them."""
 
     async def answer(writer: asyncio.StreamWriter) -> None:
         for part in parts:

@@ -53,9 +53,9 @@ def test_an_invalid_proxy_or_certificate_in_the_environment_is_reported(
             environment.setenv("HTTPS_PROXY", proxy)
             with pytest.raises(
                 ConfigError, match=r"^invalid proxy or certificate settings in"
-            ) as told:
+            ) as error:
                 client_for("https://models.invalid/v1")
-            assert "password" not in str(told.value)
+            assert "password" not in str(error.value)
     missing.write_text("no certificate")
     monkeypatch.setenv("SSL_CERT_FILE", str(missing))
     with pytest.raises(ConfigError, match=r"^invalid proxy or certificate settings in the env"):

@@ -44,7 +44,7 @@ def decoder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Endpoint]:
 
 
 async def reply_of(endpoint: Endpoint, *, streamed: bool, **sampling: object) -> Reply:
-    """A reply by a client that may or may not ask for a stream."""
+    """A reply, streamed or not."""
     client = OpenAIClient(endpoint, HttpSettings(), pytest.fail)
     if not streamed:
         client.unsupported.actions["stream"] = "omitted"  # as after a refusal

@@ -1,4 +1,4 @@
-"""Request URLs, and that the key never shows."""
+"""Request URLs; the key is never shown."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def test_credentials_in_a_base_url_are_masked_in_each_form(user: str) -> None:
     endpoint, proof = Endpoint("m", f"http://{user}@h"), user.removeprefix("user:").split(":")[0]
     assert isinstance(endpoint.auth, httpx.Auth)
     sent = next(endpoint.auth.auth_flow(httpx.Request("POST", endpoint.url)))
-    told = endpoint.scrub_known(f"{sent.headers['authorization']}, {proof}")
-    assert told == "Basic ***, ***"
+    scrubbed = endpoint.scrub_known(f"{sent.headers['authorization']}, {proof}")
+    assert scrubbed == "Basic ***, ***"
 
 
 def test_placeholder_keys_are_not_secrets() -> None:

@@ -54,35 +54,35 @@ def test_retry_after(value: str | None, seconds: float | None) -> None:
         (
             400,
             RefusedError,
-            "http://h/v1 rejected the request (400: said)",
+            "http://h/v1 rejected the request (400: problem)",
         ),
         (
             401,
             UnauthorisedError,
-            "http://h/v1 rejected the API key or denied it access to model 'm' (401: said); "
+            "http://h/v1 rejected the API key or denied it access to model 'm' (401: problem); "
             "check OPENAI_API_KEY",
         ),
         (
             403,
             UnauthorisedError,
-            "http://h/v1 rejected the API key or denied it access to model 'm' (403: said); "
+            "http://h/v1 rejected the API key or denied it access to model 'm' (403: problem); "
             "check OPENAI_API_KEY",
         ),
         (
             404,
             ModelNotFoundError,
-            "model 'm' not found at http://h/v1 (404: said); check --model and --base-url",
+            "model 'm' not found at http://h/v1 (404: problem); check --model and --base-url",
         ),
-        (429, TransientFault, "http://h/v1 is temporarily unavailable (429: said)"),
+        (429, TransientFault, "http://h/v1 is temporarily unavailable (429: problem)"),
     ],
 )
 def test_errors_by_status(status: int, kind: type[EndpointError], text: str) -> None:
-    error = error_for(ENDPOINT, ErrorResponse(status, "said"))
+    error = error_for(ENDPOINT, ErrorResponse(status, "problem"))
     assert (type(error), str(error)) == (kind, text)
 
 
 @pytest.mark.parametrize(
-    "said",
+    "problem",
     [
         "Invalid model name passed in model=m. Call `/v1/models`",
         "Unknown model: m",
@@ -91,10 +91,10 @@ def test_errors_by_status(status: int, kind: type[EndpointError], text: str) -> 
         "Server is pinned to 'tiny@main'; requested 'm@main'.",
     ],
 )
-def test_an_unknown_model_with_any_status(said: str) -> None:
-    error = error_for(ENDPOINT, ErrorResponse(400, said))
-    told = f"model 'm' not found at http://h/v1 (400: {said}); check --model and --base-url"
-    assert (type(error), str(error)) == (ModelNotFoundError, told)
+def test_an_unknown_model_with_any_status(problem: str) -> None:
+    error = error_for(ENDPOINT, ErrorResponse(400, problem))
+    expected = f"model 'm' not found at http://h/v1 (400: {problem}); check --model and --base-url"
+    assert (type(error), str(error)) == (ModelNotFoundError, expected)
 
 
 @pytest.mark.parametrize("status", [400, *range(401, 430), 500, 501, 502, 503, 504, 505, 529])

@@ -45,7 +45,7 @@ GATEWAY = {
 
 @pytest.fixture(scope="module")
 def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """LiteLLM's proxy with models that answer by themselves."""
+    """LiteLLM's proxy with mock models that need no backend."""
     folder = tmp_path_factory.mktemp("gateway")
     (folder / "gateway.yaml").write_text(json.dumps(GATEWAY))
     run = "from litellm import run_server; run_server()"
@@ -86,7 +86,7 @@ async def opened(
 
 
 async def failure(base_url: str, model: str, key: str = KEY) -> tuple[EndpointError, list[str]]:
-    """What a call ends with, and the waits before."""
+    """The error that a call raises, and the waits before it."""
     waits: list[str] = []
     async with opened(base_url, model, waits.append, key) as client:
         with pytest.raises(EndpointError) as caught:

@@ -14,7 +14,7 @@ from tests.llm.helpers import ask
 
 
 class Slow:
-    """Takes a while and notes how many calls overlap."""
+    """Answers slowly and records how many calls overlap."""
 
     name = "slow"
 

@@ -65,7 +65,7 @@ WORDINGS = [
 def test_vendor_messages(name: str, message: str, param: str) -> None:
     warnings: list[str] = []
     unsupported = UnsupportedParameters(warnings.append)
-    assert unsupported.learn(ErrorResponse(400, message, param), FULL, "said")
+    assert unsupported.learn(ErrorResponse(400, message, param), FULL, "message")
     known_as = "response_format json_object" if name == "response_format" else name
     assert set(unsupported.actions) == {known_as}
     assert len(warnings) == 1
@@ -150,11 +150,11 @@ def test_a_schema_becomes_an_object_then_nothing() -> None:
     }
     warnings: list[str] = []
     unsupported = UnsupportedParameters(warnings.append)
-    said = "This response_format type is unavailable now"
-    assert unsupported.learn(ErrorResponse(400, said), body, "no")
+    message = "This response_format type is unavailable now"
+    assert unsupported.learn(ErrorResponse(400, message), body, "no")
     adapted = unsupported.adapt(body)
     assert adapted["response_format"] == {"type": "json_object"}
-    assert unsupported.learn(ErrorResponse(400, said), adapted, "no")
+    assert unsupported.learn(ErrorResponse(400, message), adapted, "no")
     assert "response_format" not in unsupported.adapt(body)
     assert warnings == [
         "the endpoint does not support response_format json_schema: replaced by json_object "

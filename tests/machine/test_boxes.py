@@ -1,4 +1,4 @@
-"""Extents of every block type on every facing, worked out by hand from the block table."""
+"""Extents of every block type in every facing, computed by hand from the block table."""
 
 from __future__ import annotations
 

@@ -41,9 +41,9 @@ def test_halves_are_rounded_away_from_zero(value: int, scale: int, shown: float)
 
 
 def blocks(machine: Machine) -> list[dict[str, object]]:
-    told = describe(machine)["blocks"]
-    assert isinstance(told, list)
-    return told
+    description = describe(machine)["blocks"]
+    assert isinstance(description, list)
+    return description
 
 
 def test_a_block_as_data() -> None:
@@ -85,9 +85,9 @@ def test_a_block_as_data() -> None:
 
 
 def test_the_machine_as_data() -> None:
-    told = describe(SPRUNG)
-    del told["blocks"]
-    assert told == {
+    description = describe(SPRUNG)
+    del description["blocks"]
+    assert description == {
         "size": [1.9, 3.9, 3.45],
         "mass": 7.65,
         "centre_of_mass": [0.0, 2.4, 1.8],
@@ -121,8 +121,8 @@ def test_the_machine_as_data() -> None:
 
 
 def test_pulls_have_two_decimals() -> None:
-    told = describe(build((1, 0, 4), (9, 0, 0, 1, 0)))["pulls"]
-    assert told == [
+    description = describe(build((1, 0, 4), (9, 0, 0, 1, 0)))["pulls"]
+    assert description == [
         {"id": 2, "from_block": 0, "to_block": 1, "direction": [0.0, 0.98, -0.2], "length": 2.5}
     ]
 

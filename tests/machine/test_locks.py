@@ -67,7 +67,7 @@ def test_invalid_input_has_no_warnings() -> None:
     [pytest.param(seed, marks=() if 3 <= seed < 13 else pytest.mark.slow) for seed in range(40)],
 )
 def test_warnings_agree_with_the_simulation(seed: int) -> None:
-    """The fast part has six machines with nine such joints, and four without."""
+    """The fast tests use six machines with nine such joints, and four without."""
     tree = random_machine(Random(seed), size=(12, 30))
     physics = assemble(tree, place(tree), constants())
     locked = skeleton(len(physics.parts), physics.joints).locked

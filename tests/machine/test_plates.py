@@ -1,4 +1,4 @@
-"""Plates: numbers, faces, holes, and machines that stand on them."""
+"""Plates: numbers, faces, holes, and machines built on them."""
 
 from __future__ import annotations
 
@@ -118,5 +118,5 @@ def test_at_most_24_free_faces_are_listed(free: int, end: str) -> None:
     faces = library()[tiny.type].open_faces
     cogs = (Step(i, 38, 0, face) for i, face in enumerate(faces[free:], start=1))
     problem = check(Machine((*brief.given, *cogs)), brief).problems[0]
-    told = problem.message.partition("free faces of block 0: ")[2]
-    assert told.replace(", ".join(map(str, faces[:24])), "all") == end
+    listed = problem.message.partition("free faces of block 0: ")[2]
+    assert listed.replace(", ".join(map(str, faces[:24])), "all") == end

@@ -59,7 +59,7 @@ def test_impossible_machines_are_an_error(task: Brief, size: tuple[int, int]) ->
 
 
 def even(counts: Counter[Machine], expected: set[Machine], draws: int) -> None:
-    """Chi-squared: all of them, and each about equally often (five standard deviations)."""
+    """Chi-squared test: all occur, about equally often (within five standard deviations)."""
     assert set(counts) == expected
     mean = draws / len(expected)
     freedom = len(expected) - 1

@@ -16,7 +16,7 @@ ROOT_FACE = {tuple(DIRECTIONS[face.direction]): face.id for face in library()[0]
 
 
 def turned(machine: Machine, by: Facing) -> Machine:
-    """The machine with everything on the root moved to the face that a rotation takes it to."""
+    """The machine with every block on the root moved to the face given by a rotation."""
     faces = library()[0].faces
 
     def end(parent: int, face: int) -> int:
@@ -38,7 +38,7 @@ def box(by: Facing, lo: Units3, hi: Units3) -> tuple[Units3, Units3]:
 
 
 def legal(machine: Machine, by: Facing) -> bool:
-    """Whether the rules turn every block as the rotation does, roll included."""
+    """Whether the orientation rules turn every block as the rotation does, including roll."""
     before, after = place(machine), place(turned(machine, by))
     return all(
         (new.orientation.front, new.orientation.right)

@@ -82,7 +82,7 @@ def test_two_ended_blocks_share_faces_freely() -> None:
 
 
 def line(face: int, logs: int, *last: int) -> list[Spec]:
-    """Blocks one behind the other on a face of the root: logs of 3 m, then others."""
+    """A row of blocks on a face of the root: 3 m logs first, then others."""
     kinds = [63] * logs + list(last)
     return [
         (kind, 0 if index == 0 else -1, face if index == 0 else 0)
@@ -163,6 +163,6 @@ def test_very_many_overlaps_are_counted_and_not_all_told() -> None:
 def test_two_hundred_overlaps_are_all_told(more: int, left: int) -> None:
     """Twenty blocks on one face, five on another, `more` on a third: 190 pairs, 10, `left`."""
     heap = check(build(*[(15, 0, 0)] * 20, *[(15, 0, 1)] * 5, *[(15, 0, 2)] * more))
-    told = [len(problem.blocks) for problem in heap.problems if problem.code == "overlap"]
+    sizes = [len(problem.blocks) for problem in heap.problems if problem.code == "overlap"]
     assert len(heap.overlaps) == 200 + left
-    assert told == [2] * 200 + [0] * left
+    assert sizes == [2] * 200 + [0] * left

@@ -1,4 +1,4 @@
-"""A domain without machines: candidates are words, replies and scores are looked up."""
+"""A domain without machines: candidates are words; replies and scores come from tables."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Words:
         self.replies, self.scores = replies, scores
         self.budget, self.delays = budget, delays
         self.waves: list[tuple[str, int, int]] = []
-        """(word, attempts asked, attempts known) of each wave."""
+        """(word, attempts requested, earlier attempts) of each wave."""
         self.rollouts: list[tuple[str, str]] = []
         """(word, label) of each evaluation."""
         self.events: list[SearchEvent] = []

@@ -184,7 +184,7 @@ async def test_no_rounds_give_the_root() -> None:
 async def test_the_search_keeps_completed_attempts_when_the_budget_runs_out(
     budget: int, nodes: str, attempts: int, rollouts: int
 ) -> None:
-    """Children that were answered for are simulated and backed up; nothing is asked after that."""
+    """Children received before the budget ran out are simulated and backed up; then it stops."""
     words = Words(REPLIES, SCORES, budget=budget)
     found = await run(words)
     assert "".join(n.candidate for n in found.nodes) == nodes
@@ -217,7 +217,7 @@ async def test_completion_order_changes_nothing() -> None:
 async def test_back_up_updates_visits_and_totals(
     seed: int, width: int, waves: int, rounds: int, scale: str
 ) -> None:
-    """A node's visits and total are those of the scored nodes below it, and its own."""
+    """A node's visits and total cover itself and the scored nodes below it."""
     numbers = SearchSettings.model_validate(
         {"rounds": rounds, "width": width, "waves": waves, "ucb": {"scale": scale}}
     )

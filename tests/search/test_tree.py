@@ -1,4 +1,4 @@
-"""What all strategies owe to the tree that they share: its order, its books, its end."""
+"""The shared search tree: order of nodes, counts, and the end of the budget."""
 
 from __future__ import annotations
 

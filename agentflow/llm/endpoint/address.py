@@ -20,7 +20,7 @@ _LOOKS_LIKE_A_KEY = re.compile(r"(?i)(?<=bearer )[\w.~+/*=-]{6,}|\bsk-[A-Za-z0-9
 
 
 class _Bearer(httpx.Auth):
-    """Adds the key when a request is sent, so that none of our objects holds it in a header."""
+    """Adds the key when a request is sent, which keeps it out of stored headers."""
 
     def __init__(self, key: str) -> None:
         self._key = key

@@ -1,7 +1,7 @@
 """A pool of connections to an endpoint: one httpx client, with one connection, per concurrent call.
 
 httpx's own pool scans all its connections several times per request; with 64 concurrent calls that
-costs more than everything else that is done for a call.
+costs more than all other work of a call.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _LOOPBACK = ("all://127.0.0.1", "all://localhost", "all://[::1]")
 
 
 class ConnectionPool:
-    """Lends httpx clients, most recently used first, whose connections are likely to be open.
+    """Lends httpx clients; the most recently used, whose connections are likely open, come first.
 
     httpx reads proxies and certificates from the environment; loopback addresses are never proxied.
     Without a proxy in the environment, clients skip looking for one, which saves two thirds of the

@@ -22,7 +22,7 @@ from agentflow.llm.settings import HttpSettings
 _MAX_ANSWER_BYTES = 64 * 2**20
 _MAX_ERROR_BYTES = 2**16
 _DRAIN_S = 1.0
-"""How long to wait for a stream to end after `[DONE]`, so that its connection can be reused."""
+"""Maximum wait for a stream to end after `[DONE]`; its connection can then be reused."""
 
 
 class OpenAIClient:

@@ -28,7 +28,7 @@ _FINISH: dict[str, Finish] = {
 }
 """Finish reasons of incomplete answers; all others count as `stop`."""
 _EXCERPT_CHARS = 4096
-"""Length of excerpts in errors; long, so that no key is cut in two before it is masked."""
+"""Length of excerpts in errors, long enough not to cut a key in two before it is masked."""
 
 
 class TruncatedAnswerError(Exception):

@@ -29,7 +29,7 @@ from agentflow.machine.geometry.vectors import Vec3
 STARTING_BLOCK = 0
 """Type of the first block of every machine that is not built on a plate."""
 GRABBER, CONTAINER, BOULDER = 27, 30, 36
-"""Types that rules of tasks name."""
+"""Types that task rules refer to."""
 FLAGS = ("non_static", "non_stable", "powered_wheel")
 
 

@@ -14,12 +14,12 @@ GRID = 0.5
 THICKNESS = 0.5
 """m."""
 DENSITY = 1.0
-"""kg per square metre: heavy enough that cogs that turn on a plate do not move it."""
+"""kg per square metre; cogs that turn on a plate this heavy do not move it."""
 COLOR = (0.56, 0.6, 0.62, 1.0)
 HOLE = 2.0
 """Width of a hole, m."""
 SIZES, HOLES, PATTERNS = (5, 31), (0, 20), (0, 9)
-"""Ranges of the width (whole m), the number of holes, the number of the pattern."""
+"""Ranges of the width (whole metres), the number of holes and the pattern."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Plate:
     """Width along x and z, m."""
     holes: int = 0
     pattern: int = 0
-    """Which of ten arrangements of that many holes."""
+    """One of ten random arrangements of the holes."""
 
     @property
     def type(self) -> int:

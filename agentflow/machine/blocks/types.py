@@ -97,11 +97,11 @@ class BlockType:
     extended: bool = False
     """Not one of the 27 core types: legal only where a task lists it."""
     non_static: bool = False
-    """Makes force or motion of its own."""
+    """Produces force or motion by itself."""
     non_stable: bool = False
     """Its connection to its parent moves or can end."""
     powered_wheel: bool = False
-    """Facing x-, its motor turns the other way, so that wheels on both sides drive alike."""
+    """When it faces x-, its motor is reversed to drive the same way as on the other side."""
     shape: ShapeKind = "box"
     """Its surface: cylinders lie about Front, hinges are flat plates across their axis, containers
     are open on Front, casters are a fork with a wheel."""
@@ -114,15 +114,15 @@ class BlockType:
     thrust: float | None = None
     """Newtons along its facing, while motors are on."""
     blade: Blade | None = None
-    """Makes it a propeller blade."""
+    """Lift law of a propeller blade; None for other blocks."""
     pitch_radius: float | None = None
     """Metres; cogs mesh where these circles touch."""
     counterpart: int | None = None
     """Type of the same size with a motor, or without one if this has a motor."""
     motor_name: str | None = None
-    """What designers are told starts to turn when motors are switched on, in the plural."""
+    """Plural noun for schedule sentences about what motors start to turn."""
     schedule_text: str | None = None
-    """What else designers are told of it in the schedule; `{motors:g}`, `{springs:g}` and
+    """Further schedule sentence about it, for designers; `{motors:g}`, `{springs:g}` and
     `{steering_hinges:g}` stand for start times, s."""
     bsg: tuple[tuple[str, str, str], ...] = ()
     """Tag, key and value of its settings in Besiege's machine files."""
@@ -136,7 +136,7 @@ class BlockType:
 
     @property
     def linear(self) -> bool:
-        """Whether it is two-ended and hangs between two parents: brace, spring, winch."""
+        """Whether it is two-ended and connects two parents: brace, spring, winch."""
         return self.connector is not None
 
     @property

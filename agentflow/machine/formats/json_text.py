@@ -111,7 +111,7 @@ def _strict(text: str) -> tuple[bool, Any]:
 
 
 def _repair(text: str) -> Any:
-    """The value that json-repair makes of the text; None if it fails."""
+    """The value that json-repair reads from the text; None if it fails."""
     from json_repair import repair_json  # slow to import and rarely needed
 
     try:

@@ -51,10 +51,10 @@ def length(a: Vec3) -> float:
 
 
 def rotation_from_up(direction: Vec3) -> Quat:
-    """The shortest rotation that turns y+ into a direction (any length but 0)."""
+    """The shortest rotation that turns y+ to a direction of any length but 0."""
     size = length(direction)
     x, y, z = direction[0] / size, direction[1] / size, direction[2] / size
-    # almost straight down 1 + y loses its digits
+    # close to straight down, 1 + y loses precision
     square = (x * x + z * z) / (2.0 - 2.0 * y) if y < -0.999999 else (1.0 + y) / 2.0
     if square < 1e-24:
         return (1.0, 0.0, 0.0, 0.0)

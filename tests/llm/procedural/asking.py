@@ -31,7 +31,7 @@ async def blueprint_of(brief: Brief, seed: int) -> Blueprint:
 
 
 async def designs(brief: Brief, blueprint: Blueprint, seed: int, label: str) -> Machine | None:
-    """The machine after the last structure; None where a structure could not be built."""
+    """The machine after the last structure; None if a structure could not be built."""
     machine: Machine | None = None
     last = blueprint.structures[-1].name
     for part in blueprint.structures:

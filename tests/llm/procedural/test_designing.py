@@ -84,7 +84,7 @@ async def test_vertical_winches_hold_a_hook_of_grabbers_on_a_crane() -> None:
 
 
 WHOLE = [name for name in task_names() if brief_of(name).given == LONE_ROOT]
-"""Tasks whose machines are designed; in the others something given is completed."""
+"""Tasks whose machines are designed from scratch; the others complete a given machine."""
 
 
 @pytest.mark.parametrize(

@@ -40,23 +40,23 @@ async def test_it_finds_the_outermost_blocks(task: str) -> None:
 
 async def test_wheels_that_do_not_drive_forward_are_a_defect() -> None:
     found = await inspected("movement", machine_of((2, 0, 3), (2, 0, 0)))
-    told = [(defect.blocks, defect.text) for defect in found.defects]
-    assert ((2,), "facing z+ it does not drive to z+") in told
-    assert ((1, 2), "too few wheels for a quick start") in told
+    defects = [(defect.blocks, defect.text) for defect in found.defects]
+    assert ((2,), "facing z+ it does not drive to z+") in defects
+    assert ((1, 2), "too few wheels for a quick start") in defects
 
 
 async def test_a_machine_with_its_centre_of_mass_beside_its_feet_tips() -> None:
     found = await inspected("throwing", machine_of((1, 0, 4), (63, 1, 6), (36, 2, 0)))
-    told = [defect.text for defect in found.defects]
-    assert told[0] == "the centre of mass is not above the footprint: it tips"
+    defects = [defect.text for defect in found.defects]
+    assert defects[0] == "the centre of mass is not above the footprint: it tips"
 
 
 async def test_idle_blocks_and_one_sided_loads_are_reported() -> None:
     steps = ((1, 0, 4), (22, 1, 4), (63, 2, 2), (15, 1, 6), (36, 3, 0))
     found = await inspected("throwing", machine_of(*steps))
-    told = [(defect.blocks, defect.text) for defect in found.defects]
-    assert ((2,), "unbalanced: loaded on one side only") in told
-    assert ((4,), "useless: it carries nothing and does not touch the ground") in told
+    defects = [(defect.blocks, defect.text) for defect in found.defects]
+    assert ((2,), "unbalanced: loaded on one side only") in defects
+    assert ((4,), "useless: it carries nothing and does not touch the ground") in defects
 
 
 async def test_it_queries_broken_blocks_around_the_time_of_breaking() -> None:

@@ -47,7 +47,7 @@ async def test_a_machine_that_tips_often_gets_a_wider_base() -> None:
 
 
 async def test_it_fixes_the_failed_step_and_avoids_what_did_not_help() -> None:
-    """Every step that was tried is refused; none comes again."""
+    """Every attempted step is refused; none is repeated."""
     machine = machine_of((2, 0, 2), (2, 0, 3))
     tried = set[str]()
     for number in range(6):

@@ -29,9 +29,9 @@ SWITCHES: dict[str, tuple[object, ...]] = {
     "feedback": ("active", "basic", "score_only"),
     "spatial": (True, False),
 }
-"""Those that change what a prompt shows or what a reply must look like; all are combined."""
+"""Switches that change the content of prompts or the format of replies; all are combined."""
 OTHERS = ("inspector", "querier", "history", "vision")
-"""Those that add or leave out a section, turned over from one combination to the next."""
+"""Switches that add or omit a section; they vary from one combination to the next."""
 
 
 def combinations() -> list[dict[str, Any]]:
@@ -46,7 +46,7 @@ def combinations() -> list[dict[str, Any]]:
 
 
 async def run(task: str, name: str, switches: dict[str, Any]) -> None:
-    """A tiny run: every reply is read by its role, and a valid machine comes of it."""
+    """A tiny run: its role reads every reply, and the result is a valid machine."""
     brief, notes = brief_of(task), Notes()
     context = AskContext(ProceduralClient(1), PROMPTS, max_retry=5)
     settings = WorkflowSettings.model_validate({**TINY, **switches})
