@@ -43,20 +43,29 @@ FURTHER = {
 HEAD = """\
 # Results of the shipped sweeps
 
-Every row names the model that answered. `procedural (no language model)` is rules and chance: it
-reads the same prompts and writes replies in the same format as a language model. Its numbers show
-that the system works from end to end and what each part contributes; they say nothing about
-language models. `none (random edits)` calls no model.
+A *sweep* runs many configurations that differ only in the setting under study; [sweeps](sweeps.md)
+explains how. Every row of the tables names the model that was used:
 
-Published rows are numbers of other models in the game itself, from the paper's tables. Compare
-their order with ours, not their values (see [physics](physics.md)).
+* `procedural (no language model)` is the built-in model. It combines fixed rules with random
+  choices, reads the same prompts as a language model, and writes replies in the same format. Its
+  scores show that the system works end to end and what each part contributes; they say nothing
+  about language models.
+* `none (random edits)` marks the two baselines that use no model: random machines with random
+  edits (`random-dsl`), and cogs placed at random (`random-placement`).
 
-Most sweeps have two seeds, because the published tables have few runs. The machines of one run
-share a blueprint and are therefore similar, so intervals over pooled machines are too narrow:
-differences of a few metres between two throwing rows are noise. Use `--seeds 20` to resolve them.
+Tables headed "published" have the scores of other models in the game Besiege itself. They are
+taken from the paper, *Agentic Design of Compositional Machines*
+([arXiv:2510.14980](https://arxiv.org/abs/2510.14980)). Compare their order with ours, not their
+values (see [physics](physics.md)).
 
-`scripts/results` generates everything on this page: each sweep with the command given with it, and
-the page with `python benchmarks/results.py`. [Sweeps](sweeps.md) explains the columns.
+Most sweeps use two seeds, to match the small number of runs behind the published tables. The
+machines of one run share a blueprint and are therefore similar, so intervals over pooled machines
+are too narrow: differences of a few metres between two throwing rows are noise. Use `--seeds 20`
+to tell such rows apart.
+
+`scripts/results` generates everything on this page: it runs each sweep with the command shown in
+its section, then writes the page with `python benchmarks/results.py`. Notes below each table define
+its columns.
 """
 
 
@@ -79,14 +88,14 @@ def section(folder: Path) -> str:
     swept = read_sweep_result(folder)
     made = (
         f"`agentflow sweep configs/{folder.name}.yaml` and `agentflow table {folder} "
-        f"--published --format md`; begun {document['begun'][:10]}, "
-        f"commit {commits(swept.finished)}, constants `{document['constants']}`"
+        f"--published --format md`; started on {document['begun'][:10]}, "
+        f"commit {commits(swept.finished)}, hash of the constants `{document['constants']}`"
     )
     texts = [re.sub(r"\A\*\*.*\*\*\n\n", "", markdown(layout_table(swept, published=True)))]
     for name in FURTHER.get(folder.name, ()):
-        texts += [f"`agentflow table {folder} --show {name} --format md`:", ""]
+        texts += [f"Output of `agentflow table {folder} --show {name} --format md`:", ""]
         texts.append(markdown(VIEWS[name](swept)))
-    return "\n".join([f"## {sweep.title}", "", sweep.about, "", f"{made}.", "", *texts])
+    return "\n".join([f"## {sweep.title}", "", sweep.about, "", f"Commands: {made}.", "", *texts])
 
 
 def commits(runs: Iterable[FinishedRun]) -> str:
@@ -112,7 +121,7 @@ def gallery(folders: Iterable[Path], pictures: Path, base: Path) -> str:
         lines += [
             f"![The best machine of {family}]({place})",
             "",
-            f"{run.planned.config.task}: {score:.2f}, by {run.model}, in `{run.path}`",
+            f"{run.planned.config.task}: score {score:.2f}, model {run.model}, run `{run.path}`",
             "",
         ]
     return "\n".join(lines)

@@ -92,15 +92,15 @@ METRICS: Registry[Metric] = Registry(
     {
         "valid": Metric(
             lambda cell: _unless_empty(after_retries(cell.candidates)),
-            "trajectories with a valid machine after retries",
+            "trajectories (independent attempts) with a valid machine, after retries",
         ),
         "mean": Metric(lambda cell: cell.scores.mean_valid, "mean score over valid machines"),
         "mean_all": Metric(
-            lambda cell: cell.scores.mean_all, "mean score over all machines, invalid = 0"
+            lambda cell: cell.scores.mean_all, "mean score over all machines, invalid ones scored 0"
         ),
         "max": Metric(lambda cell: cell.scores.max, "best score"),
         "std": Metric(
-            lambda cell: cell.scores.std, "standard deviation over valid machines (population)"
+            lambda cell: cell.scores.std, "population standard deviation over valid machines"
         ),
         "file_valid": Metric(
             lambda cell: _unless_empty(first_attempts(cell.candidates, "parsed")),
@@ -116,16 +116,18 @@ METRICS: Registry[Metric] = Registry(
         ),
         "avg_expansions_per_round": Metric(
             lambda cell: search.expansions_per_round(cell.expansions),
-            "new machines per search of one trajectory, over all its rounds",
+            "new machines per search, summed over its rounds (the paper's name)",
         ),
         "avg_retry": Metric(
             lambda cell: search.attempts_per_child(list(chain.from_iterable(cell.expansions))),
-            "refiner calls per valid child",
+            "refiner calls per valid new machine",
         ),
         "validity_rate": Metric(
-            _child_rate, "valid children after all retries, of those wanted", percent=True
+            _child_rate,
+            "share of the requested machines that were obtained, after retries",
+            percent=True,
         ),
-        "pass_of_50": Metric(_passes, "attempts that passed (score of at least 1)"),
+        "pass_of_50": Metric(_passes, "attempts that passed, which means a score of at least 1"),
     },
     instance_of(Metric),
 )

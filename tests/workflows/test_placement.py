@@ -117,7 +117,7 @@ def test_every_attempt_is_one_call_and_is_judged_by_itself() -> None:
     assert [label for kind, label in record.events if kind == "attempt"] == list(answers)
 
 
-def test_the_procedural_model_finds_the_short_way_every_time() -> None:
+def test_the_procedural_model_finds_the_shortest_path_every_time() -> None:
     result = run(ProceduralClient(seed=3), 8)
     assert count_passes(result.stages[0])["passes"] == 8
     assert run(ProceduralClient(seed=3), 8) == result

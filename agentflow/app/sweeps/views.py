@@ -49,7 +49,7 @@ def scores_table(result: SweepResult) -> Table:
     columns = [
         *(Column("valid", name) for name in ("share", INTERVAL)),
         *(Column("valid machines", name) for name in ("mean", INTERVAL)),
-        *(Column("all machines, invalid = 0", name) for name in ("mean", INTERVAL)),
+        *(Column("all machines (invalid scored 0)", name) for name in ("mean", INTERVAL)),
         *(Column("", name) for name in ("max", "std")),
         *(Column("Best@N, N =", str(n)) for n in powers),
     ]
@@ -77,8 +77,10 @@ def scores_table(result: SweepResult) -> Table:
         tuple(rows),
         notes=(
             *result.notes,
-            "Last stage only. Shares have Wilson intervals, means bootstrap intervals (10,000 "
-            "resamples); Best@N is exact, over all machines, invalid = 0; std is the population's.",
+            "Scores are those of the last stage. Shares have Wilson intervals, means have "
+            "bootstrap intervals (10,000 resamples). Best@N is the expected best score of N "
+            "machines, computed exactly over all machines, with invalid ones scored 0. std is the "
+            "population standard deviation.",
             *filter(None, [missing_scipy()]),
         ),
     )
@@ -105,8 +107,8 @@ def usage_table(result: SweepResult) -> Table:
     columns += [Column("", "rollouts/s"), Column("", "simulated s/s")]
     notes = (
         *result.notes,
-        "Tokens as reported by the endpoint; money only if every model has a price; seconds are "
-        "the sum of latencies; rollouts/s and simulated s/s are per worker.",
+        "Tokens are those reported by the endpoint. Money is shown only if every model has a "
+        "price. Seconds are the sum of latencies. rollouts/s and simulated s/s are per worker.",
     )
     heads = ("task", "model", "variant", "of")
     return Table(f"{result.sweep.title}: usage", heads, tuple(columns), tuple(rows), notes=notes)
@@ -127,7 +129,7 @@ def players_table(result: SweepResult) -> Table:
         Column("", "players' mean (published)"),
         Column("", "share", percent=True),
     )
-    title = f"{result.sweep.title}: best score over the experienced players' mean"
+    title = f"{result.sweep.title}: best score relative to the experienced players' mean"
     return Table(title, ("task", "model"), columns, tuple(rows), notes=(*result.notes, OWN_SCALE))
 
 
@@ -144,13 +146,13 @@ def expansions_table(result: SweepResult) -> Table:
     return Table(
         f"{result.sweep.title}: score against expansions",
         ("task", "model", "variant"),
-        tuple(Column("new machines per search", str(count)) for count in counts),
+        tuple(Column("score after N new machines, N =", str(count)) for count in counts),
         rows,
         notes=(
             *result.notes,
             *(() if counts else ("No run of this sweep searches.",)),
-            "Mean over searches of the best score so far, including the start; a search that ended "
-            "earlier keeps its last score.",
+            "Best score so far, averaged over searches and including the initial machine; a search "
+            "that ended early keeps its final value.",
         ),
     )
 

@@ -108,8 +108,8 @@ def test_axes_are_columns_and_seeds_are_pooled(tmp_path: Path) -> None:
     assert table.notes == (
         "3 runs; 2 seeds, pooled.",
         "INCOMPLETE: 1 of 4 runs are missing, 0 of them failed.",
-        "valid: trajectories with a valid machine after retries; mean: mean score over valid "
-        "machines; max: best score.",
+        "valid: trajectories (independent attempts) with a valid machine, after retries; mean: "
+        "mean score over valid machines; max: best score.",
     )
 
 
@@ -232,8 +232,8 @@ def test_scores_name_both_means_with_their_intervals(tmp_path: Path) -> None:
         "valid 95 %",
         "valid machines mean",
         "valid machines 95 %",
-        "all machines, invalid = 0 mean",
-        "all machines, invalid = 0 95 %",
+        "all machines (invalid scored 0) mean",
+        "all machines (invalid scored 0) 95 %",
         "max",
         "std",
         "Best@N, N = 1",
