@@ -133,13 +133,14 @@ class Delivery(Family):
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
         """Walls, obstacles, cargo and wind."""
         knobs, width = self.parameters, self.parameters.road.inner_width
+        mass, wide, (x, z) = knobs.cargo.mass, knobs.cargo.diameter, self._cargo_place
         things = (
             *road_walls(knobs.road, knobs.curve),
             *slabs(knobs.terrain, width, 0),
             *beam_things(knobs.beam, width),
             *ramp_things(knobs.ramp, width),
             *self._cone(),
-            _ball(knobs.cargo, *self._cargo_place),
+            Thing(CARGO, "sphere", (wide,) * 3, (x, wide / 2, z), mass=mass, color=COLOR),
         )
         return Scene(things, knobs.wind.velocity)
 
@@ -182,7 +183,7 @@ class Delivery(Family):
         """Distance and height of the cargo, and its distance from the machine."""
         terms = verdict.terms
         cargo = trace.thing_position[:, trace.things.index(CARGO)]
-        gaps = _machine_distances(trace, cargo)
+        gaps = np.linalg.norm(trace.centre - cargo[:, None], axis=2).min(axis=1)
         index, touched = terms["landing_index"], terms["touched"]
         distance, time, reach, height = (
             number(term_number(terms, name)) for name in ("distance", "time", "reach", "height")
@@ -269,19 +270,6 @@ class DeliveryReferee:
             text = f"the cargo lands after {FLIGHT:g} s or more in the air"
             events.append(RolloutEvent(self._landing, "landing", (), text))
         return tuple(events)
-
-
-def _ball(cargo: Cargo, x: float, z: float) -> Thing:
-    size = (cargo.diameter, cargo.diameter, cargo.diameter)
-    place = (x, cargo.diameter / 2, z)
-    return Thing(CARGO, "sphere", size, place, mass=cargo.mass, color=COLOR)
-
-
-def _machine_distances(trace: Trace, cargo: Array) -> Array:
-    """(T,) distances in metres from the cargo's centre (T, 3) to the nearest block's centre."""
-    away = np.linalg.norm(trace.centre - cargo[:, None], axis=2)
-    gaps: Array = away.min(axis=1)
-    return gaps
 
 
 def _gap_line(times: Array, gaps: Array) -> str:

@@ -200,23 +200,14 @@ def _wall_piece(
     )
 
 
-def road_sentences(road: Road, curve: Curve) -> tuple[str, ...]:
+def road_sentences(road: Road, curve: Curve) -> Iterator[str]:
     """Describe the road to designers."""
-    straight = (
+    yield (
         f"A road runs along z+ between walls at x = -{road.half_width:g} m and x = "
         f"{road.half_width:g} m, {road.wall_height:g} m high and {road.length:g} m long, with "
         f"friction {road.wall_friction:g}; a wall closes it behind the machine at z = "
         f"-{road.back:g} m."
     )
-    return (straight, *_curve_sentences(road, curve))
-
-
-def scoring_direction(curve: Curve) -> str:
-    """The direction in which distances count, in words."""
-    return "along the road's centre line" if curve.angle else "along z+"
-
-
-def _curve_sentences(road: Road, curve: Curve) -> Iterator[str]:
     if not curve.angle:
         return
     radius = curve.inner_radius + road.half_width
@@ -235,14 +226,15 @@ def _curve_sentences(road: Road, curve: Curve) -> Iterator[str]:
             f"on a circle of the same radius, to x = {rounded(x)} m, "
             f"z = {rounded(z)} m."
         )
-    yield f"From there it continues straight{_towards(heading)}."
+    names = {0: " towards z+", 90: " towards x+", 180: " towards z-", -90: " towards x-"}
+    yield f"From there it continues straight{names.get(round(degrees(heading)), '')}."
+
+
+def scoring_direction(curve: Curve) -> str:
+    """The direction in which distances count, in words."""
+    return "along the road's centre line" if curve.angle else "along z+"
 
 
 def rounded(value: float) -> str:
     """Format with at most one decimal; never "-0"."""
     return f"{round(value, 1) + 0.0:g}"
-
-
-def _towards(heading: float) -> str:
-    names = {0: " towards z+", 90: " towards x+", 180: " towards z-", -90: " towards x-"}
-    return names.get(round(degrees(heading)), "")
