@@ -119,13 +119,8 @@ async def ask(role: Role[In, Out], given: In, context: AskContext, label: str) -
     """Ask a role until a reply parses, at most `context.max_retry` times.
 
     A reply that does not parse stays in the conversation, followed by the problem. Every attempt is
-    passed to `context.on_attempt` before the next one starts.
-
-    Args:
-        role: Its prompts and parser are used.
-        given: Its typed input.
-        context: Model, prompts, sampling, number of attempts.
-        label: Names the question within the run; attempts are labelled `<label>/attempt-<i>`.
+    passed to `context.on_attempt` before the next one starts. The label names the question within
+    the run; attempts are labelled `<label>/attempt-<i>`.
     """
     system, user = context.prompts.render(role.name, role.variables(given))
     conversation = [

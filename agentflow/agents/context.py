@@ -39,7 +39,7 @@ class RoleInput:
 
 
 def task_context(brief: Brief) -> dict[str, object]:
-    """Task, block table and the values that the rules on blocks use."""
+    """Template variables of the task, the block table and the rules on blocks."""
     kinds = [library()[kind] for kind in brief.blocks]
     linear = [kind for kind in kinds if kind.linear]
     plain = [kind.type for kind in kinds if not kind.linear and kind.type != ROOT_TYPE]

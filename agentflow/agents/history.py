@@ -11,7 +11,7 @@ MAX_LINES = 20
 MAX_WIDTH = 300
 """Maximum number of characters shown of a line."""
 SHORT_LIMIT, SHORT_LINES, SHORT_WIDTH = 4, 3, 100
-"""The same three limits for the short text, where tokens are scarce."""
+"""The same three limits for the short text, which saves tokens."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def _text(entries: tuple[EditRecord, ...], lines: int, width: int) -> str:
 
 
 def _extremes(entries: tuple[EditRecord, ...]) -> tuple[EditRecord, ...]:
-    """The entries with the highest and the lowest score after; the earlier one if tied."""
+    """The entries with the highest and the lowest resulting score; the earlier one if tied."""
     scored = [item for item in entries if item.after is not None]
     if not scored:
         return ()

@@ -80,7 +80,7 @@ class Inspector(Role[InspectorInput, Inspection]):
         }
 
     def parse(self, text: str, given: InspectorInput) -> Parsed[Inspection]:
-        """Read the three sections; only that on orientation may be missing, and then scores 0."""
+        """Read the three sections; the one on orientation may be missing and then scores 0."""
         found = find_sections(text, (ORIENTATION, ANSWERS, DEFECTS))
         missing = [f"<{name}>" for name in (ANSWERS, DEFECTS) if name not in found]
         if missing:

@@ -47,6 +47,6 @@ class Placer(Role[PlacerInput, Design]):
         }
 
     def parse(self, text: str, given: PlacerInput) -> Parsed[Design]:
-        """Read the last machine of the reply, as the designer's."""
+        """Read the last machine of the reply, as the designer does."""
         parsed = Designer().parse(text, DesignerInput(given.brief))
         return parsed if parsed.parsed else replace(parsed, spatial=None)

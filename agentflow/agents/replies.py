@@ -19,7 +19,7 @@ from agentflow.machine.validity import Report, check
 Representation = Literal["tree", "coordinates"]
 """How machines are written: construction tree, or absolute positions and rotations."""
 REQUIRED_COUNT = "required_count"
-"""Code of having more or fewer blocks of a type than the task requires."""
+"""Code of a machine with a wrong number of blocks of a required type."""
 MAX_PROBLEMS = 8
 """Maximum number of problems listed; the first usually cause the others."""
 _TAG = re.compile(r"<(/?)([^<>\n]{1,80})>")

@@ -37,7 +37,7 @@ class Cell:
     runs: tuple[RunNumbers, ...]
     stage: str
     rounds: int | None = None
-    """Cut the searches after this many rounds; None for the whole stage."""
+    """Rounds after which searches are cut off; None for the whole stage."""
 
     @property
     def candidates(self) -> list[CandidateEvent]:
@@ -51,12 +51,12 @@ class Cell:
 
     @property
     def scores(self) -> Scores:
-        """Scores of the stage's machines, or of the best of each tree after `rounds`."""
+        """Scores of the stage's machines, or the best score of each tree after `rounds`."""
         if self.rounds is None:
             return Scores.of(self.candidates)
         found: list[float] = []
         for run in self.runs:
-            if search.deepest(run.record) >= self.rounds:
+            if search.most_rounds(run.record) >= self.rounds:
                 found += search.best_after_rounds(run.record, self.rounds).values()
         return Scores(tuple(found), 0)
 

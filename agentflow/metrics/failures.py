@@ -1,4 +1,4 @@
-"""Counts of what went wrong in runs, by the rules of `failure_kinds`."""
+"""Counts the failures in runs, by the rules of `failure_kinds`."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ class Failures:
 
 def failures(
     events: Iterable[RunEvent | Event],
-    misfaced: Callable[[str], bool],
-    unkept: Collection[str] = (),
+    faces_wrong_way: Callable[[str], bool],
+    unfollowed: Collection[str] = (),
     *,
     in_place: bool = False,
 ) -> Failures:
@@ -52,8 +52,8 @@ def failures(
 
     Args:
         events: Events of the run.
-        misfaced: Whether the machine with a content hash has a block that faces the wrong way.
-        unkept: Labels of the accepted replies that do not follow their own rationale.
+        faces_wrong_way: Whether a block of the machine with this content hash does.
+        unfollowed: Labels of the accepted replies that do not follow their own rationale.
         in_place: Whether machines should stay where they are in the run's task.
     """
     found = Failures()
@@ -61,7 +61,7 @@ def failures(
     for event in events:
         if isinstance(event, AttemptEvent):
             found.replies += 1
-            found.kinds[RATIONALE.name] += event.label in unkept
+            found.kinds[RATIONALE.name] += event.label in unfollowed
             if not event.valid:
                 found.refused += 1
                 found.kinds[kind_of(event).name] += 1
@@ -72,7 +72,7 @@ def failures(
             still = not in_place and event.moved is not None and event.moved <= STILL
             found.kinds[MOTIONLESS.name] += still
             found.kinds[BREAKAGE.name] += bool(event.broken)
-            found.kinds[FACING.name] += misfaced(event.machine)
+            found.kinds[FACING.name] += faces_wrong_way(event.machine)
     return found
 
 

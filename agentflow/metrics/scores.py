@@ -81,10 +81,6 @@ def best_at(scores: Sequence[float], n: int) -> float:
     of the C(m, n) subsets. From the highest score down, the shares are n/m and then (i-n)/(i-1)
     times the previous one. With scores of 0 and 1 this is the unbiased pass@k of M. Chen
     et al., "Evaluating large language models trained on code" (2021).
-
-    Args:
-        scores: One per sample; invalid samples count as 0.
-        n: Subset size, from 1 to the number of scores.
     """
     count = len(scores)
     if not 1 <= n <= count:

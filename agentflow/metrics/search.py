@@ -17,7 +17,7 @@ def attempts_per_child(expansions: Sequence[ExpandEvent]) -> float | None:
 
 
 def child_validity(expansions: Sequence[ExpandEvent], width: int) -> Rate:
-    """Valid children after all retries, of those wanted (published as validity_rate).
+    """Valid children after all retries, out of those wanted (published as validity_rate).
 
     The published table has a rate of 100 % with 1.42 attempts per child, so the rate counts
     children after retries, not attempts. `width` children are wanted per expansion, even if the
@@ -37,7 +37,7 @@ def expansions_per_round(runs: Iterable[Sequence[ExpandEvent]]) -> float | None:
     return sum(item.valid for _, item in items) / len(searches) if searches else None
 
 
-def roots(record: RunRecord) -> dict[int, CandidateEvent]:
+def search_roots(record: RunRecord) -> dict[int, CandidateEvent]:
     """The machine that each trajectory's search started from, by trajectory.
 
     It comes from the last stage before the search: blind refinement, if there was one (which may
@@ -52,7 +52,7 @@ def roots(record: RunRecord) -> dict[int, CandidateEvent]:
 def best_after_rounds(record: RunRecord, rounds: int) -> dict[int, float]:
     """Each search's best score after this many rounds, its root included.
 
-    A tree depends on seed and replies alone, so a longer search cut here equals a shorter one.
+    A tree depends only on seed and replies, so a longer search cut off here equals a shorter one.
     Searches without any score are left out.
     """
     return _best(record, [node for node in record.nodes if node.round <= rounds])
@@ -66,7 +66,7 @@ def best_after_expansions(record: RunRecord, nodes: int) -> dict[int, float]:
     return _best(record, [node for node in record.nodes if (node.place.node or 0) <= nodes])
 
 
-def deepest(record: RunRecord) -> int:
+def most_rounds(record: RunRecord) -> int:
     """Number of rounds of the longest search of a run."""
     return max((item.place.round for item in record.expansions), default=0)
 
@@ -74,7 +74,7 @@ def deepest(record: RunRecord) -> int:
 def _best(record: RunRecord, nodes: Sequence[NodeEvent]) -> dict[int, float]:
     scores = {
         trajectory: [start.score] if start.valid and start.score is not None else []
-        for trajectory, start in roots(record).items()
+        for trajectory, start in search_roots(record).items()
     }
     for node in nodes:
         if node.valid and node.score is not None:

@@ -62,7 +62,7 @@ class Table:
     notes: tuple[str, ...] = ()
 
 
-def shown(value: Value, percent: bool = False) -> str:
+def cell_text(value: Value, percent: bool = False) -> str:
     """A cell as text: floats with two decimals, counts as integers, a dash for no value."""
     if value is None:
         return NOTHING
@@ -102,11 +102,11 @@ def markdown(table: Table) -> str:
         marks = ["---"] * len(table.heads) + ["---:"] * len(table.columns)
         return [_pipes(cells) for cells in (heads, marks, *(_cells(table, row) for row in rows))]
 
-    lines = [f"**{_mark(table.title)}**", "", *part(table.rows)]
+    lines = [f"**{_escape_markdown(table.title)}**", "", *part(table.rows)]
     if table.published:
         lines += ["", f"*{PUBLISHED}*", "", *part(table.published)]
     if table.notes:
-        lines += ["", *(f"{_mark(note)}  " for note in table.notes)]
+        lines += ["", *(f"{_escape_markdown(note)}  " for note in table.notes)]
     return "\n".join(lines) + "\n"
 
 
@@ -114,11 +114,11 @@ def comma_separated(table: Table) -> str:
     """CSV with full precision and a `source` column: measured or published."""
     out = io.StringIO()
     write = csv.writer(out, lineterminator="\n").writerow
-    write(["source", *table.heads, *(_plain(column.full) for column in table.columns)])
+    write(["source", *table.heads, *(_escape_formula(column.full) for column in table.columns)])
     for source, rows in (("measured", table.rows), ("published", table.published)):
         for row in rows:
             values = ("" if value is None else str(value) for value in row.values)
-            write([source, *map(_plain, row.labels), *values])
+            write([source, *map(_escape_formula, row.labels), *values])
     return out.getvalue()
 
 
@@ -127,15 +127,15 @@ def latex(table: Table) -> str:
     width = len(table.heads) + len(table.columns)
     form = "l" * len(table.heads) + "r" * len(table.columns)
     lines = [f"% {' '.join(table.title.split())}", f"\\begin{{tabular}}{{{form}}}", "\\toprule"]
-    if _grouped(table):
+    if _has_groups(table):
         spans = [(g, len(list(cs))) for g, cs in groupby(table.columns, lambda c: c.group)]
-        spanned = [f"\\multicolumn{{{n}}}{{c}}{{{_tex(group)}}}" for group, n in spans]
+        spanned = [f"\\multicolumn{{{n}}}{{c}}{{{_escape_latex(group)}}}" for group, n in spans]
         lines.append(" & ".join([""] * len(table.heads) + spanned).strip() + " \\\\")
     heads = [*table.heads, *(column.name for column in table.columns)]
     lines += [_ampersands(heads), "\\midrule"]
     lines += [_ampersands(_cells(table, row)) for row in table.rows]
     if table.published:
-        lines += ["\\midrule", f"\\multicolumn{{{width}}}{{l}}{{{_tex(PUBLISHED)}}} \\\\"]
+        lines += ["\\midrule", f"\\multicolumn{{{width}}}{{l}}{{{_escape_latex(PUBLISHED)}}} \\\\"]
         lines += [_ampersands(_cells(table, row)) for row in table.published]
     notes = (f"% {' '.join(note.split())}" for note in table.notes)
     lines += ["\\bottomrule", "\\end{tabular}", *notes]
@@ -171,13 +171,13 @@ FORMATS: Mapping[str, Callable[[Table], str]] = MappingProxyType(
 )
 
 
-def _grouped(table: Table) -> bool:
+def _has_groups(table: Table) -> bool:
     return any(column.group for column in table.columns)
 
 
 def _group_line(table: Table, widths: list[int]) -> list[str]:
     """Group names, each above its columns; a group's last column is widened if needed."""
-    if not _grouped(table):
+    if not _has_groups(table):
         return []
     at = len(table.heads)
     parts = [" " * width for width in widths[:at]]
@@ -192,30 +192,30 @@ def _group_line(table: Table, widths: list[int]) -> list[str]:
 
 def _cells(table: Table, row: Row) -> list[str]:
     pairs = zip(row.values, table.columns, strict=True)
-    return [*row.labels, *(shown(value, column.percent) for value, column in pairs)]
+    return [*row.labels, *(cell_text(value, column.percent) for value, column in pairs)]
 
 
 def _pipes(cells: Iterable[str]) -> str:
-    return f"| {' | '.join(_mark(cell) for cell in cells)} |"
+    return f"| {' | '.join(_escape_markdown(cell) for cell in cells)} |"
 
 
-def _mark(text: str) -> str:
+def _escape_markdown(text: str) -> str:
     """Escape text for a line of Markdown."""
     for character in "\\|*_`<":
         text = text.replace(character, "\\" + character)
     return " ".join(text.split())
 
 
-def _plain(name: str) -> str:
+def _escape_formula(name: str) -> str:
     """Keep a spreadsheet from reading a name as a formula (OWASP, "CSV injection")."""
     return f"'{name}" if name.startswith(FORMULA) else name
 
 
 def _ampersands(cells: Iterable[str]) -> str:
-    return " & ".join(_tex(cell) for cell in cells) + " \\\\"
+    return " & ".join(_escape_latex(cell) for cell in cells) + " \\\\"
 
 
-def _tex(text: str) -> str:
+def _escape_latex(text: str) -> str:
     special = {c: f"\\{c}" for c in "&%$#_{}"}
     named = {"\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}
     return "".join((special | named).get(c, c) for c in " ".join(text.split()))

@@ -10,8 +10,8 @@ Cost = Callable[[str, Mapping[str, int]], "float | None"]
 """(model, usage) -> money; None if the model has no price."""
 
 
-def unpriced(_model: str, _usage: Mapping[str, int]) -> float | None:
-    """Price of a model without one."""
+def no_price(_model: str, _usage: Mapping[str, int]) -> float | None:
+    """The cost of a call to a model without a price."""
     return None
 
 
@@ -21,7 +21,7 @@ class Spent:
 
     calls: int = 0
     prompt: int = 0
-    """Prompt tokens. All token counts are the endpoint's, 0 where it reports none."""
+    """Prompt tokens. All token counts are as reported by the endpoint, 0 if it reports none."""
     completion: int = 0
     """Completion tokens, including reasoning."""
     reasoning: int = 0
@@ -45,7 +45,7 @@ class Spent:
         return Spent(*sums)
 
 
-def spent_on(call: Mapping[str, Any], cost: Cost = unpriced) -> Spent:
+def spent_on(call: Mapping[str, Any], cost: Cost = no_price) -> Spent:
     """Cost of one line of calls.jsonl."""
     reply = call["reply"]
     usage: Mapping[str, int] = reply["usage"]
@@ -89,10 +89,10 @@ def _add_by_key(one: Mapping[str, Spent], other: Mapping[str, Spent]) -> dict[st
 
 def bill(
     calls: Iterable[Mapping[str, Any]],
-    cost: Cost = unpriced,
+    cost: Cost = no_price,
     stage_of: Callable[[str], str] | None = None,
 ) -> Bill:
-    """Add up the lines of calls.jsonl; without `stage_of` (label -> stage), not by stage."""
+    """Add up the lines of calls.jsonl, by stage only if given `stage_of` (label -> stage)."""
     total = Spent()
     roles: dict[str, Spent] = {}
     stages: dict[str, Spent] = {}

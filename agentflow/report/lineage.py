@@ -63,9 +63,9 @@ class Lineage:
     _calls: dict[Place, list[str]] = field(default_factory=dict)
     """Place of a question, without its role -> labels of the calls."""
     _made: dict[str, list[Place]] = field(default_factory=dict)
-    """Machine -> places of the calls that gave it."""
+    """Machine -> places of the calls that made it."""
     _scripts: dict[str, str] = field(default_factory=dict)
-    """Label of a call -> the edits that it gave."""
+    """Label of a call -> the edits in its reply."""
 
     @classmethod
     def of(cls, events: Iterable[RunEvent | Event]) -> Lineage:
@@ -119,7 +119,7 @@ class Lineage:
             self._newest[event.place.trajectory] = event.label
 
     def _add_candidate(self, event: CandidateEvent) -> None:
-        """A trajectory without a machine ends with a node that says why."""
+        """Add a node with the reason for a trajectory that ended without a machine."""
         place, known = event.place, event.label in self.nodes or event.place in self._roots
         if event.machine is None and not known:
             self.nodes[event.label] = LineageNode(

@@ -40,20 +40,19 @@ PAGE = """<!DOCTYPE html>
 
 def page(title: str, data: Mapping[str, Any]) -> str:
     """The whole page; `title` is plain text, and the data's `kind` is run, sweep or gallery."""
-    script, style = bundled(SCRIPT), bundled(STYLE)
+    script, style = read_bundle(SCRIPT), read_bundle(STYLE)
     policy = POLICY.format(script=_source(script), style=_source(style))
-    return PAGE.format(
-        policy=policy, title=html.escape(title), style=style, data=embedded(data), script=script
-    )
+    title, content = html.escape(title), embeddable_json(data)
+    return PAGE.format(policy=policy, title=title, style=style, data=content, script=script)
 
 
 def check_bundle() -> None:
     """Raise UsageError if the bundle is missing, before any work is done."""
     for name in (SCRIPT, STYLE):
-        bundled(name)
+        read_bundle(name)
 
 
-def bundled(name: str) -> str:
+def read_bundle(name: str) -> str:
     """Read a file of the bundle; UsageError if it is missing."""
     try:
         return (BUNDLE / name).read_text(encoding="utf-8")
@@ -64,7 +63,7 @@ def bundled(name: str) -> str:
         ) from None
 
 
-def embedded(data: Mapping[str, Any]) -> str:
+def embeddable_json(data: Mapping[str, Any]) -> str:
     """JSON that cannot be read as HTML markup: ASCII, with <, > and & escaped."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":"))
     for sign in "<>&":

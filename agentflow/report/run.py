@@ -60,7 +60,7 @@ class RunStory:
             "progress": score_curve(self.events),
             "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
-            "reasons": reasons(attempts),
+            "reasons": rejection_reasons(attempts),
             "usage": usage(read_calls(self.path), cost),
             "talk": call_labels(read_calls(self.path)),
             "calls": deflate_json(conversations(read_calls(self.path), attempts)),
@@ -137,7 +137,7 @@ def validity(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:
     return list(rows.values())
 
 
-def reasons(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:
+def rejection_reasons(attempts: Iterable[AttemptEvent]) -> list[dict[str, Any]]:
     """Why replies were refused: code, count and an example, most frequent first."""
     refused = [attempt for attempt in attempts if not attempt.valid]
     examples = {a.code: a.problem[:EXAMPLE] for a in reversed(refused)}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agentflow.metrics.scores import Scores
-from agentflow.metrics.tables import PUBLISHED, Column, Row, Table, shown
+from agentflow.metrics.tables import PUBLISHED, Column, Row, Table, cell_text
 from agentflow.runs.places import STAGES
 
 MOST_DOTS = 400
@@ -22,15 +22,7 @@ def sweep_data(
     tables: Sequence[Table],
     runs: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """Everything that the page shows.
-
-    Args:
-        title: Title of the sweep.
-        about: Its question.
-        spreads: Scores by task and variant.
-        tables: Tables in display order.
-        runs: Name, state and score of each run, and why it failed.
-    """
+    """Everything that the page shows; `spreads` are scores by task and variant."""
     shared = [note for note in tables[0].notes if all(note in t.notes for t in tables)]
     return {
         "kind": "sweep",
@@ -69,7 +61,7 @@ def _table(table: Table, title: str, shared: Sequence[str]) -> dict[str, Any]:
         "rows": [_cells(table, row, kept) for row in table.rows],
         "published": [_cells(table, row, kept) for row in table.published],
         "publishedTitle": PUBLISHED,
-        "notes": [_plain(note, table.columns) for note in table.notes if note not in shared],
+        "notes": [_reword(note, table.columns) for note in table.notes if note not in shared],
     }
 
 
@@ -80,7 +72,7 @@ def _has_values(table: Table, place: int) -> bool:
 
 def _cells(table: Table, row: Row, kept: Sequence[int]) -> list[str]:
     labels = [_label(head, label) for head, label in zip(table.heads, row.labels, strict=True)]
-    return labels + [shown(row.values[place], table.columns[place].percent) for place in kept]
+    return labels + [cell_text(row.values[place], table.columns[place].percent) for place in kept]
 
 
 def _label(head: str, label: str) -> str:
@@ -93,7 +85,7 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _plain(note: str, columns: Sequence[Column]) -> str:
+def _reword(note: str, columns: Sequence[Column]) -> str:
     """Replace column names in a note by their headings."""
     for column in columns:
         note = note.replace(column.name, _words(column.name))

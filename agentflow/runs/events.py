@@ -1,7 +1,4 @@
-"""Typed events of a run: one class per kind, which builds and reads the event's label and data.
-
-Kinds that are unknown here (from plugins or later versions) stay plain `Event`s; readers skip them.
-"""
+"""Typed events of a run, one class per kind. Events of unknown kinds stay plain `Event`s."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ class RunEvent:
 
     kind: ClassVar[str]
     needs: ClassVar[tuple[str, ...]]
-    """Numbers that the place must have."""
+    """Numbered parts that the place must have."""
     optional: ClassVar[tuple[str, ...]]
     """Fields left out of the data when None."""
     kinds: ClassVar[dict[str, type[RunEvent]]] = {}
@@ -47,13 +44,13 @@ class RunEvent:
 
     @property
     def data(self) -> dict[str, Any]:
-        """The data of the event's line."""
+        """The recorded data: JSON values."""
         found = {key: _plain(value) for key, value in vars(self).items()}
         omitted = {name for name in self.optional if found[name] is None}
         return {key: found[key] for key in found if key not in {"place", "at", *omitted}}
 
     def to_event(self) -> Event:
-        """The event as its line has it."""
+        """The event as it is recorded."""
         return Event(self.kind, self.label, self.data, self.at)
 
 
@@ -124,16 +121,18 @@ class BlueprintEvent(RunEvent, kind="blueprint"):
 
 @dataclass(frozen=True)
 class BeamEvent(RunEvent, kind="beam", needs=("structure",)):
-    """A structure was built on every machine of the beam: their content hashes."""
+    """A structure was added to every machine of the beam."""
 
     machines: tuple[str | None, ...]
+    """Content hashes."""
 
 
 @dataclass(frozen=True)
 class RefillEvent(RunEvent, kind="refill", needs=("structure",)):
-    """Empty places of the beam were filled: the trajectory that each machine comes from."""
+    """Empty places of the beam were filled with copies of other machines."""
 
     sources: tuple[int, ...]
+    """Trajectory that each machine comes from."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +156,7 @@ class EvaluationEvent(RunEvent, kind="evaluation", needs=("trajectory",)):
     rollout: str | None
     """Hash of every recorded state."""
     moved: float | None = None
-    """Farthest that any block moved, m."""
+    """Largest displacement of any block, m."""
 
 
 @dataclass(frozen=True)
@@ -208,9 +207,10 @@ class StageEvent(RunEvent, kind="stage"):
 
 @dataclass(frozen=True)
 class SelectEvent(RunEvent, kind="select", needs=("trajectory", "round")):
-    """A search chose a node: the node ids from the root to it."""
+    """A search selected a node."""
 
     path: tuple[int, ...]
+    """Node ids from the root."""
 
 
 @dataclass(frozen=True)
@@ -309,7 +309,7 @@ class ResultEvent(
 
 @dataclass(frozen=True)
 class RemarkEvent(RunEvent, kind="remark"):
-    """A message to the user, which changes no result; the place is its number."""
+    """A notice for the user; the place is its number."""
 
     text: str
 
@@ -329,7 +329,7 @@ class DrawingEvent(RunEvent, kind="drawing"):
     place: Place = field(default_factory=lambda: Place("best"))
 
 
-def typed(event: Event) -> RunEvent | Event:
+def typed_event(event: Event) -> RunEvent | Event:
     """The typed event, or the event itself if its kind is unknown; ValueError if it is damaged."""
     known = RunEvent.kinds.get(event.kind)
     if known is None:
@@ -355,7 +355,7 @@ def read_typed_events(path: Path) -> Iterator[RunEvent | Event]:
     """The recorded events in order, one at a time, typed if their kind is known."""
     for event in read_events(path):
         try:
-            yield typed(event)
+            yield typed_event(event)
         except ValueError as error:
             raise RunError(f"{path / EVENTS} is damaged in line {event.line}: {error}") from None
 

@@ -35,10 +35,10 @@ class SimulationSummary:
 
 
 class Laboratory(Protocol):
-    """Simulates machines for the task of a run, each distinct machine once."""
+    """Simulates machines for the task of a run."""
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:
-        """Simulate a machine; `details` is a `SimulationSummary`; the label names the machine."""
+        """Simulate a machine; the result's `details` are a `SimulationSummary`."""
 
     async def query(self, machine: Machine, queries: Sequence[object]) -> str:
         """Answer queries on the recorded states of a machine, as text for a model."""
@@ -69,12 +69,12 @@ class Candidate:
     """1, 2, ..."""
     machine: Machine | None = None
     evaluation: Evaluation | None = None
-    """None if it was not simulated; invalid machines are not."""
+    """None if it was not simulated, as invalid machines are not."""
     first: FirstAttempt = field(default_factory=FirstAttempt)
     reason: str = ""
     """Why it is invalid; empty if it is valid."""
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    """Structure -> ids of its blocks as built; empty once the machine was edited."""
+    """Structure -> ids of its blocks as built; empty after an edit."""
     edit: EditRecord | None = None
     """The refinement that made it, without the score after it."""
     search_cost: SearchCost = field(default_factory=SearchCost)

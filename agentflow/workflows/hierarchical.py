@@ -14,7 +14,7 @@ from agentflow.workflows.stages.shared import design_machines, failure_reason
 from agentflow.workflows.workflow import Workflow
 
 STRUCTURES = 4
-"""Structures of a usual blueprint, as in runs/recorded-throwing."""
+"""Structures of a typical blueprint, for cost estimates."""
 
 
 async def hierarchical(run: WorkflowContext) -> WorkflowResult:

@@ -20,7 +20,7 @@ from agentflow.workflows.stages.shared import candidate_of, simulate
 from agentflow.workflows.workflow import Workflow, completes_machines
 
 MOST_PLACED = 10
-"""Most blocks that a random placement adds: 1.5 times as many as the longest solution needs."""
+"""Maximum number of blocks that a random placement adds: 1.5 times the longest solution."""
 
 
 async def placement(run: WorkflowContext) -> WorkflowResult:

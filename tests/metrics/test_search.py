@@ -9,8 +9,8 @@ from agentflow.metrics.search import (
     best_after_expansions,
     best_after_rounds,
     child_validity,
-    deepest,
     expansions_per_round,
+    most_rounds,
 )
 from agentflow.metrics.validity import Rate
 from agentflow.runs.record import RunRecord
@@ -60,7 +60,7 @@ def test_a_tree_cut_after_rounds(record: RunRecord) -> None:
     assert best_after_rounds(record, 0) == {1: 2.0}
     assert best_after_rounds(record, 1) == {1: 3.0, 3: 4.0}
     assert best_after_rounds(record, 2) == {1: 5.0, 3: 4.0}
-    assert deepest(record) == 2
+    assert most_rounds(record) == 2
 
 
 def test_a_tree_cut_after_expansions(record: RunRecord) -> None:
@@ -86,4 +86,4 @@ def test_a_search_without_a_machine_keeps_what_it_began_with() -> None:
 def test_without_a_blind_refinement_searches_begin_with_the_initial_machines() -> None:
     record = RunRecord.of([candidate("initial", 1, 9.0), expansion(1, 1, "v"), node(1, 1, 1, 1.0)])
     assert best_after_rounds(record, 1) == {1: 9.0}
-    assert deepest(RunRecord()) == 0
+    assert most_rounds(RunRecord()) == 0

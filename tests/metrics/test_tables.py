@@ -12,10 +12,10 @@ from agentflow.metrics.tables import (
     Row,
     Table,
     as_json,
+    cell_text,
     comma_separated,
     latex,
     markdown,
-    shown,
     text,
 )
 from agentflow.metrics.validity import Rate
@@ -36,15 +36,15 @@ BARE = Table("Bare", ("run",), (Column("", "score"),), (Row(("x",), (1.25,)),))
 
 
 def test_cells() -> None:
-    assert [shown(value) for value in (None, 1.005, 3, "5", Rate(1, 2))] == [
+    assert [cell_text(value) for value in (None, 1.005, 3, "5", Rate(1, 2))] == [
         "-",
         "1.00",
         "3",
         "5",
         "1/2",
     ]
-    assert shown(0.97872, percent=True) == "97.87%"
-    assert shown("97.87%", percent=True) == "97.87%"
+    assert cell_text(0.97872, percent=True) == "97.87%"
+    assert cell_text("97.87%", percent=True) == "97.87%"
 
 
 def test_text() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import UsageError
-from agentflow.report.page import bundled, embedded, page
+from agentflow.report.page import embeddable_json, page, read_bundle
 
 WEB = Path(__file__).parent.parent.parent / "agentflow" / "report" / "web"
 
@@ -39,7 +39,7 @@ def test_the_window_title_is_text() -> None:
 
 def test_data_hold_no_markup_and_come_back_whole() -> None:
     data = {"a": "</script><!--<script>&amp; \u2028 \x00 \ud800 é", "b": [1, None, 2.5]}
-    text = embedded(data)
+    text = embeddable_json(data)
     assert text.isascii()
     assert not set("<>&") & set(text)
     assert json.loads(text) == data
@@ -47,18 +47,18 @@ def test_data_hold_no_markup_and_come_back_whole() -> None:
 
 def test_numbers_that_json_does_not_know_are_a_bug() -> None:
     with pytest.raises(ValueError, match="Out of range float values"):
-        embedded({"score": float("nan")})
+        embeddable_json({"score": float("nan")})
 
 
 def test_the_player_keeps_its_licence() -> None:
-    script = bundled("player.js")
+    script = read_bundle("player.js")
     assert "Permission is hereby granted, free of charge" in script[:1500]
     assert re.match(r"(?s).{0,20}/\*! Contains three\.js 0\.\d+", script)
 
 
 def test_a_missing_bundle_says_how_to_make_it() -> None:
     with pytest.raises(UsageError) as caught:
-        bundled("missing.js")
+        read_bundle("missing.js")
     assert str(caught.value) == (
         "the report player is missing (missing.js was not bundled when agentflow was installed): "
         "run scripts/setup in a checkout, or reinstall with pip install ."

@@ -11,8 +11,8 @@ from shutil import copytree
 import pytest
 
 from agentflow.errors import RunError
-from agentflow.metrics.usage import unpriced
-from agentflow.report.run import RunStory, reasons, score_curve, validity
+from agentflow.metrics.usage import no_price
+from agentflow.report.run import RunStory, rejection_reasons, score_curve, validity
 from agentflow.runs import read_result
 from agentflow.runs.events import AttemptEvent
 from tests.metrics.events import attempt as answered
@@ -31,7 +31,7 @@ def test_a_finished_run() -> None:
     result = read_result(RECORDED)
     calls = result["calls"]
     story = RunStory.read(RECORDED, result, None)
-    data = story.to_json(unpriced, priced=False)
+    data = story.to_json(no_price, priced=False)
     assert data["run"] == {
         "task": "throwing",
         "workflow": "hierarchical",
@@ -71,7 +71,7 @@ def test_a_finished_run() -> None:
 
 def test_calls_are_kept_whole_and_what_comes_again_once() -> None:
     story = RunStory.read(RECORDED, None, None)
-    packed = story.to_json(unpriced, priced=False)["calls"]
+    packed = story.to_json(no_price, priced=False)["calls"]
     said = json.loads(zlib.decompress(base64.b64decode(packed)))
     assert len(said["calls"]) == read_result(RECORDED)["calls"]
     designers = [call for call in said["calls"] if call["label"].startswith("designer")]
@@ -116,14 +116,14 @@ def test_a_run_without_a_machine_says_why(tmp_path: Path) -> None:
     run = hostile_run(tmp_path)
     for stopped, end in ((None, ""), ("budget", "; its budget was used up")):
         story = RunStory.read(run, {**result, "stopped": stopped}, None)
-        head = story.to_json(unpriced, priced=False)["run"]
+        head = story.to_json(no_price, priced=False)["run"]
         assert (head["score"], head["sentence"]) == (None, f"no valid machine: overlap{end}")
 
 
 def test_a_run_in_which_nothing_scored_praises_no_machine(tmp_path: Path) -> None:
     result = {"valid": True, "score": 0.0, "best_stage": "env_feedback", "model": "m"}
     story = RunStory.read(hostile_run(tmp_path), result, None)
-    assert story.to_json(unpriced, priced=False)["run"]["sentence"] == (
+    assert story.to_json(no_price, priced=False)["run"]["sentence"] == (
         "is the most that any machine scored; shown is one found in the stage env feedback"
     )
 
@@ -146,7 +146,7 @@ def test_one_point_per_scored_evaluation() -> None:
 
 def test_reasons_are_counted_with_an_example() -> None:
     attempts = [attempt("overlap", "1 in 2"), attempt(""), attempt("overlap", "3"), attempt("type")]
-    assert reasons(attempts) == [
+    assert rejection_reasons(attempts) == [
         {"code": "overlap", "count": 2, "example": "1 in 2"},
         {"code": "type", "count": 1, "example": ""},
     ]

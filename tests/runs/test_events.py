@@ -21,7 +21,7 @@ from agentflow.app.inspect.rescore import rescore
 from agentflow.errors import RunError
 from agentflow.report.run import RunStory
 from agentflow.runs import Event, RunDirectory, read_events
-from agentflow.runs.events import EvaluationEvent, RunEvent, read_typed_events, typed
+from agentflow.runs.events import EvaluationEvent, RunEvent, read_typed_events, typed_event
 from agentflow.runs.places import Place
 from agentflow.runs.record import RunRecord
 
@@ -99,7 +99,7 @@ def test_what_is_written_is_read(kind: str, tmp_path: Path) -> None:
 
 def test_recorded_events_are_written_as_they_were() -> None:
     events = list(read_events(RECORDED))
-    again = [typed(event) for event in events]
+    again = [typed_event(event) for event in events]
     assert all(isinstance(event, RunEvent) for event in again)
     lines = [json.dumps([event.kind, event.label, event.at, event.data]) for event in events]
     assert [json.dumps([e.kind, e.label, e.at, e.data]) for e in again] == lines
@@ -147,13 +147,13 @@ def test_damaged_data_are_named(kind: str) -> None:
             continue
         rest = {key: value for key, value in made.data.items() if key != field.name}
         with pytest.raises(ValueError, match=rf"^{kind} .*: {field.name}: Field required"):
-            typed(Event(kind, made.label, rest))
+            typed_event(Event(kind, made.label, rest))
         if field.type != "Any":
             with pytest.raises(ValueError, match=rf"^{kind} .*: {field.name}[.:]"):
-                typed(Event(kind, made.label, {**rest, field.name: object()}))
+                typed_event(Event(kind, made.label, {**rest, field.name: object()}))
     if cls.needs:
         with pytest.raises(ValueError, match=f"the label of {kind} 'x' has no {cls.needs[0]}"):
-            typed(Event(kind, "x", made.data))
+            typed_event(Event(kind, "x", made.data))
 
 
 READERS: dict[str, Callable[[Path], object]] = {

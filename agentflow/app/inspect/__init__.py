@@ -1,1 +1,1 @@
-"""Looking at recorded runs: the list, one run, its machines, failures, rescoring."""
+"""Inspecting recorded runs: list, details, machines, failures, rescoring."""

@@ -1,4 +1,4 @@
-"""Counts of what went wrong in a run or in all runs of a folder."""
+"""Counts the failures in a run or in all runs of a folder."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ def _failures_of(run: Path) -> Failures:
     family = str(read_document(run).get("config", {}).get("task", "")).partition("/")[0]
     return failures(
         read_typed_events(run),
-        lambda digest: misfaced(recorded_machine(run, digest), family),
+        lambda digest: faces_wrong_way(recorded_machine(run, digest), family),
         unfollowed_rationales(run),
         in_place=family in STAYING,
     )
 
 
-def misfaced(machine: Machine, family: str) -> bool:
+def faces_wrong_way(machine: Machine, family: str) -> bool:
     """Whether a block faces the wrong way, by the rule of `failure_kinds.FACING`."""
     geometry = place(machine)
     for block in geometry.blocks:

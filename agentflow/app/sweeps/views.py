@@ -20,7 +20,7 @@ from agentflow.errors import UnknownNameError, UsageError
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import Cell, RunNumbers, Value, curve
 from agentflow.metrics.intervals import missing_scipy
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, shown
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
 from agentflow.metrics.usage import Bill, SimulationSpeed, Spent, bill
 from agentflow.metrics.validity import Rate
 from agentflow.runs import read_calls, read_result
@@ -220,7 +220,7 @@ def last_cell(result: SweepResult, runs: Sequence[FinishedRun]) -> Cell:
 
 
 def _format_interval(interval: tuple[float, float] | None) -> str | None:
-    return None if interval is None else f"{shown(interval[0])} - {shown(interval[1])}"
+    return None if interval is None else f"{cell_text(interval[0])} - {cell_text(interval[1])}"
 
 
 def _total_bill(runs: Iterable[FinishedRun]) -> Bill:

@@ -191,7 +191,7 @@ def render(
     from agentflow.runs import state_of
 
     if Path(source).is_dir():
-        state_of(Path(source))  # raises for a directory that holds no run
+        state_of(Path(source))  # raises for a directory that is not a run
         if task is not None or knobs or seed:
             raise UsageError("a run has its own task and seed; remove --task, --set and --seed")
         files = render_run(Path(source), out, view)

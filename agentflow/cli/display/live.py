@@ -1,4 +1,4 @@
-"""Progress of a run: a live view on a terminal, plain lines otherwise, on stderr."""
+"""Progress of a run on stderr: a live view on a terminal, plain lines otherwise."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from agentflow.runs.events import (
     RunStartEvent,
     StageBeginEvent,
     StageEvent,
-    typed,
+    typed_event,
 )
 from agentflow.runs.record import RunRecord
 
@@ -71,7 +71,7 @@ class Progress:
 
     def note(self, event: Event) -> None:
         """Take in one event."""
-        item = typed(event)
+        item = typed_event(event)
         self.record.add(item)
         if isinstance(item, CallsEvent):
             self.under_way, self.cost = item.under_way, item.cost
@@ -141,7 +141,7 @@ def _first_line(text: str) -> str:
 
 
 def _print_event(event: Event) -> None:
-    if line := _line(typed(event)):
+    if line := _line(typed_event(event)):
         print_line(line)
 
 

@@ -1,4 +1,4 @@
-"""Progress of a running sweep: one line per run, live on a terminal, on stderr."""
+"""Progress of a sweep on stderr: a live view on a terminal, plain lines otherwise."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from agentflow.app.sweeps.run import Watcher
 from agentflow.cli.display.live import print_line
 from agentflow.cli.display.text import escape_controls, number
 from agentflow.runs import Event
-from agentflow.runs.events import typed
+from agentflow.runs.events import typed_event
 from agentflow.runs.record import RunRecord
 
 SPARE = 6
-"""Terminal lines kept free of runs."""
+"""Terminal lines that show no run."""
 
 
 @contextmanager
@@ -100,7 +100,7 @@ class View:
         self.lines[run] = Line()
 
     def event(self, run: str, event: Event) -> None:
-        self.lines[run].record.add(typed(event))
+        self.lines[run].record.add(typed_event(event))
 
     def remark(self, run: str, line: str) -> None:
         self.console.print(Text(escape_controls(f"{run}: {line}")))

@@ -133,7 +133,7 @@ class Trajectory:
         return Attempt(label, version, edit.script)
 
     def _place(self, name: str, label: str) -> Place:
-        """The place in this trajectory of a label of the search."""
+        """Turn a label of the search into a place in this trajectory."""
         return replace(Place.parse(label), name=name, trajectory=self._number)
 
     def _given(self, node: Node[Version], earlier: Sequence[Attempt[Version]]) -> RefinerInput:

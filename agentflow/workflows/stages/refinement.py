@@ -59,7 +59,7 @@ async def refine(
 
 
 def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
-    """Role -> calls of a run with so many designer calls per trajectory, without retries."""
+    """Role -> calls of a run without retries; `designs` is the designer calls per trajectory."""
     many, search = settings.trajectories, settings.search
     return {
         "designer": many * designs,
