@@ -1,7 +1,7 @@
 """Language models design machines; physics decides whether they work.
 
-The Python interface: the functions `design`, `simulate`, `check` and `reward` do what the commands
-do, with the same defaults. Every name is imported on first use.
+The functions `design`, `simulate` and `check` match the commands of the same name and share their
+defaults; `reward` is for training. Every name is imported on first use.
 """
 
 from __future__ import annotations

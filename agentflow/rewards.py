@@ -15,7 +15,7 @@ from agentflow.machine import Machine, Problem, Report, check, read_machine
 
 @dataclass(frozen=True)
 class Reward:
-    """The reward of a reply, and its parts for trainers that compute their own."""
+    """The reward of a reply, and its parts for trainers that use another formula."""
 
     value: float | None
     """The score; 0 without a valid machine. None after a time-out or crash: drop the sample,

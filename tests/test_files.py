@@ -1,4 +1,4 @@
-"""What is asked for is written as a whole, or the file of that name stays as it was."""
+"""Files are written completely or left unchanged."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def fail(part: Path) -> None:
     (part.parent / "no" / "other").write_text("rest")
 
 
-def test_a_file_is_replaced_in_the_end(tmp_path: Path) -> None:
+def test_a_file_is_replaced_on_success(tmp_path: Path) -> None:
     out = tmp_path / "page.html"
     out.write_text("old")
     with write_atomically(out) as part:
@@ -24,7 +24,7 @@ def test_a_file_is_replaced_in_the_end(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [out]
 
 
-def test_what_fails_leaves_everything_as_it_was(tmp_path: Path) -> None:
+def test_failure_leaves_the_file_unchanged(tmp_path: Path) -> None:
     out = tmp_path / "page.html"
     out.write_text("old")
     with pytest.raises(FileNotFoundError), write_atomically(out) as part:

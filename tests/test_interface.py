@@ -1,4 +1,4 @@
-"""The Python interface: what can be had, what it gives, and that importing it costs nothing."""
+"""The Python interface: names, results, and cheap imports."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def car(_request: agentflow.Request) -> str:
     return f"```json\n{TEXT}\n```"
 
 
-def test_everything_promised_is_there_and_documented() -> None:
+def test_every_public_name_exists_and_is_documented() -> None:
     assert dir(agentflow) == sorted(agentflow.__all__)
     for name in agentflow.__all__:
         value = getattr(agentflow, name)
@@ -52,14 +52,14 @@ def test_checking_a_machine_loads_no_physics() -> None:
     assert done.stdout == "False\n"
 
 
-def test_the_name_of_a_file_is_no_machine_and_says_how_to_give_one() -> None:
+def test_a_file_name_given_as_text_suggests_path() -> None:
     wanted = f"; this is the name of a file: pass Path({str(CAR)!r})"
     assert agentflow.check(str(CAR)).problems[0].message.endswith(wanted)
     assert agentflow.simulate(str(CAR), "movement").problems[0]["message"].endswith(wanted)
     assert "Path" not in agentflow.check("x" * 5000 + "\0").problems[0].message
 
 
-def test_the_defaults_are_those_of_the_command_line() -> None:
+def test_defaults_match_the_command_line() -> None:
     for function in (agentflow.design, agentflow.design_async):
         parameters = inspect.signature(function).parameters
         defaults = {name: parameters[name].default for name in parameters}
@@ -70,13 +70,13 @@ def test_the_defaults_are_those_of_the_command_line() -> None:
 
 
 @pytest.mark.parametrize("machine", [CAR, TEXT, f"```json\n{TEXT}```", json.loads(TEXT)])
-def test_check_takes_any_form(machine: object) -> None:
+def test_check_accepts_every_form(machine: object) -> None:
     report = agentflow.check(machine, task="movement")  # type: ignore[arg-type]
     assert report.task_valid
     assert agentflow.check(report.machine) == agentflow.check(CAR)  # type: ignore[arg-type]
 
 
-def test_check_refuses_what_the_command_refuses() -> None:
+def test_check_reports_the_same_errors_as_the_command() -> None:
     assert [p.code for p in agentflow.check("nothing").problems] == ["not_json"]
     assert not agentflow.check(CAR, "throwing").task_valid
     with pytest.raises(UsageError, match="knobs change a task; name it with task="):
@@ -88,7 +88,7 @@ def test_check_refuses_what_the_command_refuses() -> None:
 
 
 @pytest.mark.slow
-async def test_simulation_and_reward_agree_alone_and_in_a_pool() -> None:
+async def test_simulate_and_reward_agree_with_and_without_a_pool() -> None:
     alone = agentflow.simulate(CAR, "movement", knobs={"window": 1})
     worth = agentflow.reward("movement", f"Like this:\n{car(None)}", knobs={"window": 1})  # type: ignore[arg-type]
     async with agentflow.RolloutPool(1) as pool:
@@ -110,7 +110,7 @@ async def test_simulation_and_reward_agree_alone_and_in_a_pool() -> None:
         (TEXT.replace('"face_id": 3', '"face_id": 2'), True, False, None),
     ],
 )
-def test_the_reward_of_what_is_no_machine(
+def test_the_reward_of_an_unusable_reply(
     text: str, parsed: bool, spatial: bool | None, codes: list[str] | None
 ) -> None:
     worth = agentflow.reward("movement", text)
@@ -121,13 +121,13 @@ def test_the_reward_of_what_is_no_machine(
     assert worth.problems
 
 
-def test_a_machine_that_lacks_what_the_task_demands_is_worth_nothing() -> None:
+def test_a_machine_without_required_blocks_gets_no_reward() -> None:
     worth = agentflow.reward("throwing", '[{"type": 0, "id": 0, "parent": -1, "face_id": -1}]')
     assert (worth.value, worth.parsed, worth.spatial, worth.valid) == (0.0, True, True, False)
     assert [problem.code for problem in worth.problems] == ["required_count"]
 
 
-def test_a_design_by_a_function(tmp_path: Path) -> None:
+def test_a_function_can_answer(tmp_path: Path) -> None:
     heard: list[str] = []
     found = agentflow.design(
         "movement",
@@ -152,7 +152,7 @@ def test_a_design_by_a_function(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-async def test_a_coroutine_function_answers_on_the_loop(tmp_path: Path) -> None:
+async def test_a_coroutine_function_can_answer(tmp_path: Path) -> None:
     async def remote(request: agentflow.Request) -> agentflow.Reply:
         await asyncio.sleep(0)
         return agentflow.Reply(text=car(request), usage=agentflow.Usage(prompt=7))
@@ -176,7 +176,7 @@ async def test_a_coroutine_function_answers_on_the_loop(tmp_path: Path) -> None:
     assert (first.model, first.data["tokens"]) == ("remote model", 7)
 
 
-async def test_the_plain_functions_say_what_to_do_on_a_loop(tmp_path: Path) -> None:
+async def test_blocking_functions_are_refused_on_an_event_loop(tmp_path: Path) -> None:
     with pytest.raises(UsageError) as caught:
         agentflow.design("movement", out=tmp_path)
     assert str(caught.value) == (
@@ -199,7 +199,7 @@ async def test_the_plain_functions_say_what_to_do_on_a_loop(tmp_path: Path) -> N
         ({"config": Path("none.yaml")}, "cannot read none.yaml"),
     ],
 )
-def test_wrong_arguments_leave_nothing(
+def test_invalid_arguments_leave_nothing_behind(
     options: dict[str, object], message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(UsageError) as caught:
@@ -208,13 +208,13 @@ def test_wrong_arguments_leave_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_function_that_gives_no_text_is_a_bug_that_is_told(tmp_path: Path) -> None:
+def test_a_function_that_returns_no_text_raises(tmp_path: Path) -> None:
     with pytest.raises(TypeError, match="must return a string or a Reply, not 7"):
         agentflow.design("movement", workflow="single", answer=lambda _: 7, workers=1, out=tmp_path)  # type: ignore[arg-type, return-value]
 
 
 @pytest.mark.slow
-def test_an_interrupted_design_by_a_function_is_resumed_with_it(tmp_path: Path) -> None:
+def test_an_interrupted_run_with_a_function_can_be_resumed(tmp_path: Path) -> None:
     author, asked = Author(refused=0.0), []
 
     def failing(request: agentflow.Request) -> agentflow.Reply:
@@ -234,6 +234,6 @@ def test_an_interrupted_design_by_a_function_is_resumed_with_it(tmp_path: Path) 
     assert found.model == "failing"
 
 
-def test_a_mapping_is_a_configuration(tmp_path: Path) -> None:
+def test_a_mapping_can_be_the_configuration(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="unknown configuration key 'sed'; known: seed"):
         agentflow.design(config={"sed": 1}, out=tmp_path)

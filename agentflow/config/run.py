@@ -52,7 +52,7 @@ class ModelConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
 
     name: str = Field(PROCEDURAL, min_length=1, description="model name at the endpoint")
-    base_url: str | None = Field(None, min_length=1, description="what precedes /chat/completions")
+    base_url: str | None = Field(None, min_length=1, description="URL before /chat/completions")
     key_variable: str = Field(
         KEY_VARIABLE, pattern=_VARIABLE, description="environment variable of the key"
     )
@@ -209,13 +209,13 @@ def _keys_of(path: str) -> tuple[str, ...]:
     return ("knobs", path)
 
 
-def explain(error: ValidationError, root: type[BaseModel], what: str) -> str:
-    """What is wrong with a document of type `root`, whose keys are called `what`."""
+def explain(error: ValidationError, root: type[BaseModel], key_name: str) -> str:
+    """The first error of a document of type `root`; error messages call its keys `key_name`."""
     first = first_fault(error)
     place = [str(part) for part in first["loc"]]
     name = ".".join(place)
     if first["type"] == "extra_forbidden":
-        return str(UnknownNameError(what, name, _names_beside(place, root)))
+        return str(UnknownNameError(key_name, name, _names_beside(place, root)))
     if place[-1] == "key_variable":  # do not print it: it may be the key itself
         return f"{name} takes the name of an environment variable, not a key"
     if first["type"] == "missing":

@@ -48,7 +48,7 @@ class RunDirectory:
         self._known: dict[bytes, bytes] = {}
         """Hash of kind and label -> hash of the data, for events recorded by an earlier process."""
         self._reproduced: set[bytes] = set()
-        """Those of them that this process has reproduced."""
+        """Keys of `_known` that this process has reproduced."""
         worked = 0.0
         for event in read_events(path):
             self._known[_hash(event.kind, event.label)] = _hash(event.data)
@@ -125,6 +125,10 @@ class RunDirectory:
                 raise RunError(f"cannot write {file}: {error.strerror}") from None
             if recorded is not None:
                 self.replaced.append(event)
+        self.notify(event)
+
+    def notify(self, event: Event) -> None:
+        """Pass an event to the listeners without recording it."""
         for listener in self.listeners:
             listener(event)
 

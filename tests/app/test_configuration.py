@@ -1,4 +1,4 @@
-"""A configuration as shown: every key, and where its value came from."""
+"""Resolved configurations: every key, and the source of its value."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def origins(path: Path | None = None, *settings: str) -> dict[str, str]:
     return {key: origin for key, origin in found.items() if origin != "default"}
 
 
-def test_without_anything_all_is_default() -> None:
+def test_everything_is_default_without_settings() -> None:
     assert origins() == {}
     assert resolve_config(None, ())["config"] == DesignConfig().model_dump(mode="json")
 
 
-def test_file_setting_and_environment_are_told_apart(
+def test_file_setting_and_environment_are_distinguished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("AGENTFLOW_MODEL", "some-model")
@@ -56,7 +56,7 @@ def test_lists_and_empty_groups_have_one_origin() -> None:
     assert given == {"settings.rationales": "--set", "model.roles.refiner.name": "--set"}
 
 
-def test_what_is_printed_is_a_configuration() -> None:
+def test_the_output_is_a_valid_configuration() -> None:
     found = resolve_config(None, ("seed=7", "rationales=['a # b', \"c\\nd\"]", "wall.height=0"))
     text = annotated_yaml(found)
     assert yaml.safe_load(text) == found["config"]
@@ -65,7 +65,7 @@ def test_what_is_printed_is_a_configuration() -> None:
         assert line.endswith(":") or line.rsplit("# ")[-1] in ("default", "--set")
 
 
-def test_what_a_run_would_refuse_is_refused() -> None:
+def test_invalid_configurations_are_refused() -> None:
     with pytest.raises(
         ConfigError, match=r"unknown knob 'sed' .*; did you mean the configuration key 'seed'"
     ):
@@ -74,7 +74,7 @@ def test_what_a_run_would_refuse_is_refused() -> None:
         resolve_config(None, ("search.round=1",))
 
 
-def test_a_run_can_be_begun_again_from_its_run_yaml_alone(tmp_path: Path) -> None:
+def test_run_yaml_can_start_a_new_run(tmp_path: Path) -> None:
     config = DesignConfig(task="movement", seed=5)
     run = RunDirectory.create(tmp_path, "demo", {"config": config.model_dump(mode="json")})
     run.close()

@@ -1,4 +1,4 @@
-"""`agentflow doctor` as typed: what it prints, how it ends, what it never shows."""
+"""`agentflow doctor`: output, exit status, and no keys."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KEY = "sk-doctor-4f1c77d09a"
 
 @contextmanager
 def threaded(*answers: Answer) -> Iterator[Server]:
-    """A hostile server beside a command, which has an event loop of its own."""
+    """A hostile server in a thread; the command runs another event loop."""
     ready, done = threading.Event(), asyncio.Event()
     kept: list[tuple[Server, asyncio.AbstractEventLoop]] = []
 
@@ -63,7 +63,7 @@ def test_a_third_party_server(
     assert captured.err == ""
 
 
-def test_a_server_with_habits_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_limited_server_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     refusals = [
         body({"error": {"message": f"{name} is not supported", "param": name}}, 400)
         for name in ("temperature", "response_format", "response_format")
@@ -112,7 +112,7 @@ def test_an_unusable_endpoint_ends_with_4_and_shows_no_key(
     assert KEY not in captured.out
 
 
-def test_a_roles_own_endpoint_gets_its_own_key_or_none(
+def test_the_endpoint_of_a_role_gets_its_key_or_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("OPENAI_API_KEY", KEY)
@@ -145,7 +145,7 @@ def test_a_roles_own_endpoint_gets_its_own_key_or_none(
         (["--model", "m", "--base-url", "localhost"], "the base URL must look like http://"),
     ],
 )
-def test_what_cannot_be_examined(
+def test_roles_and_models_that_cannot_be_checked_are_refused(
     arguments: list[str],
     message: str,
     monkeypatch: pytest.MonkeyPatch,

@@ -1,4 +1,4 @@
-"""Looking at prompts without a run."""
+"""Prompts shown without a run."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_a_prompt_and_its_length(role: str, name: str) -> None:
     assert found["digest"] == PromptSet(name).digest
 
 
-def test_a_machine_of_one_s_own_is_told() -> None:
+def test_a_given_machine_is_in_the_prompt() -> None:
     steps = [
         {"type": 0, "id": 0, "parent": -1, "face_id": -1},
         {"type": 63, "id": 1, "parent": 0, "face_id": 2},
@@ -54,7 +54,7 @@ def test_unknown_role() -> None:
         render_prompt("default", "refine", BRIEF)
 
 
-def test_difference() -> None:
+def test_prompt_sets_are_compared() -> None:
     assert compare_prompt_sets("default", "default") == ""
     lines = compare_prompt_sets("default", "no_motion").splitlines()
     assert lines[:2] == ["--- default/_parts/motion.j2", "+++ no_motion/_parts/motion.j2"]

@@ -1,4 +1,4 @@
-"""Configuration: what overrides what, and how wrong keys are refused."""
+"""Configuration: precedence, and errors in keys."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_every_shipped_configuration_is_valid(path: Path) -> None:
     build_config(load_document(path))
 
 
-def test_settings_reach_keys_switches_and_knobs() -> None:
+def test_settings_set_keys_switches_and_knobs() -> None:
     document = apply_settings(
         {"seed": 1, "settings": {"trajectories": 3}},
         ["seed=7", "search.ucb.c=2", "settings.inspector=off", "wall.height=0", "model.name=x"],
@@ -50,11 +50,11 @@ def test_settings_reach_keys_switches_and_knobs() -> None:
         ("sead", "seed"),
     ],
 )
-def test_a_key_is_known_by_its_last_parts(knob: str, key: str) -> None:
+def test_keys_are_suggested_by_their_last_parts(knob: str, key: str) -> None:
     assert suggest_key(["wall.height", knob]) == f"; did you mean the configuration key {key!r}?"
 
 
-def test_override_leaves_the_document_alone() -> None:
+def test_settings_leave_the_document_unchanged() -> None:
     document = {"settings": {"search": {"rounds": 2}}}
     apply_settings(document, ["search.rounds=9"])
     assert document == {"settings": {"search": {"rounds": 2}}}
@@ -101,7 +101,7 @@ def test_wrong_settings_are_refused(setting: str, message: str) -> None:
     assert str(caught.value).startswith(message)
 
 
-def test_no_file_and_no_yaml_are_named(tmp_path: Path) -> None:
+def test_missing_files_and_invalid_yaml_are_reported(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot read"):
         load_document(tmp_path / "none.yaml")
     (tmp_path / "tab.yaml").write_text("task: throwing\n\tseed: 1\n")

@@ -1,4 +1,4 @@
-"""What runs a sweep has, and how wrong sweeps are refused. Every shipped one is looked up whole."""
+"""The runs of a sweep, errors in sweeps, and all shipped sweeps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def sweep(**document: Any) -> Any:
 
 
 @pytest.mark.parametrize("path", SWEEPS, ids=lambda path: path.stem)
-def test_every_shipped_sweep_can_be_begun(path: Path) -> None:
+def test_every_shipped_sweep_is_valid(path: Path) -> None:
     plan = plan_sweep(path, (), {})
     assert plan.name == path.stem
     assert len(plan.runs) == len(plan.plans) * len(plan.sweep.seeds) >= 2
@@ -32,7 +32,7 @@ def test_every_shipped_sweep_can_be_begun(path: Path) -> None:
 
 @pytest.mark.parametrize("path", SWEEPS, ids=lambda path: path.stem)
 def test_every_shipped_sweep_has_the_published_columns(path: Path) -> None:
-    """All conditions and metrics that are taken from a published table exist in the sweep."""
+    """All conditions and metrics taken from a published table exist in the sweep."""
     plan = plan_sweep(path, (), {})
     table = plan.sweep.table
     stages = {"initial", "blind_refinement", "env_feedback"}
@@ -60,7 +60,7 @@ def test_every_shipped_sweep_has_the_published_columns(path: Path) -> None:
 
 
 def test_every_published_table_of_the_agents_has_a_sweep() -> None:
-    """All but those of training and of shape statistics, which need no sweep of runs."""
+    """All but those on training and on shape statistics, which need no sweep."""
     taken = {s.table for p in SWEEPS for s in plan_sweep(p, (), {}).sweep.table.published}
     left = {item.table for item in published()} - taken
     assert left == {"overlap_qa", "post_training", "post_training_ci", "diversity"}
@@ -94,7 +94,7 @@ def test_without_axes_there_is_a_run_per_seed() -> None:
     assert [run.name for run in list_runs(sweep(seeds=[7]))] == ["seed-7"]
 
 
-def test_labels_may_be_any_plain_value() -> None:
+def test_labels_can_be_any_plain_value() -> None:
     found = list_runs(sweep(axes={"c": {1: {}, 2.5: {}, "../x": {}, "..": {}}}))
     assert [run.name for run in found] == ["1.seed-0", "2-5.seed-0", "x.seed-0", "-.seed-0"]
 
@@ -138,7 +138,7 @@ def test_wrong_sweeps_are_refused(document: dict[str, Any], message: str) -> Non
     assert str(caught.value).startswith(message)
 
 
-def test_the_configuration_of_a_run_is_no_sweep() -> None:
+def test_a_run_configuration_is_not_a_sweep() -> None:
     with pytest.raises(ConfigError) as caught:
         read_sweep({"task": "throwing"}, "x.yaml")
     assert str(caught.value) == (
@@ -147,12 +147,12 @@ def test_the_configuration_of_a_run_is_no_sweep() -> None:
     )
 
 
-def test_two_runs_of_one_name_are_refused() -> None:
+def test_runs_with_the_same_name_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"two runs of the sweep would be named a.seed-0"):
         list_runs(sweep(axes={"c": {"a": {}, "a!": {}}}))
 
 
-def test_a_wrong_value_of_an_axis_names_its_key() -> None:
+def test_an_invalid_value_in_an_axis_is_reported_by_key() -> None:
     with pytest.raises(
         ConfigError, match=r"run a.seed-0: settings.search.rounds: must be at least 0"
     ):

@@ -1,4 +1,4 @@
-"""A small hierarchical run on disk: scripted replies and looked-up scores that take their time."""
+"""A small hierarchical run on disk, with slow scripted replies and looked-up scores."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SETTINGS = WorkflowSettings.model_validate(
 
 
 class Asked:
-    """An author that notes in a file what it is asked, so that a kill does not hide it."""
+    """An author that logs requests to a file, which survives a kill."""
 
     def __init__(self, log: Path) -> None:
         self.author, self.log = Author(seed=4), log
@@ -39,18 +39,18 @@ class Asked:
 
 
 def begin(folder: Path, log: Path, chance: int) -> Path:
-    """A run in a folder, from the beginning to the end."""
+    """Carry out a new run in a folder."""
     return _carry_out(RunDirectory.create(folder, "run", {"config": {}}), log, chance)
 
 
 def begin_slowly(folder: Path, log: Path, chance: int) -> None:
-    """The same, in a process that is going to be killed."""
+    """The same, in a process that will be killed."""
     (folder / "started").write_text("")
     begin(folder, log, chance)
 
 
 def go_on(path: Path, log: Path, chance: int) -> Path:
-    """An unfinished run, to the end."""
+    """Finish an unfinished run."""
     return _carry_out(RunDirectory.resume(path), log, chance)
 
 
@@ -77,7 +77,7 @@ def _told(result: WorkflowResult) -> dict[str, object]:
 
 
 def contents(path: Path) -> dict[str, list[str]]:
-    """Every file of a run; lines without clocks and in order of content."""
+    """Every file of a run, with sorted lines and without timings."""
     found = {}
     for file in sorted(path.rglob("*")):
         if file.is_file():

@@ -1,4 +1,4 @@
-"""run.yaml: what is refused of it."""
+"""run.yaml: damaged and edited files are refused."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_it_reads_back(run: Path) -> None:
     assert (run / "run.yaml").read_text().startswith("schema: 1\n")
 
 
-def test_another_layout_of_the_same_content_is_the_same(run: Path) -> None:
+def test_reformatting_does_not_break_the_seal(run: Path) -> None:
     document = yaml.safe_load((run / "run.yaml").read_text())
     (run / "run.yaml").write_text("# mine\n" + yaml.safe_dump(document, default_flow_style=True))
     assert read_document(run) == {"schema": 1, **CONTENT}
@@ -65,7 +65,7 @@ def test_every_truncation_is_refused(run: Path) -> None:
             read_document(run)
 
 
-def test_foreign_schema_and_no_run_are_said(tmp_path: Path) -> None:
+def test_other_schemas_and_missing_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError) as caught:
         read_document(tmp_path)
     assert str(caught.value) == f"{tmp_path} is not a run directory: it has no readable run.yaml"

@@ -1,4 +1,4 @@
-"""A run that is killed at any moment goes on to what it would have come to."""
+"""A run killed at any moment resumes to the result of an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KILLS = 40
 
 
 def killed(folder: Path, log: Path, chance: random.Random, seconds: float) -> Path:
-    """A run whose process was killed at a random moment of its life."""
+    """A run whose process was killed at a random moment."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tests.runs.small"])
     process = context.Process(target=begin_slowly, args=(folder, log, chance.randrange(1000)))
@@ -31,7 +31,7 @@ def killed(folder: Path, log: Path, chance: random.Random, seconds: float) -> Pa
 
 
 def torn(path: Path, chance: random.Random) -> bytes:
-    """Cut into the last line of a file, as a kill within a write does; what is left of it."""
+    """Truncate the last line of a file, like a kill during a write; return what is left."""
     data = path.read_bytes()
     end = data.rstrip(b"\n").rfind(b"\n") + 1
     if end < len(data):
@@ -45,7 +45,7 @@ def whole(data: bytes) -> bytes:
 
 
 @pytest.mark.slow
-def test_killed_at_forty_moments_it_comes_to_the_same(tmp_path: Path) -> None:
+def test_a_run_killed_at_any_of_forty_moments_gives_the_same_result(tmp_path: Path) -> None:
     began = time.monotonic()
     undisturbed = begin(tmp_path / "undisturbed", tmp_path / "log", 0)
     seconds = time.monotonic() - began
@@ -81,8 +81,8 @@ def test_killed_at_forty_moments_it_comes_to_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_killed_twice_it_still_comes_to_the_same(tmp_path: Path) -> None:
-    """A run cut off anywhere, and its continuation as well."""
+def test_a_run_killed_twice_gives_the_same_result(tmp_path: Path) -> None:
+    """A run is killed at any moment, and so is its continuation."""
     expected = contents(begin(tmp_path / "undisturbed", tmp_path / "log", 0))
     path = begin(tmp_path / "cut", tmp_path / "asked", 1)
     for share in (0.3, 0.6):

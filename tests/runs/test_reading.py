@@ -1,4 +1,4 @@
-"""Reading run directories: one line at a time, in any state, damaged ones named."""
+"""Reading run directories in any state, line by line, including damaged ones."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def write_events(path: Path, count: int) -> None:
 
 
 def peak(path: Path) -> tuple[int, int]:
-    """Events read, and bytes held at most meanwhile."""
+    """Number of events read, and peak memory in bytes."""
     tracemalloc.start()
     try:
         count = sum(1 for _ in read_events(path))
@@ -91,7 +91,7 @@ def test_a_damaged_middle_line_is_named(tmp_path: Path, line: str) -> None:
     assert str(caught.value) == f"{path / 'events.jsonl'} is damaged in line 2"
 
 
-def test_a_half_written_last_line_is_passed_over(tmp_path: Path) -> None:
+def test_a_half_written_last_line_is_skipped(tmp_path: Path) -> None:
     path = made(tmp_path)
     (path / "events.jsonl").write_text(
         '{"kind": "a", "label": "b", "data": {}}\n{"kind": "a", "lab'
@@ -112,11 +112,11 @@ def test_calls_are_data(tmp_path: Path) -> None:
             list(read_calls(path))
 
 
-def test_a_run_without_lines_has_none(tmp_path: Path) -> None:
+def test_a_run_without_files_has_no_events_or_calls(tmp_path: Path) -> None:
     assert list(read_events(tmp_path)) == list(read_calls(tmp_path)) == []
 
 
-def test_a_folder_where_a_file_should_be_is_named(tmp_path: Path) -> None:
+def test_a_folder_in_place_of_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "events.jsonl").mkdir()
     with pytest.raises(RunError, match=r"events\.jsonl is damaged: expected a file"):
         list(read_events(tmp_path))
@@ -144,7 +144,7 @@ def test_states(tmp_path: Path) -> None:
     again.close()
 
 
-def test_runs_are_found_in_folders_of_folders_but_not_in_runs(tmp_path: Path) -> None:
+def test_runs_are_found_in_nested_folders_but_not_in_runs(tmp_path: Path) -> None:
     first = made(tmp_path / "b" / "c")
     second = made(tmp_path / "a")
     made(first, "inside")

@@ -1,4 +1,4 @@
-"""What cannot be written, or is written by another, is said in one line and destroys nothing."""
+"""Full disks, missing permissions and locks are reported in one line and destroy nothing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SMALL = Path(__file__).parents[2] / "configs" / "small.yaml"
 
 @contextmanager
 def no_file_larger_than(size: int) -> Iterator[None]:
-    """A disk that is full, for whoever writes beyond a size."""
+    """A disk that is full beyond a file size."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
@@ -37,7 +37,7 @@ def no_file_larger_than(size: int) -> Iterator[None]:
 
 @contextmanager
 def unprivileged() -> Iterator[None]:
-    """Somebody whom permissions bind; root is bound by none."""
+    """Drop root privileges, which bypass file permissions."""
     mine = os.geteuid()
     if mine == 0:
         os.seteuid(NOBODY)
@@ -49,14 +49,14 @@ def unprivileged() -> Iterator[None]:
 
 @pytest.fixture
 def open_folder() -> Iterator[Path]:
-    """A folder that everybody may look into."""
+    """A folder that every user can read."""
     folder = Path(tempfile.mkdtemp())
     folder.chmod(0o755)
     yield folder
     shutil.rmtree(folder)
 
 
-def test_a_full_disk_takes_back_the_half_line_and_says_so(tmp_path: Path) -> None:
+def test_a_full_disk_removes_the_partial_line_and_is_reported(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     with no_file_larger_than(10_000):
         run.event("attempt", "a/1", problem="x" * 5_000)
@@ -84,7 +84,7 @@ def test_a_disk_that_is_full_from_the_start_leaves_nothing(tmp_path: Path) -> No
     assert os.listdir(tmp_path) == []
 
 
-def test_a_folder_that_is_read_only_is_said(open_folder: Path) -> None:
+def test_a_read_only_folder_is_reported(open_folder: Path) -> None:
     run = RunDirectory.create(open_folder, "demo", {})
     run.event("stage", "initial", valid=1)
     run.close()
@@ -103,7 +103,7 @@ def test_a_folder_that_is_read_only_is_said(open_folder: Path) -> None:
     RunDirectory.resume(run.path).close()
 
 
-def test_what_cannot_be_read_is_named(open_folder: Path) -> None:
+def test_unreadable_files_are_reported(open_folder: Path) -> None:
     run = RunDirectory.create(open_folder, "demo", {})
     run.event("stage", "initial", valid=1)
     run.finish({})
@@ -139,7 +139,7 @@ def test_a_second_process_is_refused(tmp_path: Path) -> None:
     run.close()
 
 
-def test_whoever_looks_at_a_run_keeps_no_process_from_it(tmp_path: Path) -> None:
+def test_readers_do_not_lock_a_run_for_others(tmp_path: Path) -> None:
     """`agentflow runs` locks each run for a moment to see whether a process holds it."""
     run = RunDirectory.create(tmp_path, "demo", {})
     run.close()
@@ -152,7 +152,7 @@ def test_whoever_looks_at_a_run_keeps_no_process_from_it(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-def test_a_disk_that_fills_up_within_a_run_leaves_it_to_be_resumed(
+def test_a_run_can_be_resumed_after_the_disk_was_full(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     command = ["design", "--config", str(SMALL), "--out", str(tmp_path), "--quiet"]

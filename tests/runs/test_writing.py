@@ -1,4 +1,4 @@
-"""The run directory: what is written, what is refused, what survives a kill."""
+"""Run directories: writing, resuming, discarding."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_a_run_reads_back_what_was_written(tmp_path: Path) -> None:
     assert (run.path / "machines" / "ab12.json").read_text() == "[]\n"
 
 
-def test_names_that_are_taken_get_a_number(tmp_path: Path) -> None:
+def test_duplicate_names_get_a_number(tmp_path: Path) -> None:
     first = RunDirectory.create(tmp_path, "demo", {})
     second = RunDirectory.create(tmp_path, "demo", {})
     assert [first.path.name, second.path.name] == ["demo", "demo-2"]
@@ -50,7 +50,7 @@ def test_a_second_writer_is_refused_until_the_first_ends(tmp_path: Path) -> None
     RunDirectory.resume(run.path).close()
 
 
-def test_resume_drops_the_half_line_and_repeats_nothing(tmp_path: Path) -> None:
+def test_resume_drops_a_half_written_line_and_repeats_nothing(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     run.event("attempt", "designer/1", code="")
     run.close()
@@ -66,7 +66,7 @@ def test_resume_drops_the_half_line_and_repeats_nothing(tmp_path: Path) -> None:
     assert labels == ["designer/1", "designer/2"]
 
 
-def test_resume_keeps_a_whole_line_without_its_break(tmp_path: Path) -> None:
+def test_resume_keeps_a_complete_line_without_its_line_break(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     run.event("attempt", "designer/1", code="")
     run.close()
@@ -80,7 +80,7 @@ def test_resume_keeps_a_whole_line_without_its_break(tmp_path: Path) -> None:
     assert (run.path / "events.jsonl").read_bytes() == recorded
 
 
-def test_resume_keeps_what_does_not_happen_again(tmp_path: Path) -> None:
+def test_resume_keeps_events_that_are_not_reproduced(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     assert (run.resumed, list(run.unreproduced())) == (False, [])
     for label in "abc":
@@ -104,7 +104,7 @@ def test_an_unwritable_folder_names_the_flag(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["file"]
 
 
-def test_a_discarded_run_leaves_the_folder_as_it_was(tmp_path: Path) -> None:
+def test_a_discarded_run_leaves_nothing_behind(tmp_path: Path) -> None:
     RunDirectory.create(tmp_path / "runs", "demo", {}).discard()
     assert os.listdir(tmp_path) == []
     (tmp_path / "runs").mkdir()
@@ -112,7 +112,7 @@ def test_a_discarded_run_leaves_the_folder_as_it_was(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["runs"]
 
 
-def test_what_comes_out_otherwise_on_resume_is_the_last_word(tmp_path: Path) -> None:
+def test_the_last_version_of_an_event_counts(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     run.event("evaluation", "a", status="timeout", score=None)
     run.event("evaluation", "b", status="ok", score=1.0)
@@ -129,7 +129,7 @@ def test_what_comes_out_otherwise_on_resume_is_the_last_word(tmp_path: Path) -> 
     assert len((run.path / "events.jsonl").read_text().splitlines()) == 3
 
 
-def test_equal_data_is_not_written_again_whatever_its_order(tmp_path: Path) -> None:
+def test_equal_data_is_not_written_again_in_any_key_order(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     run.event("stage", "a", counts={2: "two", 10: "ten"}, valid=(1, 2))
     run.close()
@@ -140,7 +140,7 @@ def test_equal_data_is_not_written_again_whatever_its_order(tmp_path: Path) -> N
     assert len((run.path / "events.jsonl").read_text().splitlines()) == 1
 
 
-def test_discarding_spares_what_others_put_beside_it(tmp_path: Path) -> None:
+def test_discarding_a_run_keeps_other_runs(tmp_path: Path) -> None:
     first = RunDirectory.create(tmp_path / "runs", "demo", {})
     second = RunDirectory.create(tmp_path / "runs", "demo", {})
     first.discard()

@@ -52,8 +52,8 @@ class ModelChoice:
 def choose_models(model: ModelConfig) -> dict[str, ModelChoice]:
     """The model of each role.
 
-    A role with its own base URL gets a key only if it names the variable: a key is never sent to
-    an endpoint that it was not given for.
+    A role with its own base URL gets a key only if it names a variable: keys are never sent to an
+    endpoint that they were not meant for.
 
     Raises:
         UnknownNameError: There is no such role.

@@ -37,7 +37,7 @@ class Remarks:
         self._run.event(REMARK, str(self._count), text=line)
 
     def tell_differences(self) -> None:
-        """Tell how this process differs from the record of an earlier one, if it does."""
+        """Report any differences between this process and the record of an earlier one."""
         for line in _differences(self._run):
             self.tell(line)
 

@@ -58,7 +58,7 @@ class RunPlan:
 
     @property
     def conditions(self) -> dict[str, str]:
-        """What decides results besides configuration and replies, as recorded in run.yaml.
+        """Everything besides configuration and replies that decides results, for run.yaml.
 
         Hashes have 16 hex digits; `demands` is that of the task's brief.
         """
@@ -101,7 +101,7 @@ class RunPlan:
 
 
 def physics_conditions() -> dict[str, str]:
-    """The conditions that decide what a simulation gives: constants and engine."""
+    """The conditions that decide the result of a simulation: constants and engine."""
     return {"constants": constants().digest, "engine": str(default_engine().identity)}
 
 

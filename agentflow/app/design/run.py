@@ -21,7 +21,7 @@ from agentflow.llm.client import Client
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.limits import Limiter
 from agentflow.llm.wrappers.tape import Tape
-from agentflow.runs import Event, Listener, Notify, RunDirectory, read_document, state_of
+from agentflow.runs import Listener, Notify, RunDirectory, read_document, state_of
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class RunOptions:
 def design(
     config: DesignConfig, out: Path, options: RunOptions | None = None, name: str = ""
 ) -> dict[str, Any]:
-    """`design_async` for programs without an event loop.
+    """Like `design_async`, on a new event loop.
 
     Raises:
         InterruptedRunError: Ctrl-C; the run can be resumed.
@@ -73,7 +73,7 @@ async def design_async(
 
 
 def resume(path: Path, options: RunOptions | None = None) -> dict[str, Any]:
-    """`resume_async` for programs without an event loop.
+    """Like `resume_async`, on a new event loop.
 
     Raises:
         InterruptedRunError: Ctrl-C; the run can be resumed again.
@@ -145,7 +145,7 @@ class DesignRun:
             raise InterruptedRunError(f"interrupted; {self._resume_hint}") from None
 
     async def carry_out(self) -> dict[str, Any]:
-        """Do what is left to do, and close the run."""
+        """Finish the run and close it."""
         remarks = Remarks(self.directory, self.options.notify)
         try:
             with Tape(self.directory.tape, remarks.tell) as tape:
@@ -157,7 +157,7 @@ class DesignRun:
                         raise
                     remarks.record(str(error))
                     raise type(error)(f"{error}; {self._resume_hint}") from error
-                except ConfigError:  # a missing key, for example
+                except ConfigError:  # e.g. a missing key
                     if not self._worth_keeping(tape):
                         self.directory.discard()
                     raise
@@ -168,7 +168,7 @@ class DesignRun:
 
     async def _finish(self, tape: Tape, budget: Budget, remarks: Remarks) -> dict[str, Any]:
         plan, directory = self.plan, self.directory
-        models = watch_calls(self._models(tape, budget, remarks), budget, self._notify_listeners)
+        models = watch_calls(self._models(tape, budget, remarks), budget, directory.notify)
         execution = await execute(plan, models, directory, self.options.pool)
         remarks.tell_differences()
         save_rollouts(directory.path, plan.config, execution)
@@ -202,10 +202,6 @@ class DesignRun:
     def _worth_keeping(self, tape: Tape) -> bool:
         """Whether there is anything to resume: a reply, or the work of an earlier process."""
         return self.directory.resumed or bool(len(tape))
-
-    def _notify_listeners(self, event: Event) -> None:
-        for listener in self.directory.listeners:
-            listener(event)
 
     @property
     def _resume_hint(self) -> str:

@@ -81,10 +81,10 @@ async def simulate_lines(
     async with RolloutPool(workers) as pool:
         loop = asyncio.get_running_loop()
         threading.Thread(target=_feed, args=(lines, begin, loop), daemon=True).start()
-        while (begun := await ahead.get()) is not None:
-            if isinstance(begun, Exception):
-                raise begun
-            yield await begun
+        while (item := await ahead.get()) is not None:
+            if isinstance(item, Exception):
+                raise item
+            yield await item
 
 
 def _feed(

@@ -68,19 +68,16 @@ def machine_data(
         given: Blocks given by the task, which get special colours.
         played: All trials in order, if each gets a film.
     """
-    figures, marked = MachineSolids(machine), _given_marks(given)
+    figures, marks = MachineSolids(machine), _given_marks(given)
     solids = [
-        [
-            shapes.number(replace(solid, color=marked.get(block, ("", solid.color))[1]))
-            for solid in s
-        ]
+        [shapes.number(replace(solid, color=marks.get(block, ("", solid.color))[1])) for solid in s]
         for block, s in enumerate(figures.solids)
     ]
     return {
         "solids": solids,
         "rods": [_rod_data(step.id, machine, figures) for step in machine if step.two_ended],
         "hero": tracked_block(machine),
-        "given": [[name, list(color[:3])] for name, color in dict(marked.values()).items()],
+        "given": [[name, list(color[:3])] for name, color in dict(marks.values()).items()],
         "feedback": rollout.feedback.text if rollout is not None else "",
         "remark": remark,
         "trials": _trial_data(machine, figures, rollout, played),
@@ -123,14 +120,16 @@ def _trial_data(
     found = []
     for number, rollout in enumerate(played, start=1):
         shown = number == whole.terms[SHOWN_TRIAL]
-        own = not shown and rollout.trace is not None
+        film = {}
+        if not shown and rollout.trace is not None:
+            film = _film_data(machine, figures, rollout, THINNED)
         entry = {
             "number": number,
             "success": whole.terms[f"trial_{number}"],
             "outcome": whole.terms[f"outcome_{number}"],
             "shown": shown,
         }
-        found.append(entry | (_film_data(machine, figures, rollout, THINNED) if own else {}))
+        found.append(entry | film)
     return found
 
 

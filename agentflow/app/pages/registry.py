@@ -1,4 +1,4 @@
-"""The registry of pages that `agentflow report` writes. Importing it loads none of them."""
+"""The registry of pages for `agentflow report`. Importing it loads no page."""
 
 from __future__ import annotations
 

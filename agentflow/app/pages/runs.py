@@ -33,7 +33,7 @@ FINE, COARSE = 1 / 30, 0.1
 BEST = 8
 """Number of machines with fine films."""
 Progress = Callable[[int, int], None]
-"""Receives the numbers of finished and of all rollouts."""
+"""Receives the number of finished rollouts and the total."""
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,8 @@ def write_page(out: Path, text: str) -> None:
 def _machines_to_report(path: Path, story: RunStory, films: int) -> dict[str, ReportedMachine]:
     """Every machine of the search tree, best first."""
     found = {}
-    for place, (digest, node) in enumerate(story.machines.items()):
-        interval = None if place >= films else FINE if place < BEST else COARSE
+    for rank, (digest, node) in enumerate(story.machines.items()):
+        interval = None if rank >= films else FINE if rank < BEST else COARSE
         machine = recorded_machine(path, digest)
         found[digest] = ReportedMachine.of(path, story.document, machine, node.score, interval)
     return found

@@ -73,8 +73,8 @@ def estimate(plan: RunPlan) -> Estimate:
 def _total_money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:
     spent = 0.0
     for role, count in calls.items():
-        own = config.model.roles.get(ROLES[role].model_role or role)
-        name = own.name if own else config.model.name
+        role_model = config.model.roles.get(ROLES[role].model_role or role)
+        name = role_model.name if role_model else config.model.name
         price = config.model.prices.get(name)
         if count and name != PROCEDURAL:
             if price is None:

@@ -205,14 +205,14 @@ def _model_key(planned: SweepRun) -> tuple[str, str]:
 
 def _value(result: SweepResult, runs: Iterable[FinishedRun], place: _Cell) -> Value:
     table = result.sweep.table
-    own = [run for run in runs if not place.task or task_of(run.planned) == place.task]
+    runs = [run for run in runs if not place.task or task_of(run.planned) == place.task]
     if table.conditions == "axes":
-        own = [run for run in own if run.planned.variant == place.condition]
-    if not own:
+        runs = [run for run in runs if run.planned.variant == place.condition]
+    if not runs:
         return None
     stage = place.condition if table.conditions == "stages" else table.stage
     rounds = int(place.condition.partition("_")[2]) if table.conditions == "rounds" else None
-    return METRICS[place.metric].of(Cell(tuple(run.numbers for run in own), stage, rounds))
+    return METRICS[place.metric].of(Cell(tuple(run.numbers for run in runs), stage, rounds))
 
 
 def _published_rows(result: SweepResult, columns: Sequence[_Cell]) -> tuple[Row, ...]:

@@ -1,4 +1,4 @@
-"""The main job from end to end: real prompts, real text, real physics, real files."""
+"""Design runs end to end: real prompts, real text, real physics, real files."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SMALL = ROOT / "configs" / "small.yaml"
 
 
 def ignore(_line: str) -> None:
-    """Takes a remark for the user."""
+    """Ignores remarks."""
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_run_holds_everything_that_the_record_promises(run: Path) -> None:
+def test_a_run_directory_is_complete(run: Path) -> None:
     result = read_result(run)
     document = yaml.safe_load((run / "run.yaml").read_text())
     assert document["config"]["settings"]["trajectories"] == 2
@@ -68,7 +68,7 @@ def test_a_run_holds_everything_that_the_record_promises(run: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_best_machine_scores_again_what_the_run_says(
+def test_simulating_the_best_machine_again_gives_the_recorded_score(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     result = read_result(run)
@@ -84,7 +84,7 @@ def test_a_replay_is_identical(run: Path, capsys: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.slow
-def test_a_replay_finds_the_first_difference(run: Path, tmp_path: Path) -> None:
+def test_a_replay_reports_the_first_difference(run: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     subprocess.run(["cp", "-r", str(run), str(other)], check=True)
     lines = (other / "events.jsonl").read_text().splitlines(keepends=True)
@@ -99,14 +99,12 @@ def test_a_replay_finds_the_first_difference(run: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_finished_run_resumes_to_its_result(run: Path) -> None:
+def test_resuming_a_finished_run_returns_its_result(run: Path) -> None:
     assert resume(run) == read_result(run)
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_result_and_another_does_not(
-    run: Path, tmp_path: Path
-) -> None:
+def test_results_depend_only_on_the_seed(run: Path, tmp_path: Path) -> None:
     config = build_config(load_document(SMALL))
     again = design(config, tmp_path)
     first = read_result(run)
@@ -120,9 +118,7 @@ def test_the_same_seed_gives_the_same_result_and_another_does_not(
 
 @pytest.mark.parametrize("what", ["constants", "demands", "prompts"])
 @pytest.mark.slow
-def test_a_run_is_not_continued_under_other_conditions(
-    run: Path, tmp_path: Path, what: str
-) -> None:
+def test_resuming_under_other_conditions_is_refused(run: Path, tmp_path: Path, what: str) -> None:
     other = tmp_path / "other"
     subprocess.run(["cp", "-r", str(run), str(other)], check=True)
     (other / "result.json").unlink()
@@ -133,7 +129,7 @@ def test_a_run_is_not_continued_under_other_conditions(
         resume(other)
 
 
-def test_a_finished_run_that_is_not_ours_to_read_is_refused(run: Path, tmp_path: Path) -> None:
+def test_resuming_a_finished_run_with_another_schema_is_refused(run: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     subprocess.run(["cp", "-r", str(run), str(other)], check=True)
     document = yaml.safe_load((other / "run.yaml").read_text())
@@ -173,7 +169,7 @@ def _calls_in(out: Path) -> int:
 
 
 @pytest.mark.slow
-def test_an_edited_record_is_told_of_and_set_right(run: Path, tmp_path: Path) -> None:
+def test_an_edited_record_is_reported_and_corrected(run: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     subprocess.run(["cp", "-r", str(run), str(other)], check=True)
     (other / "result.json").unlink()
@@ -194,7 +190,7 @@ def test_an_edited_record_is_told_of_and_set_right(run: Path, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
+def test_an_interrupted_run_says_how_to_resume(tmp_path: Path) -> None:
     command = [sys.executable, "-c", "import sys; from agentflow.cli import main; sys.exit(main())"]
     process = subprocess.Popen(
         [*command, "design", "--config", str(SMALL), "--out", str(tmp_path)],
@@ -216,7 +212,7 @@ def test_an_interrupted_run_says_how_to_go_on(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_spent_budget_ends_a_run_cleanly_and_replays(tmp_path: Path) -> None:
+def test_a_spent_budget_ends_a_run_cleanly_and_the_run_replays(tmp_path: Path) -> None:
     config = load_config(SMALL, ["model.budget.calls=9"], {})
     result = design(config, tmp_path)
     assert (result["stopped"], result["calls"]) == ("budget", 9)
@@ -224,7 +220,7 @@ def test_a_spent_budget_ends_a_run_cleanly_and_replays(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_any_endpoint_takes_the_place_of_the_model(
+def test_any_endpoint_can_answer_instead_of_the_procedural_model(
     stub_url: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -245,9 +241,7 @@ def test_any_endpoint_takes_the_place_of_the_model(
 
 
 @pytest.mark.slow
-def test_json_is_the_result_object_and_nothing_else(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_output_is_only_the_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["design", "--config", str(SMALL), "--out", str(tmp_path), "--json", "--quiet"]
     assert main(arguments) == 0
     captured = capsys.readouterr()
@@ -269,7 +263,7 @@ def test_json_is_the_result_object_and_nothing_else(
     assert {"name", "valid", "mean", "max"} <= set(result["stages"][0])
 
 
-def test_an_endpoint_that_is_not_there_leaves_nothing_behind(
+def test_an_unreachable_endpoint_leaves_nothing_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

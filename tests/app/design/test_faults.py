@@ -1,4 +1,4 @@
-"""Every fault through the whole client into a run directory: typed, in time, recorded, no key."""
+"""Faults of an endpoint raise the right error in time, are recorded, and never show the key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the laboratory shows of a machine."""
+"""Pictures of machines by the laboratory."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from agentflow.machine.tree import ROOT, Machine, Step
 
 
 @pytest.mark.slow
-async def test_views_are_pictures_and_the_same_whenever_asked() -> None:
+async def test_views_are_drawn_once() -> None:
     task = get_task("movement")
     pool = RolloutPool(1)  # never started: drawing needs no worker
     laboratory = PhysicsLaboratory(task, pool, seed=0)

@@ -1,4 +1,4 @@
-"""Who answers for which role, what it may cost, and what is kept of an endpoint's faults."""
+"""The model of each role, cost limits, and what is recorded of faults of an endpoint."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_base_url_without_a_model_is_refused(
     )
 
 
-def test_a_base_url_is_of_use_to_a_role_or_to_whoever_chose_the_embedded_model() -> None:
+def test_a_base_url_is_accepted_for_a_role_or_an_explicit_procedural_model() -> None:
     url = {"base_url": "http://127.0.0.1:9/v1"}
     require_model_name(build_config({"model": {**url, "roles": {"designer": {"name": "m"}}}}).model)
     require_model_name(build_config({"model": {**url, "name": "procedural"}}).model)
@@ -89,7 +89,7 @@ def test_a_base_url_is_of_use_to_a_role_or_to_whoever_chose_the_embedded_model()
         ),
     ],
 )
-def test_what_is_refused_at_the_start(
+def test_invalid_models_are_refused_at_the_start(
     setting: str,
     message: str,
     tmp_path: Path,
@@ -102,7 +102,7 @@ def test_what_is_refused_at_the_start(
     assert os.listdir(tmp_path) == []
 
 
-def test_a_money_budget_asks_for_the_price_of_every_models_role_but_the_procedural() -> None:
+def test_a_cost_limit_needs_a_price_for_every_model_but_the_procedural_one() -> None:
     roles = {"refiner": {"name": "big"}, "querier": {"name": "procedural"}}
     model = {"name": "m", "budget": {"money": 1}, "roles": roles}
     price = {"input": 1, "output": 1}
@@ -132,7 +132,7 @@ async def test_roles_with_the_same_model_share_its_client(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_run_keeps_what_the_endpoint_did_and_what_it_cost_but_no_key(
+def test_a_run_records_endpoint_remarks_and_cost_but_no_key(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOUSE_KEY", KEY)
@@ -166,7 +166,7 @@ def test_a_run_keeps_what_the_endpoint_did_and_what_it_cost_but_no_key(
 
 
 @pytest.mark.slow
-def test_a_run_that_loses_its_endpoint_says_so_and_goes_on_numbering(
+def test_a_run_that_loses_its_endpoint_says_so_and_continues_numbering(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with threaded(reply(f"```json\n{CAR}\n```"), hang_up) as server:

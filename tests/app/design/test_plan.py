@@ -1,4 +1,4 @@
-"""What decides a run is recorded with it, and a later difference is named."""
+"""The conditions of a run are recorded, and later changes are reported."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
         ({"seed": 7}, ""),
     ],
 )
-def test_every_difference_is_named_and_versions_too(changed: dict[str, object], words: str) -> None:
+def test_changed_conditions_are_named_with_versions(changed: dict[str, object], words: str) -> None:
     plan = replace(PLAN, engine="pybullet 3.2.8")
     assert plan.changes_since({**plan.run_document, **changed}) == words
 
 
-def test_a_run_is_not_resumed_with_another_engine(tmp_path: Path) -> None:
+def test_resuming_with_another_engine_is_refused(tmp_path: Path) -> None:
     plan = replace(PLAN, engine="pybullet 0.0.1")
     run = RunDirectory.create(tmp_path, "run", plan.run_document)
     run.close()
@@ -54,7 +54,7 @@ def test_a_run_is_not_resumed_with_another_engine(tmp_path: Path) -> None:
     )
 
 
-def test_a_run_that_records_no_engine_is_resumed_with_a_note(tmp_path: Path) -> None:
+def test_a_run_without_a_recorded_engine_resumes_with_a_note(tmp_path: Path) -> None:
     document = PLAN.run_document
     del document["engine"]
     plan = {**document, "config": {**document["config"], "settings": {"rollouts": 1}}}
@@ -69,7 +69,7 @@ def test_a_run_that_records_no_engine_is_resumed_with_a_note(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_replay_and_rescoring_tell_of_another_engine(tmp_path: Path) -> None:
+def test_replay_and_rescore_report_another_engine(tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(RECORDED, run)
     document = {**read_document(run), "engine": "pybullet 0.0.1"}

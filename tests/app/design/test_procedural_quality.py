@@ -1,4 +1,4 @@
-"""What the embedded model is worth, on real physics: the promise that the README makes of it."""
+"""The procedural model on real physics keeps what the README promises."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LEAST_MEDIAN = {"throwing": 5.0, "movement": 30.0}
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("name", sorted(LEAST_MEDIAN))
-def test_search_improves_on_the_first_designs_by_power_alone(name: str, tmp_path: Path) -> None:
+def test_search_improves_on_the_first_designs(name: str, tmp_path: Path) -> None:
     task = find_task(name)
     scores, improved = [], 0
     for seed in SEEDS:

@@ -1,4 +1,4 @@
-"""Designing to the plans of another run, which may be gone afterwards."""
+"""Designing with the rationales of another run, which may be deleted afterwards."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ TINY = {"workflow": "single", "settings": {"trajectories": 2, "search": {"rounds
 
 
 def ignore(_line: str) -> None:
-    """Takes a remark for the user."""
+    """Ignores remarks."""
 
 
 @pytest.mark.slow
-def test_plans_are_followed_and_kept(tmp_path: Path) -> None:
+def test_rationales_are_followed_and_stored(tmp_path: Path) -> None:
     first = Path(design(build_config(TINY), tmp_path)["run"])
     plans = rationales_of(first)
     assert len(plans) == 2
@@ -40,7 +40,7 @@ def test_plans_are_followed_and_kept(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_plans_of_structures_follow_each_other(tmp_path: Path) -> None:
+def test_rationales_of_structures_are_in_build_order(tmp_path: Path) -> None:
     settings = {**TINY["settings"], "inspector": False}  # type: ignore[dict-item]
     run = design(build_config({"workflow": "hierarchical", "settings": settings}), tmp_path)
     plans = rationales_of(Path(run["run"]))
@@ -48,7 +48,7 @@ def test_the_plans_of_structures_follow_each_other(tmp_path: Path) -> None:
     assert all(len(plan.splitlines()) > 1 for plan in plans)
 
 
-def test_no_run_no_plans(tmp_path: Path) -> None:
+def test_rationales_need_a_run_with_accepted_designs(tmp_path: Path) -> None:
     with pytest.raises(RunError):
         design(build_config({**TINY, "rationale_from": str(tmp_path / "gone")}), tmp_path)
     nobody = design(

@@ -1,4 +1,4 @@
-"""What a resumed run says of a record that it did not repeat, and that it destroys nothing."""
+"""A resumed run reports differences from its record, and deletes nothing."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def unreachable(_request: Request) -> str:
     raise UnreachableError("nobody answers")
 
 
-def test_every_difference_is_told_and_both_sides_are_kept(tmp_path: Path) -> None:
+def test_differences_are_reported_and_both_versions_kept(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "run", {})
     Remarks(run, lambda _line: None).tell("waiting")
     for label in ("initial", "edited", "added"):
@@ -50,7 +50,7 @@ def test_every_difference_is_told_and_both_sides_are_kept(tmp_path: Path) -> Non
     assert told == ["waiting", *said]
 
 
-def test_a_run_that_repeats_its_record_says_nothing(tmp_path: Path) -> None:
+def test_a_run_that_matches_its_record_reports_nothing(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "run", {})
     said: list[str] = []
     run.event("stage", "initial", valid=1)
@@ -63,7 +63,7 @@ def test_a_run_that_repeats_its_record_says_nothing(tmp_path: Path) -> None:
     assert said == []
 
 
-def test_without_an_answer_a_fresh_run_goes_and_a_resumed_one_stays(tmp_path: Path) -> None:
+def test_without_a_reply_a_new_run_is_removed_and_a_resumed_one_kept(tmp_path: Path) -> None:
     client = ScriptedClient(unreachable)
     with pytest.raises(UnreachableError, match=r"^nobody answers$"):
         design(CONFIG, tmp_path / "runs", RunOptions(client=client))

@@ -1,4 +1,4 @@
-"""Whole runs on disk, whatever order their calls end in and whenever they are killed."""
+"""Runs on disk, with calls completing in any order and kills at any time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Written = dict[str, bytes]
 
 
 def carry_out(folder: Path, chance: random.Random) -> tuple[WorkflowResult, RunDirectory, Tape]:
-    """A run on disk whose replies and rollouts take random times, so many at once."""
+    """A run on disk with replies and rollouts that take random times, several at once."""
     run = RunDirectory.create(folder, "run", {})
     tape = Tape(run.tape, pytest.fail)
     limits = LimitSettings(concurrent=chance.choice([1, 2, 5, 16, None]))
@@ -50,7 +50,7 @@ async def conduct(client: Client, run: RunDirectory, shelf: Shelf) -> WorkflowRe
 
 
 def written(run: RunDirectory) -> Written:
-    """Every file of a run, lines in order of content and without timings."""
+    """Every file of a run, with sorted lines and without timings."""
     found = {}
     for path in sorted(run.path.rglob("*")):
         if path.suffix == ".jsonl":
@@ -66,7 +66,7 @@ def written(run: RunDirectory) -> Written:
 
 
 @pytest.mark.slow
-def test_fifty_orders_of_completion_give_one_run(tmp_path: Path) -> None:
+def test_fifty_completion_orders_give_the_same_run(tmp_path: Path) -> None:
     runs, results, orders = [], [], set()
     for seed in range(50):
         folder = tmp_path / str(seed)
@@ -85,7 +85,7 @@ def test_fifty_orders_of_completion_give_one_run(tmp_path: Path) -> None:
     assert len(runs[0]["calls.jsonl"].splitlines()) > 40
 
 
-def test_a_replay_in_any_order_gives_the_recorded_run(tmp_path: Path) -> None:
+def test_a_replay_in_any_order_matches_the_recorded_run(tmp_path: Path) -> None:
     result, run, tape = carry_out(tmp_path / "recorded", random.Random(1))
     recorded = written(run)
     run.close()
@@ -134,7 +134,7 @@ asyncio.run(main(folder))
 
 
 @pytest.mark.slow
-def test_killed_thirty_times_no_recorded_call_is_asked_twice_and_none_is_lost(
+def test_after_thirty_kills_no_recorded_call_is_repeated_or_lost(
     tmp_path: Path,
 ) -> None:
     rng = random.Random(5)

@@ -1,4 +1,4 @@
-"""What listeners hear of calls under way."""
+"""Events about calls in progress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.llm.helpers import ask
 
 
 class Closing(ScriptedClient):
-    """A client that counts how often it is closed, and lets others in between."""
+    """A client that counts its closings and yields to other tasks."""
 
     closed = 0
 
@@ -29,7 +29,7 @@ class Closing(ScriptedClient):
         self.closed += 1
 
 
-async def test_every_call_is_heard_of_twice() -> None:
+async def test_listeners_hear_the_start_and_end_of_every_call() -> None:
     client, heard = Closing(lambda request: request.label), []
     models = watch_calls(
         Models({"designer": client, "refiner": client}, {}), Budget(), heard.append
@@ -44,7 +44,7 @@ async def test_every_call_is_heard_of_twice() -> None:
     assert client.closed == 1
 
 
-async def test_a_call_that_fails_is_under_way_no_more() -> None:
+async def test_a_failed_call_is_no_longer_in_progress() -> None:
     def fail(_request: Request) -> str:
         raise UnreachableError("nothing answers")
 

@@ -1,4 +1,4 @@
-"""Pictures, films and three-dimensional files by command: what is written, and what is not."""
+"""Commands that write pictures, films and 3D files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def car(tmp_path: Path) -> str:
         (".glb", b"glTF", SHORT),
     ],
 )
-def test_the_ending_says_what_is_written(
+def test_the_suffix_decides_the_format(
     ending: str,
     first: bytes,
     options: list[str],
@@ -50,7 +50,7 @@ def test_the_ending_says_what_is_written(
 
 
 @pytest.mark.slow
-def test_without_an_ending_both_a_picture_and_a_film_are_written(
+def test_without_a_suffix_both_a_picture_and_a_film_are_written(
     car: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["render", car, *SHORT, "--out", str(tmp_path / "it")]) == 0
@@ -74,7 +74,7 @@ def test_without_an_ending_both_a_picture_and_a_film_are_written(
         ),
     ],
 )
-def test_what_cannot_be_written_is_said_in_one_line(
+def test_writing_errors_are_reported_in_one_line(
     options: list[str],
     message: str,
     car: str,
@@ -101,6 +101,6 @@ def test_a_machine_that_overlaps_is_not_drawn(
     assert f"{path} cannot be built: " in capsys.readouterr().err
 
 
-def test_a_machine_alone_is_converted_to_three_dimensions(car: str, tmp_path: Path) -> None:
+def test_a_machine_is_converted_to_glb(car: str, tmp_path: Path) -> None:
     assert main(["convert", car, str(tmp_path / "car.glb")]) == 0
     assert (tmp_path / "car.glb").read_bytes() == machine_glb(CAR)

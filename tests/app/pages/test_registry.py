@@ -1,4 +1,4 @@
-"""The page that a report command writes, by name."""
+"""Pages by name."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 
 
 def quiet(_done: int, _of: int) -> None:
-    """Nobody watches."""
+    """Ignores progress."""
 
 
 def data_of(page: Path) -> dict[str, Any]:
@@ -62,8 +62,8 @@ def test_machines_without_a_film_are_shown_as_built(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_run_under_way_is_counted_at_one_moment(tmp_path: Path) -> None:
-    """Films take a while, and the run goes on meanwhile: its numbers are all of the beginning."""
+def test_a_run_in_progress_is_read_once(tmp_path: Path) -> None:
+    """The run continues while films are made; all numbers are from before."""
     run = hostile_run(tmp_path)
     before = (run / "calls.jsonl").read_bytes()
 
@@ -84,7 +84,7 @@ def test_a_run_under_way_is_counted_at_one_moment(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.slow
-def test_recorded_films_are_shown_where_physics_has_changed(
+def test_recorded_films_are_shown_if_physics_has_changed(
     tmp_path: Path, name: str, value: str, change: str
 ) -> None:
     run = tmp_path / "run"
@@ -114,7 +114,7 @@ def test_recorded_films_are_shown_where_physics_has_changed(
 
 
 @pytest.mark.slow
-def test_another_score_today_is_said(tmp_path: Path) -> None:
+def test_a_different_score_today_is_mentioned(tmp_path: Path) -> None:
     run = hostile_run(tmp_path)
     out = report(run, tmp_path / "r.html", films=9, workers=1, say=quiet)
     shown = data_of(out)["machines"][machine(HOLDS).digest]
@@ -124,7 +124,7 @@ def test_another_score_today_is_said(tmp_path: Path) -> None:
     )
 
 
-def test_what_breaks_is_told_with_time_and_place() -> None:
+def test_breakages_are_listed_with_time_and_place() -> None:
     task, broken = get_task("throwing"), machine(BREAKS)
     rollout = simulate(broken, task, seed=0)
     shown = machine_data(broken, rollout, Shapes(), "remark")
@@ -139,7 +139,7 @@ def test_what_breaks_is_told_with_time_and_place() -> None:
     assert shown["feedback"] == rollout.feedback.text
 
 
-def test_each_trial_has_a_film_to_choose_but_one() -> None:
+def test_every_trial_but_the_one_shown_has_a_film() -> None:
     item, task = machine(HOLDS), get_task("throwing")
     rollout = simulate(item, task, seed=0)
     stalled = RolloutEvent(1.0, "motor_stalled", (3,), "block 3 (Powered Wheel) 1.0-2.0 s")
@@ -241,7 +241,7 @@ def test_a_gallery_needs_a_finished_run(tmp_path: Path) -> None:
     )
 
 
-def test_a_file_that_cannot_be_written_is_named_before_any_work(tmp_path: Path) -> None:
+def test_an_unwritable_file_is_refused_before_any_work(tmp_path: Path) -> None:
     for out, why in (
         (tmp_path / "none" / "r.html", f"there is no folder {tmp_path / 'none'}"),
         (tmp_path, "it is a folder"),

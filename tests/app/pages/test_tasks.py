@@ -1,4 +1,4 @@
-"""Drawings of levels: what is in them, where files go, what is refused."""
+"""Drawings of levels: content, files, errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_plan_is_in_metres() -> None:
     assert beside == {"left wall", "right wall"}
 
 
-def test_what_is_given_is_drawn() -> None:
+def test_given_blocks_are_drawn() -> None:
     above, _ = level_plans(get_task("gearing/5"))
     names = {base_name(line.name) for line in above.outlines}
     assert names == {"Plate", "Powered Cog", "Medium Cog"}
@@ -38,7 +38,7 @@ def test_pieces_share_a_name() -> None:
     assert [base_name(name) for name in names] == ["ring", "wall left", "slab", "ramp"]
 
 
-def test_a_picture_is_written_where_asked(tmp_path: Path) -> None:
+def test_a_picture_is_written_to_the_requested_file(tmp_path: Path) -> None:
     file = draw_task("throwing/3", ("wind.speed=8",), tmp_path / "new" / picture_name("throwing/3"))
     assert file.name == "throwing-3.png"
     with Image.open(file) as picture:
@@ -46,7 +46,7 @@ def test_a_picture_is_written_where_asked(tmp_path: Path) -> None:
         assert picture.height > 600
 
 
-def test_an_own_level_is_shown_like_any_other(tmp_path: Path) -> None:
+def test_a_users_level_is_shown_like_any_other(tmp_path: Path) -> None:
     own = tmp_path / "low.yaml"
     own.write_text(OWN, encoding="utf-8")
     assert picture_name(str(own)) == "low.png"
@@ -60,7 +60,7 @@ def test_an_own_level_is_shown_like_any_other(tmp_path: Path) -> None:
     assert "https://" not in page
 
 
-def test_what_cannot_be_drawn_is_said(tmp_path: Path) -> None:
+def test_drawing_errors_are_reported(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"^the picture must be a .png file, not 'a.gif'$"):
         draw_task("throwing", (), tmp_path / "a.gif")
     (tmp_path / "file").touch()

@@ -1,4 +1,4 @@
-"""Estimates against what runs really take."""
+"""Estimates compared with real runs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def of(**document: Any) -> Estimate:
     return estimate(RunPlan.of(build_config(document)))
 
 
-def test_the_recorded_run_takes_what_is_estimated() -> None:
+def test_the_estimate_matches_the_recorded_run() -> None:
     """Its first attempts were all valid and its machines all different."""
     config = build_config(load_document(ROOT / "configs/small.yaml"))
     found, result = estimate(RunPlan.of(config)), read_result(RECORDED)
@@ -34,7 +34,7 @@ def test_the_recorded_run_takes_what_is_estimated() -> None:
     assert (found.calls, found.rollouts) == (calls, result["rollouts"])
 
 
-def test_tokens_of_a_call_are_those_of_the_recorded_run() -> None:
+def test_token_estimates_match_the_recorded_run() -> None:
     sizes: dict[str, list[int]] = {}
     for call in read_calls(RECORDED):
         characters = sum(len(message["text"]) for message in call["request"]["messages"])
@@ -65,7 +65,7 @@ def test_calls_and_rollouts(document: dict[str, Any], calls: int, rollouts: int)
     assert (found.calls, found.rollouts) == (calls, rollouts)
 
 
-def test_money_needs_a_price_of_every_model_asked() -> None:
+def test_cost_needs_a_price_for_every_model_used() -> None:
     price = {"input": 1.0, "output": 10.0}
     assert of().money == 0.0
     assert of(model={"name": "m"}).money is None
@@ -79,7 +79,7 @@ def test_money_needs_a_price_of_every_model_asked() -> None:
     assert (priced + of(model={"name": "m"})).money is None
 
 
-def test_placers_cost_what_the_designers_model_costs() -> None:
+def test_placers_are_priced_like_the_designers_model() -> None:
     dear = {"name": "dear", "prices": {"dear": {"input": 1.0, "output": 10.0}}}
     placing = {"task": "gearing", "workflow": "placement", "settings": {"placements": 2}}
     free = {**dear, "roles": {"designer": {"name": "procedural"}}}
@@ -94,6 +94,6 @@ def test_long_windows_and_trials_take_longer() -> None:
     assert of(**single, task="lifting").seconds == pytest.approx(2.0)
 
 
-def test_sums() -> None:
+def test_estimates_are_added() -> None:
     one = Estimate(1, 2, 3, 4.0, 5, 6.0)
     assert one + one == NOTHING + one.times(2) == Estimate(2, 4, 6, 8.0, 10, 12.0)

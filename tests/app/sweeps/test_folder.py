@@ -1,4 +1,4 @@
-"""A sweep's folder belongs to one process at a time, from before its first file is written."""
+"""The folder of a sweep is locked before the first file is written."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SWEEP = read_sweep({"title": "T", "table": {"metrics": ["valid"]}}, "t.yaml")
 DOCUMENT = sweep_document("t", SWEEP)
 
 
-def test_nobody_else_begins_or_continues_a_sweep_under_way(tmp_path: Path) -> None:
+def test_a_sweep_in_use_by_another_process_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "sweep"
     busy = f"^{folder} is in use by another process; wait for it or stop it$"
     with lock_folder(folder, DOCUMENT, resume=False):
@@ -27,7 +27,7 @@ def test_nobody_else_begins_or_continues_a_sweep_under_way(tmp_path: Path) -> No
         assert read_folder(folder)[0]["name"] == "t"
 
 
-def test_where_nothing_can_be_written_another_folder_is_asked_for(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     folder = tmp_path / "file" / "sweep"
     wanted = f"^cannot write to {folder}: Not a directory; choose another folder with --out$"

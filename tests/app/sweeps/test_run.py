@@ -37,7 +37,7 @@ TINY: dict[str, Any] = {
     "axes": {"condition": {"one": {"history": True}, "other": {"history": False}}},
     "table": {"stage": "initial", "metrics": ["valid", "mean", "max"]},
 }
-"""Runs with the same machines: what is varied does nothing without a model."""
+"""Runs with the same machines: the varied setting has no effect without a model."""
 DEAD = {
     "workflow": "single",
     "model.name": "nobody",
@@ -47,7 +47,7 @@ DEAD = {
 
 
 class Notes:
-    """A watcher that remembers."""
+    """A watcher that records everything."""
 
     def __init__(self) -> None:
         self.said: list[tuple[str, str]] = []
@@ -71,7 +71,7 @@ class Notes:
 
 
 class Clumsy(Notes):
-    """Fails itself at one run's first event, as a bug anywhere in a run would."""
+    """Fails at the first event of one run, like a bug in that run."""
 
     def event(self, run: str, event: Event) -> None:
         assert run != "one.seed-0", "a bug"
@@ -113,7 +113,7 @@ def test_every_run_is_an_ordinary_run(swept: tuple[SweepOutcome, Notes, Path]) -
 
 
 @pytest.mark.slow
-def test_machines_and_rollouts_lie_once(swept: tuple[SweepOutcome, Notes, Path]) -> None:
+def test_machines_and_rollouts_are_stored_once(swept: tuple[SweepOutcome, Notes, Path]) -> None:
     outcome, _, _ = swept
     store = outcome.path / "store"
     assert len(list((store / "rollouts").iterdir())) == 4  # 2 seeds with 2 machines each
@@ -138,7 +138,7 @@ def test_a_finished_sweep_is_not_run_again(swept: tuple[SweepOutcome, Notes, Pat
 
 
 @pytest.mark.slow
-def test_a_sweep_is_continued_only_on_request_and_only_as_it_was(
+def test_a_sweep_is_resumed_only_on_request_and_unchanged(
     swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
 ) -> None:
     outcome, _, path = swept
@@ -158,10 +158,10 @@ def test_a_sweep_is_continued_only_on_request_and_only_as_it_was(
     )
 
 
-def test_unfinished_and_half_begun_runs_are_taken_up(
+def test_unfinished_and_half_created_runs_are_carried_out(
     swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
 ) -> None:
-    """As a killed process leaves them: without a result; a folder without run.yaml; not begun."""
+    """After a kill: a run without result, a folder without run.yaml, a run not started."""
     outcome, _, path = swept
     copy = tmp_path / "tiny"
     shutil.copytree(outcome.path, copy)
@@ -194,7 +194,7 @@ def test_unfinished_and_half_begun_runs_are_taken_up(
         ("engine", "pybullet 0.0.1", f"engine (pybullet 0.0.1, now {VERSION})"),
     ],
 )
-def test_a_sweep_is_not_continued_beside_runs_of_other_conditions(
+def test_a_sweep_with_runs_under_other_conditions_is_refused(
     swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path, name: str, value: str, words: str
 ) -> None:
     outcome, _, path = swept
@@ -212,7 +212,7 @@ def test_a_sweep_is_not_continued_beside_runs_of_other_conditions(
     assert not (copy / "runs" / RUNS[3]).exists()
 
 
-def test_a_sweep_is_not_continued_with_another_engine(
+def test_resuming_a_sweep_with_another_engine_is_refused(
     swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
 ) -> None:
     outcome, _, path = swept
@@ -233,7 +233,7 @@ def test_a_sweep_is_not_continued_with_another_engine(
 
 
 @pytest.mark.slow
-def test_failing_runs_are_recorded_and_harm_no_other(tmp_path: Path) -> None:
+def test_failed_runs_are_recorded_and_stop_no_other_run(tmp_path: Path) -> None:
     path = write(tmp_path, seeds=[0], axes={"condition": {"lives": {}, "dead": DEAD}})
     outcome = carry_out(path, tmp_path)
     assert outcome.done == ("lives.seed-0",)
@@ -254,7 +254,7 @@ def test_failing_runs_are_recorded_and_harm_no_other(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_bug_in_one_run_is_logged_whole_and_the_run_can_go_on(tmp_path: Path) -> None:
+def test_a_bug_in_one_run_is_logged_in_full_and_the_run_can_resume(tmp_path: Path) -> None:
     path = write(tmp_path, seeds=[0])
     outcome = carry_out(path, tmp_path, Clumsy())
     assert outcome.done == ("other.seed-0",)
@@ -266,7 +266,7 @@ def test_a_bug_in_one_run_is_logged_whole_and_the_run_can_go_on(tmp_path: Path) 
     assert carry_out(path, tmp_path, resume=True).failed == {}
 
 
-def test_settings_for_all_runs_reach_them_and_their_folder(tmp_path: Path) -> None:
+def test_settings_apply_to_all_runs_and_name_the_folder(tmp_path: Path) -> None:
     path = write(tmp_path)
     plan = plan_sweep(path, ["trajectories=5"], {"model.name": "a/b c"}, seeds=3)
     assert {run.config.settings.trajectories for run in plan.runs} == {5}
@@ -307,7 +307,7 @@ def test_wrong_sweeps_are_refused_before_anything_is_written(
 
 
 @pytest.mark.slow
-def test_a_begun_sweep_takes_no_other_settings(swept: tuple[SweepOutcome, Notes, Path]) -> None:
+def test_an_existing_sweep_refuses_other_settings(swept: tuple[SweepOutcome, Notes, Path]) -> None:
     outcome, _, _ = swept
     with pytest.raises(UsageError) as caught:
         plan_sweep(outcome.path, ["trajectories=1"], {})
@@ -318,7 +318,7 @@ def test_a_begun_sweep_takes_no_other_settings(swept: tuple[SweepOutcome, Notes,
 
 
 @pytest.mark.slow
-def test_ctrl_c_leaves_a_sweep_that_can_be_continued(tmp_path: Path) -> None:
+def test_a_sweep_can_be_resumed_after_ctrl_c(tmp_path: Path) -> None:
     base = {**TINY["base"], "settings": {"trajectories": 8, "rollouts": 24}}
     path = write(tmp_path, base=base)
     command = [sys.executable, "-c", "import sys; from agentflow.cli import main; sys.exit(main())"]
@@ -350,7 +350,7 @@ def test_ctrl_c_leaves_a_sweep_that_can_be_continued(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("url", ["https://user:secret@host/v1", "https://host/v1?key=secret"])
 @pytest.mark.parametrize("keys", [["model.base_url"], ["model", "base_url"]])
-def test_axes_hold_no_credentials(tmp_path: Path, url: str, keys: list[str]) -> None:
+def test_credentials_in_axes_are_refused(tmp_path: Path, url: str, keys: list[str]) -> None:
     setting: Any = url
     for key in reversed(keys):
         setting = {key: setting}

@@ -19,7 +19,7 @@ SWEEPS = [path for path in sorted(CONFIGS.glob("*.yaml")) if "table" in load_doc
 
 
 def reduced(path: Path) -> list[str]:
-    """Settings that make a sweep small; those that leave the search out still do."""
+    """Settings that make a sweep small; sweeps without search stay without."""
     settings = ["trajectories=2", "placements=4"]
     if load_document(path)["base"].get("settings", {}).get("search", {}).get("rounds") != 0:
         rounds = 2 if path.stem == "search_depth" else 1

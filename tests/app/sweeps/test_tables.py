@@ -1,4 +1,4 @@
-"""Tables of sweeps whose runs are written by hand."""
+"""Tables of sweeps with hand-written runs."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ RESULT = {
     "worker_seconds": 2.0,
     "run": "",
 }
-"""What a result has besides model and score."""
+"""The keys of a result besides model and score."""
 
 
 def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Path:
-    """A sweep's folder with these runs done; as if carried out."""
+    """A sweep folder in which these runs are finished."""
     file = folder / "hand.yaml"
     table = {"metrics": ["valid", "mean", "max"], **document.pop("table", {})}
     file.write_text(yaml.safe_dump({"title": "Hand", "table": table, **document}))
@@ -113,7 +113,7 @@ def test_axes_are_columns_and_seeds_are_pooled(tmp_path: Path) -> None:
     )
 
 
-def test_what_is_not_done_keeps_its_columns_and_rows(tmp_path: Path) -> None:
+def test_unfinished_runs_keep_their_columns_and_rows(tmp_path: Path) -> None:
     path = sweep(
         tmp_path,
         {"baseline.throwing.seed-0": [candidate("initial", 1, 2.0), candidate("initial", 2, 4.0)]},
@@ -137,7 +137,7 @@ def test_what_is_not_done_keeps_its_columns_and_rows(tmp_path: Path) -> None:
     assert [row[-2:] for row in undone] == [["-", "-"]] * 3
 
 
-def test_published_rows_stand_apart_and_measured_ones_stay_as_they_are(tmp_path: Path) -> None:
+def test_published_rows_are_separate_and_leave_measured_ones_unchanged(tmp_path: Path) -> None:
     swept = read_sweep_result(compared(tmp_path))
     table = layout_table(swept, published=True)
     assert table.rows == layout_table(swept).rows
@@ -181,7 +181,7 @@ TREE = [
 ]
 
 
-def test_one_tree_is_cut_after_several_rounds(tmp_path: Path) -> None:
+def test_a_search_is_cut_off_after_several_rounds(tmp_path: Path) -> None:
     path = sweep(
         tmp_path,
         {"seed-0": TREE},
@@ -198,7 +198,7 @@ def test_one_tree_is_cut_after_several_rounds(tmp_path: Path) -> None:
     assert table.published[0].values == (None, "15.04", "15.73")
 
 
-def test_tasks_as_columns_may_have_metrics_of_their_own(tmp_path: Path) -> None:
+def test_tasks_as_columns_can_have_different_metrics(tmp_path: Path) -> None:
     path = sweep(
         tmp_path,
         {
@@ -225,7 +225,7 @@ def test_tasks_as_columns_may_have_metrics_of_their_own(tmp_path: Path) -> None:
 GEARING = {"task": "gearing", "workflow": "placement"}
 
 
-def test_scores_name_both_means_with_their_intervals(tmp_path: Path) -> None:
+def test_scores_have_both_means_with_intervals(tmp_path: Path) -> None:
     table = view(compared(tmp_path), "scores")
     assert [column.full for column in table.columns] == [
         "valid share",
@@ -275,7 +275,7 @@ def test_usage_by_role_and_stage(tmp_path: Path) -> None:
     assert found[(*baseline, "blind_refinement")] == (2, 8, None, 0, 0.0, 1.0, 0, None, None)
 
 
-def test_best_scores_over_the_players(tmp_path: Path) -> None:
+def test_best_scores_relative_to_players(tmp_path: Path) -> None:
     path = sweep(
         tmp_path,
         {
@@ -302,14 +302,14 @@ def test_sweeps_that_do_not_search_have_no_curve(tmp_path: Path) -> None:
     assert "No run of this sweep searches." in table.notes
 
 
-def test_every_view_has_every_form(tmp_path: Path) -> None:
+def test_every_view_has_every_format(tmp_path: Path) -> None:
     path = compared(tmp_path)
     starts = {"text": "Hand", "md": "**Hand", "csv": "source,", "latex": "% Hand", "json": "{"}
     for name, (form, start) in product(VIEWS, starts.items()):
         assert format_view(path, name, form).startswith(start), (name, form)
 
 
-def test_what_is_no_sweep_or_has_nothing_done_is_refused(tmp_path: Path) -> None:
+def test_folders_without_a_sweep_or_finished_runs_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"is not a sweep folder: it has no readable sweep.yaml"):
         read_sweep_result(tmp_path)
     path = sweep(tmp_path, {})
@@ -323,7 +323,7 @@ def test_what_is_no_sweep_or_has_nothing_done_is_refused(tmp_path: Path) -> None
         read_sweep_result(path)
 
 
-def test_published_rows_are_in_one_view(tmp_path: Path) -> None:
+def test_only_one_view_has_published_rows(tmp_path: Path) -> None:
     path = compared(tmp_path)
     with pytest.raises(UsageError) as caught:
         view(path, "scores", published=True)
@@ -332,7 +332,7 @@ def test_published_rows_are_in_one_view(tmp_path: Path) -> None:
         view(path, "score")
 
 
-def test_calls_are_only_read_for_usage(tmp_path: Path) -> None:
+def test_only_the_usage_view_reads_calls(tmp_path: Path) -> None:
     """A table over many runs must not read every prompt."""
     path = compared(tmp_path)
     for tape in path.rglob("calls.jsonl"):
