@@ -31,5 +31,5 @@ def check_fit(name: str, brief: Brief) -> None:
     if not WORKFLOWS[name].fits(brief):
         fitting = [item for item, workflow in WORKFLOWS.items() if workflow.fits(brief)]
         raise UsageError(
-            f"the workflow {name} does not fit {brief.name}; use --workflow {' or '.join(fitting)}"
+            f"the workflow {name} does not fit {brief.name}; choose from: {', '.join(fitting)}"
         )

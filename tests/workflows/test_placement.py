@@ -155,8 +155,7 @@ def test_only_what_fits_is_accepted() -> None:
     with pytest.raises(UsageError) as caught:
         check_fit("hierarchical", BRIEF)
     assert str(caught.value) == (
-        "the workflow hierarchical does not fit gearing; use --workflow placement or "
-        "random-placement"
+        "the workflow hierarchical does not fit gearing; choose from: placement, random-placement"
     )
     with pytest.raises(UsageError, match=r"^the workflow random-placement does not fit throwing; "):
         check_fit("random-placement", get_task("throwing").brief)
