@@ -1,4 +1,4 @@
-"""One trial: settle, start, then step, read, break, watch and record to the end."""
+"""One trial: settling, then stepping, breakage, refereeing and recording until the end."""
 
 from __future__ import annotations
 
@@ -9,15 +9,24 @@ from time import perf_counter
 from agentflow.env.constants import Constants
 from agentflow.env.feedback import stalled_motors
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.engine import Engine
+from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.loads import Loads
 from agentflow.env.rollout import Broken, Feedback, Rollout, RolloutEvent, Status, Trace, Verdict
 from agentflow.env.simulation.recorder import Recorder, digest
 from agentflow.env.simulation.settling import Settling
-from agentflow.env.simulation.world import RefereeView
 from agentflow.env.tasks.base import Task
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
+
+
+class RefereeView:
+    """What referees see of a running world: a `tasks.base.WorldView`."""
+
+    def __init__(self, world: World) -> None:
+        self.centre, self.rotation = world.centre, world.rotation
+        self.origin, self.touching = world.origin, world.touching
+        self.time = 0.0
+        """Seconds since t = 0."""
 
 
 class Play:
@@ -67,7 +76,7 @@ class Play:
         """Joints that broke in the last step."""
         self._events: list[RolloutEvent] = []
 
-    def to_the_end(self) -> Rollout:
+    def run(self) -> Rollout:
         """Settle, run the window and score it."""
         status = self._settle()
         if status == "ok":

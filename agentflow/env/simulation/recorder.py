@@ -15,13 +15,7 @@ class Recorder:
     """Collects the samples of one rollout."""
 
     def __init__(self, assembly: Assembly, connections: Sequence[int], things: tuple[str, ...]):
-        """Start an empty record.
-
-        Args:
-            assembly: The machine.
-            connections: Joint indices of the breakable joints.
-            things: Names of the moving things.
-        """
+        """Start an empty record; `connections` are the indices of the breakable joints."""
         self._assembly = assembly
         self._pairs = tuple(
             (assembly.joints[i].block, assembly.joints[i].partner) for i in connections
@@ -33,7 +27,7 @@ class Recorder:
         self._lives: list[np.ndarray[tuple[int], np.dtype[np.bool_]]] = []
 
     def lose(self, joint: Joint) -> None:
-        """Note that a connection broke: its block no longer holds on to its parent."""
+        """Record that a connection was lost: its block no longer holds on to its parent."""
         if not joint.extra:
             self._alive[joint.block] = False
 

@@ -1,4 +1,4 @@
-"""When a machine has settled: tells rest from the slow beginning of a fall."""
+"""Detecting that a machine has settled, as opposed to slowly starting to fall."""
 
 from __future__ import annotations
 
@@ -11,29 +11,21 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 INTERVALS, MORE = 3, 10
-"""How many successive intervals must show no growing motion. More for blocks that move far in one
-interval: they may be swinging out in one direction while starting to tip in another."""
+"""Number of successive intervals without growing motion. More are needed if a block moves far in
+one interval: it may be swinging to a stop in one direction while starting to tip in another."""
 
 
 class Settling:
-    """Watches a machine with power off, step by step.
+    """Watches a machine with power off, step by step, at `rate` steps per second.
 
     A machine that is about to tip over is slow as well, but like an inverted pendulum it moves
     exponentially: further in each interval than in the one before. A machine that rests, creeps on
-    its contacts, sags or rolls out gains little or nothing. So the distances that each block moved
-    in the last intervals tell the two apart, however slow both are. A boulder that rolls about in
-    its container does not count.
+    its contacts, sags or rolls to a stop speeds up little or not at all. So the distances that each
+    block moved in the last intervals tell the two apart at any speed. Boulders that roll about in a
+    container are ignored.
     """
 
     def __init__(self, machine: Machine, world: World, rate: float, physics: Constants) -> None:
-        """Begin before the first step.
-
-        Args:
-            machine: The machine.
-            world: The world that it is in.
-            rate: Steps per second.
-            physics: Limits of growth from one interval to the next.
-        """
         self._world = world
         self._far = physics["rest_drift"]
         self._gain, self._growth = physics["rest_gain"], 1.0 + physics["rest_growth"]
@@ -49,7 +41,7 @@ class Settling:
         self._places: list[Array] = []
 
     def step(self, slow: bool) -> bool:
-        """Take in one step.
+        """Register one step.
 
         Args:
             slow: Whether everything was slow enough to count as resting.

@@ -71,7 +71,7 @@ def simulate(
             return invalid_rollout(
                 [Problem("too_many_parts", (), str(error))], str(chosen.identity)
             )
-        played.append(play.to_the_end())
+        played.append(play.run())
         if played[-1].status == "timeout":
             break
     return combine_trials(played)

@@ -32,10 +32,10 @@ def combine_trials(played: Sequence[Rollout]) -> Rollout:
     if len(played) == 1:
         return played[0]
     stopped = (rollout for rollout in played if rollout.status not in ("ok", "diverged"))
-    return next(stopped, None) or _counted(played)
+    return next(stopped, None) or _combine_scored(played)
 
 
-def _counted(played: Sequence[Rollout]) -> Rollout:
+def _combine_scored(played: Sequence[Rollout]) -> Rollout:
     wins = [rollout.terms.get(SUCCESS) is True for rollout in played]
     index = wins.index(False) if False in wins else 0
     shown, score = played[index], float(sum(wins))

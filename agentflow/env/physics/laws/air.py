@@ -1,7 +1,6 @@
-"""Forces of the air: drag and wind.
+"""Air drag and wind, in any right-handed frame.
 
-They work in any right-handed frame. Drag runs on plain floats: a machine has few clusters, and
-arrays only pay for many.
+Drag is computed with plain floats: a machine has few clusters, and arrays only pay for many.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ class DragForce:
     """
 
     def __init__(self, parts: Sequence[Part], locations: PartLocations, inertia: Array) -> None:
-        """Sum up the drag of `parts`.
+        """Sum the drag of `parts` over each cluster.
 
         Args:
             parts: All parts, in order.
@@ -54,37 +53,31 @@ class DragForce:
             )
             for k, term in enumerate(terms):
                 law[k] += term
-        self._plain: list[tuple[int, float, float]] = []
-        self._full: list[tuple[int, list[float]]] = []
-        for row, law in laws.items():
-            if not any(law):
-                continue
-            if _is_plain(law):
-                self._plain.append((row, law[0], law[4]))
-            else:
-                self._full.append((row, law))
-        self.rows = [row for row, _, _ in self._plain] + [row for row, _ in self._full]
+        acting = [(row, law) for row, law in laws.items() if any(law)]
+        self._isotropic = [(row, law[0], law[4]) for row, law in acting if _is_isotropic(law)]
+        self._general = [(row, law) for row, law in acting if not _is_isotropic(law)]
+        self.rows = [row for row, _, _ in self._isotropic] + [row for row, _ in self._general]
         """Rows of the clusters that it acts on."""
 
     def __call__(self, rows: Sequence[Row]) -> list[Wrench]:
         """Force and torque on each cluster that has drag."""
         wrenches = []
-        for row, loss, spin in self._plain:
+        for row, loss, spin in self._isotropic:
             _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz = rows[row]
             force = (-loss * vx, -loss * vy, -loss * vz)
             torque = (-spin * wx, -spin * wy, -spin * wz) if spin else None
             wrenches.append(Wrench(row, False, force, torque))
-        for row, law in self._full:
-            wrenches.append(Wrench(row, True, *_resist(rows[row], law)))
+        for row, law in self._general:
+            wrenches.append(Wrench(row, True, *_local_drag(rows[row], law)))
         return wrenches
 
 
-def _is_plain(law: Sequence[float]) -> bool:
-    """Whether the law is isotropic, so that the cluster's axes do not matter."""
+def _is_isotropic(law: Sequence[float]) -> bool:
+    """Whether the axes of the cluster do not matter."""
     return law[4] == law[5] == law[6] and not any(law[1:4]) and not any(law[7:])
 
 
-def _resist(row: Row, law: Sequence[float]) -> tuple[Vec3, Vec3]:
+def _local_drag(row: Row, law: Sequence[float]) -> tuple[Vec3, Vec3]:
     """Force and torque in the cluster's own axes."""
     loss, sx, sy, sz, mxx, myy, mzz, mxy, mxz, myz = law
     _, _, _, x, y, z, w, vx, vy, vz, wx, wy, wz = row
@@ -111,14 +104,13 @@ def _resist(row: Row, law: Sequence[float]) -> tuple[Vec3, Vec3]:
 class WindForce:
     """Wind on every part and thing: 0.6 * area facing it * wind * (wind - velocity).
 
-    At rest this is 0.6 * area * wind squared. In motion the force is linear in the speed through
-    the air, so a light breeze does little and still air nothing; drag covers still air. With the
-    square of the speed through the air, the faintest breeze would brake everything that moves: a
-    breeze of 1 m/s would stop a 47 m throw.
+    At rest this is 0.6 * area * wind squared. In motion it is linear in the speed through the air,
+    so a light breeze does little, and still air, which drag covers, nothing. If it grew with the
+    square of that speed, the faintest breeze would brake all motion: 1 m/s would stop a 47 m throw.
     """
 
     def __init__(self, locations: PartLocations, extents: Array, wind: Array, drag: float) -> None:
-        """Work out the areas of the boxes.
+        """Compute the areas of the boxes' sides.
 
         Args:
             locations: Of all parts and things.

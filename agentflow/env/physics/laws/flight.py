@@ -25,7 +25,7 @@ class Thruster:
 
 @dataclass(frozen=True)
 class PropellerBlade:
-    """A propeller blade: the air that it moves through pushes it, powered or not."""
+    """A propeller blade: its motion through the air exerts a force on it, powered or not."""
 
     part: int
     push: Vec3
@@ -35,19 +35,14 @@ class PropellerBlade:
     drag: float
     """kg s/m2: force over velocity along the normal and squared speed."""
     speed_cap: float
-    """m/s; the squared speed in the law grows no further beyond it."""
+    """m/s; beyond it the squared speed in the law grows no further."""
 
 
 class ThrustForce:
     """Constant thrust, while `motors` are on."""
 
     def __init__(self, thrusters: Sequence[Thruster], levels: Mapping[str, float]) -> None:
-        """Convert the thrusters.
-
-        Args:
-            thrusters: All thrusters of the machine.
-            levels: Level of each schedule entry, read in every step.
-        """
+        """Convert the thrusters; `levels` of the schedule's entries are read in every step."""
         self._levels = levels
         self._pushes = [PartForce(each.part, swap(each.force), None) for each in thrusters]
 
@@ -56,10 +51,9 @@ class ThrustForce:
         level = self._levels["motors"]
         if level == 1.0:
             return self._pushes
-        return [
-            PartForce(part, scale(force, level), None)
-            for part, force, _ in (self._pushes if level else ())
-        ]
+        if not level:
+            return []
+        return [push._replace(force=scale(push.force, level)) for push in self._pushes]
 
 
 class BladeForce:
@@ -70,12 +64,6 @@ class BladeForce:
     """
 
     def __init__(self, blades: Sequence[PropellerBlade], locations: PartLocations) -> None:
-        """Convert the blades.
-
-        Args:
-            blades: All propeller blades of the machine.
-            locations: Where their parts are.
-        """
         self._blades = [
             (
                 blade.part,
@@ -83,20 +71,19 @@ class BladeForce:
                 swap(blade.push),
                 swap(blade.normal),
                 blade.drag,
-                cap * cap,
+                blade.speed_cap * blade.speed_cap,
             )
             for blade in blades
-            for cap in (blade.speed_cap,)
         ]
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
         pushes = []
-        for part, row, offset, push, normal, drag, most in self._blades:
+        for part, row, offset, push, normal, drag, square_cap in self._blades:
             _, _, _, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row]
-            back = (-x, -y, -z, w)
-            spin = rotate_vector(back, (wx, wy, wz))
-            velocity = add(rotate_vector(back, (vx, vy, vz)), cross(spin, offset))
-            size = -drag * dot(velocity, normal) * min(dot(velocity, velocity), most)
+            to_local = (-x, -y, -z, w)
+            spin = rotate_vector(to_local, (wx, wy, wz))
+            velocity = add(rotate_vector(to_local, (vx, vy, vz)), cross(spin, offset))
+            size = -drag * dot(velocity, normal) * min(dot(velocity, velocity), square_cap)
             pushes.append(PartForce(part, scale(push, size), None))
         return pushes

@@ -1,4 +1,4 @@
-"""Input and output of force laws: where parts are in their clusters, forces on both.
+"""Input and output of force laws: positions of parts in their clusters, forces and wrenches.
 
 A law is called in every step with the rows of all clusters (see `physics.rows`) and returns forces.
 """

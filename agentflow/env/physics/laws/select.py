@@ -10,7 +10,7 @@ from agentflow.env.physics.frames import swap, swap_all
 from agentflow.env.physics.laws.air import WindForce
 from agentflow.env.physics.laws.flight import BladeForce, ThrustForce
 from agentflow.env.physics.laws.forces import PartForce, PartLocations
-from agentflow.env.physics.laws.struts import Struts
+from agentflow.env.physics.laws.struts import StrutForce
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
 from agentflow.env.physics.layout import RowLayout
 from agentflow.env.physics.model import Assembly
@@ -19,7 +19,7 @@ from agentflow.env.physics.spanning_tree import Skeleton
 from agentflow.env.scene import Scene, Thing
 
 Law = Callable[[Sequence[Row]], list[PartForce]]
-"""From all rows to what is pushed in this step."""
+"""From all rows to the forces in this step."""
 
 
 def device_laws(
@@ -41,7 +41,7 @@ def device_laws(
     if winches:
         winches.locate_parts(locations)
         laws.append(winches)
-    struts = Struts(assembly, plan.loops, locations)
+    struts = StrutForce(assembly, plan.loops, locations)
     if struts:
         laws.append(struts)
     return laws
@@ -55,15 +55,15 @@ def wind_laws(
     drag: float,
     strength: Callable[[], float],
 ) -> list[Law]:
-    """The scene's wind on every part and moving thing, none where the air is still.
+    """The scene's wind on every part and moving thing; no law in still air.
 
     Args:
         assembly: The machine.
         layout: The rows.
-        scene: Whose wind blows.
+        scene: Gives the mean wind.
         moving: Things that can move.
         drag: Force over area times squared speed, kg/m3.
-        strength: Share of the mean wind that blows in this step; asked once per step.
+        strength: Wind in this step as a share of the mean wind; called once per step.
     """
     if not any(scene.wind):
         return []

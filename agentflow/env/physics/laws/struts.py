@@ -6,23 +6,17 @@ from collections.abc import Sequence
 
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_motion
+from agentflow.env.physics.laws.tension import opposite_forces
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row
 from agentflow.machine.geometry.vectors import Vec3, add, dot, rotate_vector, scale, subtract
 
 
-class Struts:
-    """The sprung joints among those that close loops."""
+class StrutForce:
+    """Forces of all sprung joints that close loops."""
 
     def __init__(self, assembly: Assembly, loops: Sequence[int], locations: PartLocations) -> None:
-        """Set up.
-
-        Args:
-            assembly: The machine.
-            loops: Joints that close loops.
-            locations: Where the parts are.
-        """
-        sprung = [assembly.joints[i] for i in loops if assembly.joints[i].drive.stiffness]
+        """Pick the sprung joints among `loops`, the joints that close loops."""
 
         def place(part: int, pivot: Vec3) -> tuple[int, Vec3]:
             row, offset = locations.locate(part)
@@ -30,14 +24,15 @@ class Struts:
 
         self._struts = [
             (joint, place(joint.a, joint.pivot), place(joint.b, joint.pivot), swap(joint.axis))
-            for joint in sprung
+            for joint in (assembly.joints[i] for i in loops)
+            if joint.drive.stiffness
         ]
 
     def __bool__(self) -> bool:
         return bool(self._struts)
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
-        """What they do in this step; both parts are pushed in one line."""
+        """Forces in this step, on one line, as both act at the pivot on part `b`."""
         pushes = []
         for joint, (row_a, offset_a), (row_b, offset_b), axis in self._struts:
             at_a, speed_a = part_motion(rows[row_a], offset_a)
@@ -47,9 +42,5 @@ class Struts:
             position = dot(subtract(at_b, at_a), along)
             rate = dot(subtract(speed_b, speed_a), along)
             size = -joint.drive.stiffness * position - joint.drive.damping * rate
-            force = scale(along, size)
-            pushes += [
-                PartForce(joint.b, force, at_b),
-                PartForce(joint.a, scale(force, -1.0), at_b),
-            ]
+            pushes += opposite_forces(joint.b, at_b, joint.a, at_b, scale(along, size))
         return pushes

@@ -12,6 +12,9 @@ from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_mot
 from agentflow.env.physics.rows import Row
 from agentflow.machine.geometry.vectors import Vec3, dot, length, scale, subtract
 
+Place = tuple[int, Vec3]
+"""Row of a cluster and offset from its leading part's centre, as `PartLocations.locate` gives."""
+
 
 @dataclass(frozen=True)
 class Spring:
@@ -60,39 +63,23 @@ class SpringForce:
     def __init__(
         self, springs: Sequence[Spring], locations: PartLocations, levels: Mapping[str, float]
     ) -> None:
-        """Locate the ends of the springs.
-
-        Args:
-            springs: All springs of the machine.
-            locations: Where their parts are.
-            levels: Level of each schedule entry, read in every step: the share of the pull.
-                Springs cannot push, so below 0 they exert nothing.
-        """
+        """Locate the ends; `levels` of the schedule's entries are read in every step."""
         self._levels = levels
         self._springs = [(s, locations.locate(s.a), locations.locate(s.b)) for s in springs]
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
-        level = max(self._levels["springs"], 0.0)
+        level = max(self._levels["springs"], 0.0)  # springs cannot push
         if not level:
             return []
         pulls = []
-        for spring, (row_a, offset_a), (row_b, offset_b) in self._springs:
-            at_a, speed_a = part_motion(rows[row_a], offset_a)
-            at_b, speed_b = part_motion(rows[row_b], offset_b)
-            line = subtract(at_b, at_a)
-            distance = max(length(line), 1e-9)
+        for spring, one, other in self._springs:
+            at_a, at_b, along, distance, rate = _line(rows, one, other)
             stretch = min((distance - spring.natural) / spring.ramp, 1.0)
-            if stretch <= 0.0:
-                continue
-            along = scale(line, 1.0 / distance)
-            parting = dot(subtract(speed_b, speed_a), along)
-            strength = max(spring.force * stretch + spring.damping * parting, 0.0)
-            force = scale(along, level * strength)
-            pulls += [
-                PartForce(spring.a, force, at_a),
-                PartForce(spring.b, scale(force, -1.0), at_b),
-            ]
+            if stretch > 0.0:
+                strength = max(spring.force * stretch + spring.damping * rate, 0.0)
+                force = scale(along, level * strength)
+                pulls += opposite_forces(spring.a, at_a, spring.b, at_b, force)
         return pulls
 
 
@@ -115,7 +102,7 @@ class WinchForce:
         """Time between calls, s."""
         self._left: list[float | None] = [None] * len(winches)
         """Length of each rope, m; None until it is strung."""
-        self._ends: list[tuple[tuple[int, Vec3], tuple[int, Vec3]]] = []
+        self._ends: list[tuple[Place, Place]] = []
 
     def __bool__(self) -> bool:
         return bool(self._winches)
@@ -129,11 +116,7 @@ class WinchForce:
         level = self._levels["winches"]
         pulls = []
         for i, (winch, ends) in enumerate(zip(self._winches, self._ends, strict=True)):
-            (at_a, speed_a), (at_b, speed_b) = (
-                part_motion(rows[row], offset) for row, offset in ends
-            )
-            line = subtract(at_b, at_a)
-            distance = max(length(line), 1e-9)
+            at_a, at_b, along, distance, rate = _line(rows, *ends)
             left = self._left[i]
             if left is None:
                 if not level:
@@ -141,14 +124,23 @@ class WinchForce:
                 left = distance
             left = max(left - level * winch.speed * self.step, min(left, winch.shortest))
             left = self._left[i] = max(left, distance - winch.force / winch.stiffness)
-            if distance <= left:
-                continue
-            along = scale(line, 1.0 / distance)
-            parting = dot(subtract(speed_b, speed_a), along)
-            pull = winch.stiffness * (distance - left) + winch.damping * parting
-            force = scale(along, min(max(pull, 0.0), winch.force))
-            pulls += [
-                PartForce(winch.a, force, at_a),
-                PartForce(winch.b, scale(force, -1.0), at_b),
-            ]
+            if distance > left:
+                pull = winch.stiffness * (distance - left) + winch.damping * rate
+                force = scale(along, min(max(pull, 0.0), winch.force))
+                pulls += opposite_forces(winch.a, at_a, winch.b, at_b, force)
         return pulls
+
+
+def _line(rows: Sequence[Row], one: Place, other: Place) -> tuple[Vec3, Vec3, Vec3, float, float]:
+    """Two points, the unit vector from one to the other, their distance and its rate of change."""
+    at_a, speed_a = part_motion(rows[one[0]], one[1])
+    at_b, speed_b = part_motion(rows[other[0]], other[1])
+    line = subtract(at_b, at_a)
+    distance = max(length(line), 1e-9)
+    along = scale(line, 1.0 / distance)
+    return at_a, at_b, along, distance, dot(subtract(speed_b, speed_a), along)
+
+
+def opposite_forces(a: int, at_a: Vec3, b: int, at_b: Vec3, force: Vec3) -> list[PartForce]:
+    """`force` on part `a` and its reaction on part `b`."""
+    return [PartForce(a, force, at_a), PartForce(b, scale(force, -1.0), at_b)]
