@@ -45,7 +45,7 @@ class Trace:
     linear: tuple[int, ...]
     """Ids of the two-ended blocks."""
     utilisation: Array
-    """(T, E) load over strength of each connection, 1.0 breaks; after the break nan."""
+    """(T, E) load over strength of each connection; it breaks at 1.0, nan from then on."""
     connections: tuple[tuple[int, int], ...]
     """(block, partner) of each connection."""
     thing_position: Array
@@ -73,7 +73,7 @@ class Broken:
 
 @dataclass(frozen=True)
 class RolloutEvent:
-    """Something that designers are told of, other than breakages."""
+    """An event in the feedback to designers, other than a breakage."""
 
     time: float
     kind: str

@@ -1,4 +1,4 @@
-"""Scenes: what the world contains besides the machine.
+"""Scenes: everything in the world but the machine.
 
 Game frame throughout: left-handed, x right, y up, z forward; metres, kilograms, seconds.
 """
@@ -83,6 +83,11 @@ class Scene:
     start: Start = field(default_factory=Start)
     friction: float | None = None
     """Of the ground; None: the value of the physical constants."""
+
+    @property
+    def moving(self) -> tuple[Thing, ...]:
+        """The things that can move."""
+        return tuple(thing for thing in self.things if thing.mass > 0)
 
     def strength(self, time: float) -> float:
         """Strength of the wind at a time (s since t = 0), as a share of the mean wind."""

@@ -181,7 +181,7 @@ def test_every_part_of_a_braced_machine_is_in_balance(engine: Engine, cut: tuple
         world.step()
     shared = world.reactions.copy()
     plan = skeleton(len(assembly.parts), assembly.joints, gone)
-    assert len(plan.idle) == 4 - len(gone)
+    assert len(plan.redundant) == 4 - len(gone)
     for loop in load_loops(assembly.joints, plan):
         shared[loop.joints] = loop.share(shared)
     for i, part in enumerate(assembly.parts):

@@ -28,35 +28,30 @@ class TooLargeError(UsageError):
 
 @dataclass(frozen=True)
 class EngineIdentity:
-    """What decides, beside the constants, how an engine moves a machine."""
+    """Name and library version of an engine, which with the constants determine its rollouts."""
 
     name: str
-    """As users write it."""
     version: str
-    """Of the library that does the physics."""
+    """Version of the physics library."""
 
     def __str__(self) -> str:
         return f"{self.name} {self.version}"
 
 
 class World(Protocol):
-    """One machine in one scene, as time goes by. Equal calls give bitwise equal results.
+    """A running simulation of one machine in one scene. Equal calls give bitwise equal results.
 
     Blocks are named by their ids, things by their names, the ground is "ground".
     """
-
-    @property
-    def moving_things(self) -> tuple[str, ...]:
-        """Names of the scene's things that can move, in scene order."""
 
     @property
     def reactions(self) -> Array:
         """(J, 6) force (N) and torque (N m, about the pivot) that part `a` exerts on part `b`
         through each joint, mean over the last step.
 
-        0 for joints that the spanning trees of `spanning_tree.skeleton` leave out, except moving
-        ones that close a loop. Axes: those of the part that hangs on the other, which at rest are
-        those of the game frame; for a loop those of the game frame itself.
+        0 for joints in none of the spanning trees of `spanning_tree.skeleton`, except moving joints
+        that close a loop. Axes: those of the child part in the tree, which at rest are those of the
+        game frame; for a loop closure those of the game frame itself.
         """
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
@@ -79,22 +74,22 @@ class World(Protocol):
         """
 
     def step(self) -> None:
-        """Advance by 1 / rate seconds. How finely the engine divides that is up to it."""
+        """Advance by 1 / rate seconds; the engine may divide that into finer steps."""
 
     def split(self, broken: Sequence[int]) -> None:
         """Remove these joints, keeping every position and velocity."""
 
     def state(self) -> State:
-        """Everything that a record holds."""
+        """Current positions and velocities."""
 
     def centres(self) -> Array:
-        """(N, 3) block centres, as in `state` but without the rest."""
+        """(N, 3) block centres, m."""
 
     def keep(self) -> None:
-        """Keep the present state for `kept`."""
+        """Record the current state."""
 
     def kept(self) -> State:
-        """All states kept, every array with a leading axis of times; at least one."""
+        """All recorded states, at least one; every array has a leading axis of times."""
 
     def centre(self, body: Body) -> Vec3:
         """Centre of a block or a thing."""
@@ -106,7 +101,7 @@ class World(Protocol):
         """Building point of a block."""
 
     def touching(self, body: Body) -> frozenset[Body]:
-        """What a block or thing was in contact with in the last step."""
+        """Everything that a block or thing was in contact with in the last step."""
 
     def momentum(self) -> Mapping[str, Array]:
         """Total `linear` and `angular` momentum (about the world's origin) and kinetic `energy`
@@ -114,22 +109,18 @@ class World(Protocol):
 
 
 class Engine(Protocol):
-    """Builds worlds. Only the latest one may be used: building another ends it."""
+    """Builds worlds. Only the latest one may be used: building another invalidates it."""
 
     @property
     def identity(self) -> EngineIdentity:
-        """What rollouts of this engine record."""
-
-    @property
-    def limit(self) -> int | None:
-        """Most parts that one piece of a machine may have; None without a limit."""
+        """Recorded in every rollout of this engine."""
 
     def build(self, assembly: Assembly, scene: Scene, rate: float) -> World:
-        """Make a world in which the machine stands as the scene has it start.
+        """Build a world with the machine at the scene's start.
 
         Args:
-            assembly: The machine, on the ground at the world's middle.
-            scene: Everything else.
+            assembly: The machine, on the ground above the origin.
+            scene: Things, ground, wind and start.
             rate: Steps per second.
 
         Raises:
@@ -137,4 +128,4 @@ class Engine(Protocol):
         """
 
     def close(self) -> None:
-        """Give back what the engine holds; may be called twice."""
+        """Release the engine's resources; may be called twice."""

@@ -1,4 +1,4 @@
-"""The physics engines: which exist, which of them is used, and the identity of each."""
+"""The registry of physics engines, and the default engine."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EngineSpec:
-    """How to start an engine. Its library is loaded only then."""
+    """How to start an engine; its library is loaded only when it starts."""
 
     name: str
     libraries: tuple[str, ...]
-    """Distributions that provide its library; the first one that is installed counts."""
+    """Distributions that provide its library; the first installed one is used."""
     factory: str
-    """"module:attribute" of what makes the engine from the constants (None: the usual ones)."""
+    """"module:attribute" of a callable that makes the engine from its constants (or None: those of
+    `constants.json`)."""
 
     @cached_property
     def identity(self) -> EngineIdentity:
-        """Name and version of the library, found without loading it.
+        """Name and library version, determined without loading the library.
 
         Raises:
             ConfigError: The library is not installed.
@@ -61,8 +62,7 @@ ENGINES: Registry[EngineSpec] = Registry(
 def default_engine() -> EngineSpec:
     """The first registered engine whose library is installed.
 
-    Its `identity` decides rollouts as much as the constants do; `str()` of it is what rollouts
-    record, e.g. "pybullet 3.2.7".
+    Rollouts record `str()` of its `identity`, e.g. "pybullet 3.2.7".
 
     Raises:
         ConfigError: None is installed.

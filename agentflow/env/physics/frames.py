@@ -1,6 +1,6 @@
-"""Between the game frame (left-handed, y up) and a right-handed frame with z up.
+"""Conversion between the game frame (left-handed, y up) and a right-handed frame with z up.
 
-Vectors swap y and z. That mirrors them, so axes of rotation and quaternions also change sign.
+Vectors swap y and z. That is a reflection, so axes of rotation and quaternions also change sign.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ WRENCH_SIGNS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 
 
 def swap(vector: Sequence[float]) -> Vec3:
-    """A place, displacement, velocity or force: (x, y, z) to (x, z, y). Its own inverse."""
+    """A position, displacement, velocity or force: (x, y, z) to (x, z, y). Its own inverse."""
     return (vector[0], vector[2], vector[1])
 
 

@@ -16,7 +16,7 @@ from agentflow.env.scene import Thing
 from agentflow.machine.geometry.vectors import cross, length, subtract
 
 NO_ARM = 1e-9
-"""m; places at rest are exact but for rounding."""
+"""m; positions at rest are exact except for rounding."""
 
 
 @dataclass(frozen=True)

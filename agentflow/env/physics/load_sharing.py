@@ -1,12 +1,13 @@
-"""How connections that close loops inside rigid clusters share the load.
+"""Load sharing among rigid connections that form loops.
 
-Engines measure spanning trees, in which such connections carry nothing. Here parts are rigid and
-connections elastic, each as stiff as the square of its strength: of all ways to hold the same
-loads, the elastic one strains the connections least (least sum of squared load over strength).
-What they bear is linear in the reactions of the tree, by a matrix made once per spanning tree.
+Engines measure reactions in spanning trees, in which connections that close loops carry nothing.
+The real loads are statically indeterminate: here parts are rigid and connections elastic, each as
+stiff as the square of its strength, so the loads are those of least strain energy (least sum of
+squared load over strength). They are linear in the reactions of the tree, by a matrix computed once
+per spanning tree.
 
 All arithmetic is elementwise in a fixed order, without BLAS, so the bits do not depend on the
-processor. The order of the axes is x, z, y, in a right-handed frame: sums in another order would
+processor. Axes are in the order x, z, y of a right-handed frame; another order of summation would
 change the last digits of recorded loads.
 """
 
@@ -26,7 +27,7 @@ from agentflow.machine.geometry.vectors import subtract
 
 Indices = NDArray[np.intp]
 RIGID = Strength(1e8, 1e8)
-"""Of connections that never break: next to them everything else gives way."""
+"""Of connections that never break: they are far stiffer than all others."""
 
 
 @dataclass(frozen=True)
@@ -36,25 +37,25 @@ class LoadLoop:
     joints: Indices
     """(K,) those in the tree, then those that close loops."""
     sources: Indices
-    """(6 T,) where in the flat reactions the numbers are that the tree's T connections bear."""
+    """(6 T,) indices of the reactions at the tree's T connections, in the flattened reactions."""
     matrix: Array
-    """(6 T, 6 K): what each of those numbers adds to what each connection bears."""
+    """(6 T, 6 K) contribution of each of those reactions to the load on each connection."""
 
     def share(self, reactions: Array) -> Array:
-        """(K, 6) what each connection bears, from the (J, 6) reactions of the tree."""
+        """(K, 6) loads on the connections, from the (J, 6) reactions of the tree."""
         terms = self.matrix * reactions.ravel()[self.sources][:, None]
         return np.asarray(np.add.reduce(terms, axis=0)).reshape(-1, 6)
 
 
 def load_loops(joints: Sequence[Joint], plan: Skeleton) -> tuple[LoadLoop, ...]:
-    """The load loops of a machine, by their first closing joint.
+    """The load loops of a machine, in the order of their first closing joint.
 
     Args:
         joints: All joints.
         plan: The spanning trees for which reactions are measured.
     """
     up = {link.part: link for link in plan.links}
-    paths = {i: _path(joints[i], up) for i in sorted((*plan.idle, *plan.locked))}
+    paths = {i: _path(joints[i], up) for i in sorted((*plan.redundant, *plan.locked))}
     groups: list[list[int]] = []
     for closing, path in paths.items():
         merged = [closing]
@@ -69,8 +70,8 @@ def load_loops(joints: Sequence[Joint], plan: Skeleton) -> tuple[LoadLoop, ...]:
 
 
 def _path(closing: Joint, up: Mapping[int, Link]) -> dict[int, float]:
-    """Tree joints between the two ends of a closing joint, with the sign by which a unit of what
-    the closing joint bears relieves each."""
+    """Tree joints between the ends of a closing joint, each with the sign with which the closing
+    joint's load relieves it."""
     ways = []
     for part, sign in ((closing.b, 1.0), (closing.a, -1.0)):
         way = {}
@@ -90,16 +91,17 @@ def _path(closing: Joint, up: Mapping[int, Link]) -> dict[int, float]:
 def _load_loop(
     joints: Sequence[Joint], paths: Sequence[Mapping[int, float]], closing: Sequence[int]
 ) -> LoadLoop:
-    """Solve for what the closing joints bear and for what that leaves to the tree.
+    """Solve for the loads on the closing joints and those left on the tree.
 
-    Minimises sum over the tree of (r - C x)^T F (r - C x) plus x^T F x, where C carries what the
-    closing joints bear, x, to the joints of the tree, and F is the flexibility.
+    Minimises (r - C x)^T F (r - C x) + x^T F x, with the reactions r of the tree, the loads x on
+    the closing joints, their transfer C to the joints of the tree, and the flexibility F.
     """
     carrying = sorted({joint for path in paths for joint in path})
     transfer = _transfer(joints, paths, closing, carrying)
     flexible = np.concatenate([_flexibility(joints[i]) for i in carrying])
-    held = [np.flatnonzero(_held(joints[i])) + 6 * k for k, i in enumerate(closing)]
-    kept = np.concatenate(held)
+    kept = np.concatenate(
+        [np.flatnonzero(_transmits(joints[i])) + 6 * k for k, i in enumerate(closing)]
+    )
     transfer = transfer[:, kept]
     weighted = np.ascontiguousarray((flexible[:, None] * transfer).T)
     system = product(weighted, transfer)
@@ -128,7 +130,7 @@ def _transfer(
     closing: Sequence[int],
     carrying: Sequence[int],
 ) -> Array:
-    """(6 T, 6 I): what each joint of the tree is relieved of by what each closing joint bears."""
+    """(6 T, 6 I) relief of each joint of the tree by a unit load on each closing joint."""
     row = {joint: 6 * k for k, joint in enumerate(carrying)}
     whole = np.zeros((6 * len(carrying), 6 * len(closing)))
     for k, (i, path) in enumerate(zip(closing, paths, strict=True)):
@@ -141,22 +143,22 @@ def _transfer(
 
 
 def _flexibility(joint: Joint) -> Array:
-    """(6,) displacement under unit load, in units that do not matter."""
+    """(6,) displacement under unit load, in arbitrary units."""
     strength = joint.strength or RIGID
     return np.repeat([1.0 / strength.force**2, 1.0 / strength.torque**2], 3)
 
 
-def _held(joint: Joint) -> Array:
-    """(6,) which forces and torques a joint can bear; a locked one still slides or turns."""
+def _transmits(joint: Joint) -> Array:
+    """(6,) which forces and torques a joint transmits: not those along its free axis."""
     along = np.abs(swap(joint.axis)) > 0.5
-    held = np.ones(6, dtype=bool)
+    mask = np.ones(6, dtype=bool)
     if joint.kind == "prismatic":
-        held[:3] = ~along
+        mask[:3] = ~along
     elif joint.kind == "revolute":
-        held[3:] = ~along
+        mask[3:] = ~along
     elif joint.kind == "spherical":
-        held[3:] = False
-    return held
+        mask[3:] = False
+    return mask
 
 
 def product(a: Array, b: Array) -> Array:
@@ -168,7 +170,7 @@ def product(a: Array, b: Array) -> Array:
 
 
 def solve(system: Array, right: Array) -> Array:
-    """The solution of a symmetric positive definite system, by elimination in order."""
+    """Solve a symmetric positive definite system by Gauss-Jordan elimination without pivoting."""
     count = len(system)
     table = np.concatenate([system, right], axis=1)
     for k in range(count):

@@ -1,4 +1,4 @@
-"""What connections bear: filtered loads, their share of the strength, and what breaks."""
+"""Loads on connections: filtering, utilisation and breakage."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from agentflow.env.physics.spanning_tree import Link, skeleton
 from agentflow.env.rollout import Array
 
 SAFE = 0.333
-"""Three squares of at most this do not add up to 1."""
+"""Three squares of at most this sum to less than 1."""
 
 
 class _Plan(NamedTuple):
-    """What holds until the next joint breaks."""
+    """Load paths until the next breakage."""
 
     loops: tuple[LoadLoop, ...]
     up: Mapping[int, Link]
@@ -32,11 +32,12 @@ class _Plan(NamedTuple):
 class Loads:
     """Low-pass filtered load of every joint, from 0 at the start.
 
-    Impacts last one step, so their unfiltered forces grow with the step rate; a window of some
-    hundredths of a second makes them comparable. A step is not short beside it: of a hit
-    in one step the filter shows 1 - exp(-step / window) over step / window, 68 % at 60 Hz, 82 % at
-    120 Hz, 95 % at 480 Hz. So that finer steps do not break what the usual ones spare, they weigh
-    as much as the usual step that they are part of. E connections: the breakable joints.
+    Impacts last one step, so their unfiltered forces grow with the step rate; a filter window of
+    some hundredths of a second makes them comparable. Steps are not short compared with the window:
+    of an impact in one step the filter passes 1 - exp(-step / window) over step / window, 68 % at
+    60 Hz, 82 % at 120 Hz, 95 % at 480 Hz. Steps finer than the default are therefore weighted as
+    parts of a default step; otherwise they would break connections that default steps do not.
+    E connections: the breakable joints.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class Loads:
             joints: All joints of the assembly.
             window: Time constant of the filter, s; not 0.
             step: Time between readings, s.
-            usual: The same at the default rate; longer steps weigh as they are.
+            usual: The same at the default rate; longer steps keep their own weight.
         """
         self._joints = joints
         strength = [
@@ -60,10 +61,10 @@ class Loads:
         self._keep = 1.0 - blend
         self._take = blend * np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
         self._level, self._before, self._spare = np.zeros((3, len(joints), 6))
-        """Filtered load over strength, the same a step ago, and room for sums: allocating arrays
-        would cost more than the sums."""
+        """Filtered load over strength, the same one step earlier, and scratch space: allocating
+        arrays would take longer than the sums."""
         self.finite = True
-        """Whether the last step's loads were numbers; otherwise the simulation diverged."""
+        """Whether the last step's loads were finite; otherwise the simulation diverged."""
         self._broken = np.zeros(len(joints), dtype=bool)
         self.connections = [i for i, joint in enumerate(joints) if joint.strength]
         """Joint index of each connection."""
@@ -86,19 +87,19 @@ class Loads:
         return self._plan.locked
 
     def update(self, reactions: Array) -> dict[int, float]:
-        """Take in one step's loads.
+        """Filter one step's loads and find the joints that break.
 
-        Where an impact overloads several joints in a row, the one furthest from the root gives
-        way and relieves those below it: what hung there no longer pulls at them, so this step
-        counts nothing for them. Of joints that share load, the most loaded gives way, and from
-        the next step on the others share what it bore.
+        Where an impact overloads several joints along one load path, only the one furthest from the
+        root breaks. It relieves those between it and the root, so this step is not counted for
+        them. Of joints that share load, the most loaded breaks; from the next step on the others
+        share its load.
 
         Args:
             reactions: (J, 6) force and torque through each joint of the spanning trees.
 
         Returns:
-            The joints that give way with their load over strength, the most loaded first; none
-            when a load is no number (see `finite`).
+            The joints that break and their load over strength, the most loaded first; none if a
+            load is not finite (see `finite`).
         """
         if self._plan.loops:
             reactions = reactions.copy()
@@ -117,29 +118,29 @@ class Loads:
         share = np.sqrt(self._squares().max(axis=1))
         if not np.maximum.reduce(share) >= 1.0:
             return {}
-        gone = self._breaking_now(share)
-        relieved = self._relieved(gone)
+        breaking = self._breaking_now(share)
+        relieved = self._relieved(breaking)
         level[relieved] = before[relieved]
-        self.release(gone)
-        return {joint: float(share[joint]) for joint in gone}
+        self.release(breaking)
+        return {joint: float(share[joint]) for joint in breaking}
 
     def release(self, joints: Sequence[int]) -> None:
-        """These joints were let go: from now on they bear nothing."""
+        """Drop joints that broke or were released; they no longer carry load."""
         self._level[list(joints)] = 0.0
         self._broken[list(joints)] = True
         self._plan = self._make_plan()
 
     def _breaking_now(self, share: Array) -> list[int]:
-        """The overloaded joints that give way now."""
+        """The overloaded joints that break in this step."""
         over = sorted(np.flatnonzero(share >= 1.0).tolist(), key=lambda i: (-share[i], i))
         first: dict[int, int] = {}
         for joint in over:
             first.setdefault(self._plan.group[joint], joint)
-        held = {group for joint in first.values() for group in self._carriers(joint)}
-        return [joint for group, joint in first.items() if group not in held]
+        spared = {group for joint in first.values() for group in self._carriers(joint)}
+        return [joint for group, joint in first.items() if group not in spared]
 
     def _carriers(self, joint: int) -> set[int]:
-        """The groups between a joint and the root of its body, its own apart."""
+        """The groups on the paths from a joint to the root, without its own."""
         groups = set()
         for part in (self._joints[joint].a, self._joints[joint].b):
             while part in self._plan.up:
@@ -149,7 +150,7 @@ class Loads:
         return groups - {self._plan.group[joint]}
 
     def _relieved(self, gone: Iterable[int]) -> list[int]:
-        """The joints for which this step counts nothing, as others gave way."""
+        """The joints for which this step is not counted, as others broke."""
         groups = {self._plan.group[joint] for joint in gone}
         for joint in gone:
             groups |= self._carriers(joint)

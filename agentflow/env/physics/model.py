@@ -1,7 +1,7 @@
-"""Parts, joints, machines and states: the terms in which a world is described to an engine.
+"""Parts, joints, machines and states, as engines receive and return them.
 
 Game frame throughout (left-handed, y up), metres, kilograms, seconds, radians. At rest every part
-is aligned with the machine frame, so a part needs no orientation of its own.
+is aligned with the machine frame, so parts store no orientation.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ JointKind = Literal["fixed", "revolute", "prismatic", "spherical"]
 
 @dataclass(frozen=True)
 class Shape:
-    """A piece of a part's surface. `size` and `rotation` as in `scene.Thing`."""
+    """A primitive shape of a part. `size` and `rotation` as in `scene.Thing`."""
 
     kind: Literal["box", "sphere", "cylinder"]
     size: Vec3
@@ -29,12 +29,12 @@ class Shape:
     """From the part's centre of mass to the shape's centre."""
     rotation: Quat = IDENTITY
     solid: bool = True
-    """Whether it collides; otherwise it is only seen."""
+    """Whether it collides; otherwise it is only drawn."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A rigid piece: a block, half of a two-ended block, or one half of a caster."""
+    """A rigid body: a block, half of a two-ended block, or the fork or wheel of a caster."""
 
     block: int
     centre: Vec3
@@ -51,21 +51,21 @@ class Part:
     angular_drag: float = 0.0
     """1/s, about its own centre."""
     extents: Vec3 = (0.0, 0.0, 0.0)
-    """Box that the wind sees, at rest; two-ended blocks offer none, nor do propellers, whose blade
-    law is all that the air does to them."""
+    """Box exposed to the wind, at rest; 0 for two-ended blocks and for propellers, on which the air
+    acts by the blade law alone."""
     color: Color = (0.7, 0.7, 0.7, 1.0)
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What a moving joint does by itself: a motor, a spring-damper, stops."""
+    """Motor, spring-damper, dry friction and stops of a joint."""
 
     speed: float = 0.0
     """Velocity target once it is switched on, rad/s about the joint's axis; 0 holds."""
     torque: float = 0.0
-    """Most torque the motor gives, N m; without torque the joint turns freely."""
+    """Greatest torque of the motor, N m; with 0 the joint turns freely."""
     starts: Literal["motors", "steering_hinges", "decouplers"] = "motors"
-    """The schedule entry that switches it on; `decouplers` part a rigid joint."""
+    """The schedule entry that switches it on; `decouplers` releases a rigid joint."""
     friction: float = 0.0
     """Dry friction of a joint without motor, N m."""
     stiffness: float = 0.0
@@ -78,7 +78,7 @@ class Drive:
 
 @dataclass(frozen=True)
 class Strength:
-    """What a connection bears."""
+    """Greatest load that a connection bears."""
 
     force: float
     """N."""
@@ -88,7 +88,7 @@ class Strength:
 
 @dataclass(frozen=True)
 class Joint:
-    """What connects two parts. `block` is whose connection it is; `b` hangs on `a`."""
+    """A connection of two parts; it belongs to `block`, and `b` hangs on `a`."""
 
     block: int
     partner: int
@@ -101,15 +101,15 @@ class Joint:
     axis: Vec3 = (0.0, 0.0, 1.0)
     """Unit vector at rest; positive positions turn `b` against `a` about it (or move along it)."""
     strength: Strength | None = None
-    """None never breaks and does not count as a connection in a trace."""
+    """None: it never breaks and is not a connection in traces."""
     extra: bool = False
-    """Brace end or auto-connection: not part of the construction tree itself."""
+    """Brace end or auto-connection: not part of the construction tree."""
     drive: Drive = field(default_factory=Drive)
 
 
 @dataclass(frozen=True)
 class Gripper:
-    """A grabber: holds on to the first movable thing that touches its front."""
+    """A grabber: grips the first movable body that touches its front."""
 
     part: int
     front: Vec3
@@ -119,7 +119,7 @@ class Gripper:
     force: float
     """Greatest force with which it holds, N."""
     joined: frozenset[int] = frozenset()
-    """Parts that it was built with; it does not grip them when they break off."""
+    """Parts that it was attached to; it does not grip them when they break off."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class Assembly:
 
 @dataclass(frozen=True)
 class State:
-    """Where everything is. N blocks, M moving things, L two-ended blocks; game frame."""
+    """Positions and velocities. N blocks, M moving things, L two-ended blocks; game frame."""
 
     position: Array
     """(N, 3) block origins, m."""

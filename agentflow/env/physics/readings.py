@@ -130,7 +130,7 @@ class Readings:
         return product(swap_quaternion(row[ROTATION]), self._assembly.rotations[block])
 
     def momentum(self, rows: Array) -> Mapping[str, Array]:
-        """Total momentum (about the world's origin) and kinetic energy of the machine."""
+        """As `engine.World.momentum`."""
         parts = self.parts(rows)
         mass = np.array([[part.mass] for part in self._assembly.parts])
         inertia = swap_all(np.array([part.inertia for part in self._assembly.parts]))
@@ -163,7 +163,7 @@ def relative_motion(parent: Array, child: Array) -> tuple[Quat, Vec3]:
 def joint_motion(joint: Joint, parts: Sequence[Part], rows: Array) -> tuple[float, float]:
     """Position and velocity of a revolute or prismatic joint, from the motion of its parts.
 
-    For joints that closed a loop: engines know the positions of joints in trees.
+    For joints that closed a loop; of joints in trees, engines know the positions.
 
     Args:
         joint: The joint.

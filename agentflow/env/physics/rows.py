@@ -1,4 +1,4 @@
-"""Rows: how engines hold the motion of rigid clusters, right-handed with z up.
+"""Rows: the motion of rigid clusters as numbers, right-handed with z up.
 
 C rows, one per rigid cluster: position 0:3 of its leading part's centre, quaternion 3:7
 (x, y, z, w), velocity 7:10 of that centre, angular velocity 10:13.

@@ -50,7 +50,7 @@ class Skeleton:
     """Moving joints inside one rigid cluster."""
     loops: tuple[int, ...]
     """Moving joints that close a loop between clusters."""
-    idle: tuple[int, ...]
+    redundant: tuple[int, ...]
     """Rigid joints that close a loop within a cluster and share its load."""
 
     @property
@@ -86,16 +86,16 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
     Args:
         count: Number of parts.
         joints: All joints; earlier ones are preferred, and motors are preferred to other joints.
-        broken: Indices of joints that no longer hold.
+        broken: Indices of joints that broke or were released.
     """
     sets = _Sets(count)
     whole = [i for i in range(len(joints)) if i not in broken]
     used: list[int] = []
-    idle: list[int] = []
+    redundant: list[int] = []
     locked: list[int] = []
     loops: list[int] = []
     for i in (i for i in whole if joints[i].kind == "fixed"):
-        (used if sets.join(joints[i].a, joints[i].b) else idle).append(i)
+        (used if sets.join(joints[i].a, joints[i].b) else redundant).append(i)
     cluster = tuple(sets.find(part) for part in range(count))
     moving = [i for i in whole if joints[i].kind != "fixed"]
     for i in sorted(moving, key=lambda i: joints[i].drive.torque == 0.0):
@@ -108,7 +108,7 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
         cluster,
         tuple(sorted(locked)),
         tuple(sorted(loops)),
-        tuple(idle),
+        tuple(redundant),
     )
 
 

@@ -23,7 +23,7 @@ from agentflow.machine.tree import Machine
 GRACE = 30.0
 """Seconds beyond a rollout's wall-time limit after which its worker counts as hung."""
 ATTEMPTS = 2
-"""How many workers a rollout may crash before it is recorded as crashed."""
+"""Workers that a rollout may crash before it is recorded as crashed."""
 _CHILD = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -31,8 +31,8 @@ from agentflow.env.pool.worker import serve
 serve(int(sys.argv[1]))
 """
 """Ignores interrupts, which a terminal sends to all processes: the parent handles them."""
-_ALONE = {"OPENBLAS_NUM_THREADS": "1"}
-"""Physics uses no BLAS; its threads would only cost start-up time and memory."""
+_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
+"""Physics uses no BLAS; BLAS threads would only cost start-up time and memory."""
 
 
 class Simulator(Protocol):
@@ -45,7 +45,7 @@ class Simulator(Protocol):
 class RolloutPool:
     """Runs rollouts in `workers` processes; results do not depend on which worker ran them.
 
-    Use as an async context manager; on exit it ends every worker, even during a rollout.
+    Use as an async context manager; leaving it ends every worker, even during a rollout.
     """
 
     def __init__(self, workers: int, grace: float = GRACE) -> None:
@@ -64,7 +64,7 @@ class RolloutPool:
 
     async def __aenter__(self) -> RolloutPool:
         for _ in range(self._count):
-            self._hire()
+            self._start_worker()
         return self
 
     async def __aexit__(
@@ -104,7 +104,7 @@ class RolloutPool:
 
         Raises:
             UsageError: As `simulate` does.
-            RuntimeError: `simulate` raised anything else, which is a bug; includes the traceback.
+            RuntimeError: `simulate` raised another error, which is a bug; includes the traceback.
         """
         options = {"rate": rate, "power": power, "interval": interval, "wall_limit": wall_limit}
         jobs = (
@@ -143,7 +143,7 @@ class RolloutPool:
             raise RuntimeError(f"a rollout failed in its worker:\n{reply}")
         return reply
 
-    def _hire(self) -> None:
+    def _start_worker(self) -> None:
         worker = _Worker()
         self._workers.add(worker)
         self._idle.put_nowait(worker)
@@ -152,11 +152,11 @@ class RolloutPool:
         self._workers.discard(worker)
         worker.kill()
         if not self._closed:
-            self._hire()
+            self._start_worker()
 
 
 class _Worker:
-    """One process and the socket to it."""
+    """One process and the connection to it."""
 
     def __init__(self) -> None:
         self.connection, theirs = Pipe()
@@ -166,7 +166,7 @@ class _Worker:
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                env={**os.environ, **_ALONE, "PYTHONPATH": os.pathsep.join(sys.path)},
+                env={**os.environ, **_ONE_THREAD, "PYTHONPATH": os.pathsep.join(sys.path)},
             )
 
     @property

@@ -35,7 +35,7 @@ class Rollouts(Mapping[str, Rollout]):
         Raises:
             RunError: There is no space for temporary files, now or earlier.
         """
-        self._demand_file()
+        self._raise_if_lost()
         try:
             place = self._file.seek(0, 2)
             pickle.dump(rollout, self._file)
@@ -50,12 +50,12 @@ class Rollouts(Mapping[str, Rollout]):
             raise self._lost from None
         self._places[key] = place
 
-    def _demand_file(self) -> None:
+    def _raise_if_lost(self) -> None:
         if self._lost is not None:
             raise self._lost
 
     def __getitem__(self, key: str) -> Rollout:
-        self._demand_file()
+        self._raise_if_lost()
         self._file.seek(self._places[key])
         rollout: Rollout = pickle.load(self._file)
         return rollout

@@ -1,4 +1,4 @@
-"""A folder of machines and rollouts by content, shared by the runs of a sweep."""
+"""A content-addressed folder of machines and rollouts, shared by the runs of a sweep."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from agentflow.machine.tree import Machine
 
 def rollout_key(machine: Machine, task: Task, seed: int) -> str:
     """Hash of everything that decides a rollout: equal keys mean equal bits."""
-    return f"{machine.digest}-{_setting(task, seed)}"
+    return f"{machine.digest}-{_setting_key(task, seed)}"
 
 
-def _setting(task: Task, seed: int) -> str:
+def _setting_key(task: Task, seed: int) -> str:
     setting = {
         "agentflow": __version__,
         "constants": constants().digest,
@@ -45,13 +45,13 @@ def _setting(task: Task, seed: int) -> str:
 
 
 class Store:
-    """A simulator that keeps each machine and rollout once, in one folder.
+    """A simulator that stores each machine and rollout once, in one folder.
 
     Only one process may write at a time.
     """
 
     def __init__(self, path: Path, pool: Simulator) -> None:
-        """Open or create the folder; rollouts that it lacks are simulated in the pool.
+        """Open or create the folder; missing rollouts are simulated in the pool.
 
         Raises:
             RunError: The folder cannot be created.
@@ -67,13 +67,13 @@ class Store:
             raise RunError(f"cannot write to {path}: {error.strerror}") from None
 
     async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:
-        """The kept rollout, or a new one, which is then kept.
+        """Load the rollout, or simulate and store it.
 
         Concurrent calls for one rollout simulate it once. Rollouts without a score, which failed
-        because of the computer, are not kept.
+        because of the computer, are not stored.
 
         Raises:
-            UsageError: It cannot be written.
+            UsageError: The rollout cannot be written.
         """
         key = rollout_key(machine, task, seed)
         async with self._busy.setdefault(key, asyncio.Lock()):
@@ -92,16 +92,16 @@ class Store:
             return rollout
 
     def share(self, run: Path, task: Task, seed: int) -> None:
-        """Make the machines and rollouts of a finished run and those kept here the same files.
+        """Hard-link the machines and rollouts of a finished run to those stored here.
 
-        Rollouts that are not kept here, which failed because of the computer, are skipped.
+        Rollouts that are not stored here, which failed because of the computer, are skipped.
         """
         for file in (run / "machines").glob("[!.]*.json"):
-            _unite(file, self._machines / file.name)
+            _hard_link(file, self._machines / file.name)
         for file in (run / "rollouts").glob("[!.]*.npz"):
-            key = f"{file.stem}-{_setting(task, seed)}"
+            key = f"{file.stem}-{_setting_key(task, seed)}"
             if key in self._kept:
-                _unite(file, self._rollouts / f"{key}.npz")
+                _hard_link(file, self._rollouts / f"{key}.npz")
 
 
 def _save(rollout: Rollout, path: Path) -> None:
@@ -112,8 +112,8 @@ def _save(rollout: Rollout, path: Path) -> None:
         raise UsageError(f"cannot write {path}: {error.strerror}") from None
 
 
-def _unite(file: Path, kept: Path) -> None:
-    """Hard-link two paths to one file, the kept one; do nothing where links are impossible."""
+def _hard_link(file: Path, kept: Path) -> None:
+    """Link two paths to one file, the kept one; do nothing where links are unsupported."""
     with suppress(OSError):
         try:
             os.link(file, kept)

@@ -1,7 +1,6 @@
-"""A worker process: answers jobs with rollouts until the other end closes.
+"""A worker process, which runs rollouts until its parent ends.
 
-It keeps its engine between rollouts, and ends by itself when its parent ends. It does not import
-pool.py, which would cost every worker start-up time.
+It does not import pool.py, which would cost every worker start-up time.
 """
 
 from __future__ import annotations

@@ -59,7 +59,9 @@ class Play:
             self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
         )
         self._recorder = Recorder(
-            self._assembly, self._loads.connections, self._world.moving_things
+            self._assembly,
+            self._loads.connections,
+            tuple(thing.name for thing in self._scene.moving),
         )
         self._view = RefereeView(self._world)
         self._referee = task.referee(machine)

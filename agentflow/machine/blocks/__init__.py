@@ -1,1 +1,1 @@
-"""The block library: what each block type is."""
+"""The block library."""

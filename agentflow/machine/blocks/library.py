@@ -159,11 +159,11 @@ def _faults(block: BlockType) -> Iterator[str]:
         if value not in allowed:
             yield f"{what} is {value!r}; expected one of {', '.join(map(str, allowed))}"
     if block.linear != (block.size is None):
-        yield "two-ended blocks and only they have no size"
+        yield "two-ended blocks must have no size, and all others must have one"
     if [face.id for face in block.faces] != list(range(len(block.faces))):
-        yield "face ids must count 0, 1, 2, ..."
+        yield "face ids must be 0, 1, 2, ..."
     if any(face.direction not in DIRECTIONS for face in block.faces):
-        yield f"face directions are {', '.join(DIRECTIONS)}"
+        yield f"face directions must be among {', '.join(DIRECTIONS)}"
     if block.mass <= 0:
         yield "mass must be positive"
 

@@ -10,7 +10,7 @@ from agentflow.errors import ConfigError
 from agentflow.machine.blocks.types import BlockType, Face
 
 GRID = 0.5
-"""Distance of neighbouring faces, m."""
+"""Spacing of the faces, m."""
 THICKNESS = 0.5
 """m."""
 DENSITY = 1.0

@@ -46,7 +46,7 @@ class Face:
 
 @dataclass(frozen=True, slots=True)
 class Blade:
-    """The numbers of a propeller's lift law."""
+    """Parameters of a propeller's lift law."""
 
     lift_angle_deg: float
     axial_drag: float
@@ -60,11 +60,11 @@ class JointType:
     """How a block is connected to its parent."""
 
     kind: JointKind = "fixed"
-    """`prismatic` is sprung by the suspension_* constants; `loose` only lies against its parent."""
+    """`prismatic` is sprung by the suspension_* constants; `loose` only rests on its parent."""
     axis: str = "Front"
     """Direction about which a revolute joint turns, along which a prismatic one slides."""
     stops_deg: tuple[float, float] | None = None
-    """Lowest and highest angle; None turns without end."""
+    """Lowest and highest angle; None: no stops."""
     switch: Switch = "motors"
     """Schedule entry that starts its motor; `decouplers` opens the joint."""
     motor_sense: int = 1
@@ -99,7 +99,7 @@ class BlockType:
     non_static: bool = False
     """Produces force or motion by itself."""
     non_stable: bool = False
-    """Its connection to its parent moves or can end."""
+    """Its connection to its parent moves or can be released."""
     powered_wheel: bool = False
     """When it faces x-, its motor is reversed to drive the same way as on the other side."""
     shape: ShapeKind = "box"
@@ -108,7 +108,7 @@ class BlockType:
     joint: JointType = JointType()
     """Its connection to its parent; two-ended blocks have a fixed one at each end."""
     connector: Connector | None = None
-    """What a two-ended block has between its ends; None for all others."""
+    """Connection between the ends of a two-ended block; None for other blocks."""
     grip_direction: str | None = None
     """Side that grips what touches it."""
     thrust: float | None = None

@@ -50,7 +50,7 @@ def test_a_second_way_through_moving_joints_is_a_loop() -> None:
 
 
 def test_a_second_rigid_way_is_idle() -> None:
-    assert skeleton(2, [fixed(0, 1), fixed(0, 1)]).idle == (1,)
+    assert skeleton(2, [fixed(0, 1), fixed(0, 1)]).redundant == (1,)
 
 
 graphs = st.integers(1, 12).flatmap(
@@ -74,7 +74,7 @@ def test_every_part_is_in_one_body_and_every_joint_has_one_role(
     parts = [b.root for b in plan.pieces] + [k.part for b in plan.pieces for k in b.links]
     assert sorted(parts) == list(range(count))
     used = [link.joint for body in plan.pieces for link in body.links]
-    roles = sorted([*used, *plan.locked, *plan.loops, *plan.idle])
+    roles = sorted([*used, *plan.locked, *plan.loops, *plan.redundant])
     assert roles == [i for i in range(len(joints)) if i not in broken]
     for body in plan.pieces:
         seen = {body.root}

@@ -23,7 +23,7 @@ def assemble(machine: Machine, geometry: Geometry, constants: Constants) -> Asse
     Args:
         machine: A machine-valid construction tree.
         geometry: Its placement.
-        constants: Everything but masses and sizes, which come from the block library.
+        constants: All other numbers; masses and sizes come from the block library.
     """
     low, high = geometry.box_min, geometry.box_max
     shift = (-(low[0] + high[0]) / 2, -low[1], -(low[2] + high[2]) / 2)

@@ -23,14 +23,7 @@ def devices_of(
     joints: Sequence[Joint],
     constants: Constants,
 ) -> Devices:
-    """Everything in a machine that acts on its parts other than through joints.
-
-    Args:
-        blocks: All blocks, by id.
-        parts: Part indices of each block.
-        joints: All joints of the assembly, in order.
-        constants: Numbers of springs, winches, grabbers and cogs.
-    """
+    """The devices of a machine; `parts` are the part indices of each of its blocks."""
     known = [(block, library()[block.type], parts[block.id]) for block in blocks]
     return Devices(
         springs=tuple(

@@ -1,4 +1,4 @@
-"""Parts of each block: mass, inertia, surface; and the drive of its joint."""
+"""Parts of a block: mass, inertia, surface; and the drive of its joint."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ ROD_DIAMETER = 0.24
 def joint_drive(placed: Placed, kind: BlockType, constants: Constants) -> Drive:
     """Motor, spring-damper, friction and stops of a block's joint to its parent."""
     joint, stops = kind.joint, None
-    if joint.kind == "prismatic":
+    sprung = joint.kind == "prismatic"
+    if sprung:
         stops = (constants["suspension_low"], constants["suspension_high"])
     elif joint.stops_deg is not None:
         stops = (radians(joint.stops_deg[0]), radians(joint.stops_deg[1]))
     reverse = kind.powered_wheel and placed.facing == "x-"
-    sprung = joint.kind == "prismatic"
     return Drive(
         speed=constants.of("motor_speed", kind.type) * joint.motor_sense * (-1 if reverse else 1),
         torque=constants.of("motor_torque", kind.type),
@@ -50,14 +50,15 @@ def block_parts(placed: Placed, kind: BlockType, constants: Constants, shift: Ve
     if kind.shape == "caster":
         return _caster_parts(placed, kind, constants, shift)
     extents = subtract(placed.box_max, placed.box_min)
-    part = _part_of(placed, kind, constants)(
+    part = _part_of(placed, kind, constants)
+    block = part(
         centre=add(placed.center, shift),
         mass=kind.mass,
         inertia=_inertia(placed, kind, extents),
         shapes=block_shapes(placed, kind, extents, constants["shrink"]),
         extents=extents if kind.blade is None else (0.0, 0.0, 0.0),
     )
-    return [part]
+    return [block]
 
 
 def _caster_parts(placed: Placed, kind: BlockType, constants: Constants, shift: Vec3) -> list[Part]:

@@ -16,7 +16,7 @@ from agentflow.env.physics.layout import RowLayout
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row
 from agentflow.env.physics.spanning_tree import Skeleton
-from agentflow.env.scene import Scene, Thing
+from agentflow.env.scene import Scene
 
 Law = Callable[[Sequence[Row]], list[PartForce]]
 """From all rows to the forces in this step."""
@@ -51,7 +51,6 @@ def wind_laws(
     assembly: Assembly,
     layout: RowLayout,
     scene: Scene,
-    moving: Sequence[Thing],
     drag: float,
     strength: Callable[[], float],
 ) -> list[Law]:
@@ -60,15 +59,14 @@ def wind_laws(
     Args:
         assembly: The machine.
         layout: The rows.
-        scene: Gives the mean wind.
-        moving: Things that can move.
+        scene: Gives the mean wind and the moving things.
         drag: Force over area times squared speed, kg/m3.
         strength: Wind in this step as a share of the mean wind; called once per step.
     """
     if not any(scene.wind):
         return []
     locations = layout.locations
-    boxes = [part.extents for part in assembly.parts] + [thing.size for thing in moving]
+    boxes = [part.extents for part in assembly.parts] + [thing.size for thing in scene.moving]
     rows = np.arange(layout.thing_rows.start, layout.thing_rows.stop, dtype=np.intp)
     wind = WindForce(
         PartLocations(

@@ -197,28 +197,23 @@ class BodyBuilder:
         )
 
     def _shapes(self, shapes: tuple[Shape, ...], offset: Vec3) -> int:
-        """Collision shape of the solid shapes, -1 if there are none."""
+        """Number of the collision shape of the solid shapes; -1 if there are none."""
         solid = tuple(shape for shape in shapes if shape.solid)
         if not solid:
             return -1
         key = (solid, offset)
         if key not in self._made:
-            self._made[key] = self._make(solid, offset)
-        return self._made[key]
-
-    def _make(self, shapes: tuple[Shape, ...], offset: Vec3) -> int:
-        geometry = [_geometry(shape) for shape in shapes]
-        return int(
-            pybullet.createCollisionShapeArray(
+            geometry = [_geometry(shape) for shape in solid]
+            self._made[key] = pybullet.createCollisionShapeArray(
                 shapeTypes=[kind for kind, _, _, _ in geometry],
                 halfExtents=[half for _, half, _, _ in geometry],
                 radii=[radius for _, _, radius, _ in geometry],
                 lengths=[length for _, _, _, length in geometry],
-                collisionFramePositions=[swap(add(offset, shape.offset)) for shape in shapes],
-                collisionFrameOrientations=[swap_quaternion(shape.rotation) for shape in shapes],
+                collisionFramePositions=[swap(add(offset, shape.offset)) for shape in solid],
+                collisionFrameOrientations=[swap_quaternion(shape.rotation) for shape in solid],
                 physicsClientId=self.client,
             )
-        )
+        return self._made[key]
 
     def _cone(self, thing: Thing) -> int:
         """A cone along y as the convex hull of its rim and tip."""

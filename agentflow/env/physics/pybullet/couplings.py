@@ -1,4 +1,4 @@
-"""Constraints between links of PyBullet bodies: joints that close loops, and meshing cogs."""
+"""PyBullet constraints: joints that close loops, and meshing cogs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Couplings:
         self._client = client
         self._ids: list[int] = []
         self._apart: list[tuple[Handle, Handle]] = []
-        """Links joined by a loop; as the links of any joint, they do not collide."""
+        """Links joined by a loop; like the links of any joint, they do not collide."""
         self._loops: list[tuple[int, Joint, list[int]]] = []
         """Joint index, joint and constraints of each loop."""
 
@@ -59,8 +59,8 @@ class Couplings:
                 self._mesh(carried[mesh.a], carried[mesh.b], mesh.ratio)
 
     def loads(self, rotation: Callable[[int], Quat]) -> list[tuple[int, list[float]]]:
-        """Joint and load (6,) of each loop in the last step, game frame, without what the spring of
-        a sliding joint pushes.
+        """Joint and load (6,) of each loop in the last step, game frame; without the spring force
+        of sliding joints.
 
         Args:
             rotation: Of a part, in the engine's frame.

@@ -1,4 +1,4 @@
-"""The PyBullet engine: one client, in which one world stands at a time."""
+"""The PyBullet engine: one client, which holds one world at a time."""
 
 from __future__ import annotations
 
@@ -6,23 +6,20 @@ from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.engine import EngineIdentity
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet import PYBULLET
-from agentflow.env.physics.pybullet.bodies import MOST_LINKS
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.world import PyBulletWorld
 from agentflow.env.scene import Scene
 
 
 class PyBulletEngine:
-    """An `engine.Engine`, which says what each member promises."""
-
-    limit = MOST_LINKS + 1
+    """An `engine.Engine`; see there for its members."""
 
     def __init__(self, physics: Constants | None = None) -> None:
         self.physics = physics or constants()
         self.client: int = pybullet.connect(pybullet.DIRECT)
         self._open = True
-        # This plugin makes pictures of every body that nobody looks at, which takes half the time
-        # of a build. Loading it again only returns its number.
+        # Every body is also loaded into this renderer, which takes half the time of a build.
+        # Loading the plugin again only returns its number.
         renderer = pybullet.loadPlugin("tinyRendererPlugin", physicsClientId=self.client)
         pybullet.unloadPlugin(renderer, physicsClientId=self.client)
 

@@ -1,4 +1,4 @@
-"""Forces that PyBullet is given in every step: air, springs, thrusters, blades, winches, struts."""
+"""Forces applied in every step: air, springs, thrusters, blades, winches, struts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CENTRE = (0.0, 0.0, 0.0)
 
 
 class AppliedForces:
-    """All such forces on the bodies of one skeleton."""
+    """All forces on the bodies of one skeleton."""
 
     def __init__(
         self,
@@ -49,8 +49,8 @@ class AppliedForces:
             for body in built
             if laws and body.piece.links and len({plan.cluster[part] for part in body.index}) == 1
         ]
-        """Bodies whose links are not read. Without a refresh PyBullet would push them where they
-        were a step ago."""
+        """Bodies whose links are not read. Without a refresh, PyBullet would apply forces at the
+        links' positions one step earlier."""
         self._far = bool(laws) or not set(self._drag.rows) <= set(rows.heads)
         """Whether any force acts on a row that is not a head."""
 

@@ -17,7 +17,7 @@ Handled = tuple[int, int, Drive]
 
 
 class Motors:
-    """The joints that a motor, friction or a spring-damper moves or holds."""
+    """Drives of all joints: motors, dry friction, spring-dampers."""
 
     def __init__(
         self,
@@ -69,8 +69,8 @@ class Motors:
             )
 
     def set_suspensions(self) -> None:
-        """Apply the suspensions for one step. Their dampers are brakes, as those cannot make light
-        blocks oscillate."""
+        """Apply the suspensions for one step. The dampers are brakes of limited force, which cannot
+        make light blocks oscillate."""
         client = self._client
         for uid, index, drive in self._sliding:
             position, velocity = pybullet.getJointState(uid, index, client)[:2]

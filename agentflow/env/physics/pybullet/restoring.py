@@ -1,4 +1,4 @@
-"""Placing bodies: at the start of a scene, and in mid-motion when they are rebuilt."""
+"""Setting poses and velocities of bodies: at the start, and when they are rebuilt."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from agentflow.machine.geometry.vectors import add, rotate_vector
 
 
 def place_at_start(client: int, built: Sequence[Built], start: Start) -> None:
-    """Rotate and raise bodies that are still where they were made, on the ground."""
+    """Move newly built bodies from the ground to the start of the scene."""
     if start == Start():
         return
     rotation = start.rotation
@@ -35,7 +35,7 @@ def restore(
     rows: Array,
     motions: Mapping[int, tuple[float, float]],
 ) -> None:
-    """Give a rebuilt body the position and velocity that its parts had.
+    """Give a rebuilt body the positions and velocities of its parts.
 
     Args:
         client: PyBullet client.

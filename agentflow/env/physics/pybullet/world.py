@@ -40,7 +40,7 @@ from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector, subtra
 
 @dataclass(frozen=True)
 class Structure:
-    """The machine's bodies until it comes apart, and what reads and moves them."""
+    """The machine's bodies until the next split, and the objects that read and drive them."""
 
     built: tuple[Built, ...]
     layout: RowLayout
@@ -53,7 +53,7 @@ class Structure:
 
 
 class PyBulletWorld:
-    """An `engine.World`, which says what each member promises."""
+    """An `engine.World`; see there for its members."""
 
     def __init__(
         self, client: int, physics: Constants, assembly: Assembly, scene: Scene, rate: float
@@ -70,7 +70,7 @@ class PyBulletWorld:
         pybullet.setGravity(0.0, 0.0, -physics["gravity"], physicsClientId=client)
         self.client, self._physics = client, physics
         self._assembly, self._scene = assembly, scene
-        self._rate, self._interval, self._blown = rate, 1.0 / rate, 0.0
+        self._rate, self._interval, self._gust_time = rate, 1.0 / rate, 0.0
         self._finer = max(1, round(physics["start_rate"] / rate))
         self._steps_divided = 0
         """How many of the next steps are divided into finer ones, as motors are starting."""
@@ -83,8 +83,7 @@ class PyBulletWorld:
         self.things = {thing.name: self._builder.thing(thing) for thing in scene.things}
         """Body number of each thing."""
         self._balance = {thing.name: thing.balance for thing in scene.things}
-        self._moving = tuple(thing for thing in scene.things if thing.mass > 0)
-        moving = {thing.name: self.things[thing.name] for thing in self._moving}
+        moving = {thing.name: self.things[thing.name] for thing in scene.moving}
         fixed = [uid for name, uid in self.things.items() if name not in moving]
         set_collisions_of_scene(client, (self._ground, *fixed), tuple(moving.values()))
         self.reactions = np.zeros((len(assembly.joints), 6))
@@ -92,7 +91,7 @@ class PyBulletWorld:
         self._couplings = Couplings(client)
         self._winches = WinchForce(assembly.devices.winches, self._levels, self._interval)
         self._grips = Grippers(client, assembly.devices.grippers, moving)
-        self._now = self._erect(skeleton(len(assembly.parts), assembly.joints), {})
+        self._now = self._build_structure(skeleton(len(assembly.parts), assembly.joints), {})
         place_at_start(client, self._now.built, scene.start)
         self._read()
 
@@ -107,9 +106,8 @@ class PyBulletWorld:
     def step(self) -> None:
         """Advance by one step, then read everything once.
 
-        For `start_time` after a switch that starts motors it takes finer steps: what they swing is
-        up to speed within hundredths of a second, and may hit what it is to throw in the middle of
-        a step.
+        For `start_time` after motors are started it takes finer steps: the arms that they swing
+        reach full speed within hundredths of a second, and may hit a projectile in mid-step.
         """
         if not self._steps_divided:
             self._advance()
@@ -132,19 +130,15 @@ class PyBulletWorld:
         for built in old.built:
             if built.piece not in lasting:
                 pybullet.removeBody(built.uid, physicsClientId=self.client)
-        standing = {built.piece: built for built in old.built if built.piece in lasting}
+        present = {built.piece: built for built in old.built if built.piece in lasting}
         self.reactions[:] = 0.0
-        self._now = self._erect(plan, standing)
+        self._now = self._build_structure(plan, present)
         for built in self._now.built:
-            if built.piece not in standing:
+            if built.piece not in present:
                 restore(self.client, built, self._assembly, parts, motions)
         self._read()
 
-    # --- what can be seen -------------------------------------------------------------------
-
-    @property
-    def moving_things(self) -> tuple[str, ...]:
-        return self._now.layout.things
+    # --- observation ------------------------------------------------------------------------
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
         """Greatest linear and angular speed; unless thorough, of pieces' roots and of things."""
@@ -161,7 +155,7 @@ class PyBulletWorld:
         self._kept.append((self._now.readings, self._now.rows.all))
 
     def kept(self) -> State:
-        """All states kept; those between two splits are worked out at once."""
+        """All recorded states; those between two splits are computed at once."""
         stretches = []
         for readings, stretch in groupby(self._kept, key=itemgetter(0)):
             tables = np.array([rows for _, rows in stretch])
@@ -191,21 +185,21 @@ class PyBulletWorld:
     def momentum(self) -> Mapping[str, Array]:
         return self._now.readings.momentum(self._now.rows.table)
 
-    # --- inside -----------------------------------------------------------------------------
+    # --- internals --------------------------------------------------------------------------
 
-    def _erect(self, plan: Skeleton, standing: Mapping[Piece, Built]) -> Structure:
-        """Make the bodies of `plan` that do not stand yet, then set up anew all that names them."""
+    def _build_structure(self, plan: Skeleton, present: Mapping[Piece, Built]) -> Structure:
+        """Build the missing bodies of `plan`, then everything that refers to bodies."""
         client, assembly = self.client, self._assembly
         built = tuple(
-            standing.get(piece) or self._builder.machine(piece, assembly.parts, assembly.joints)
+            present.get(piece) or self._builder.machine(piece, assembly.parts, assembly.joints)
             for piece in plan.pieces
         )
         handles = {part: (body.uid, index) for body in built for part, index in body.index.items()}
-        layout = lay_out(assembly, plan, self._moving)
+        layout = lay_out(assembly, plan, self._scene.moving)
         rows = Rows(client, layout, built, self.things)
         laws = device_laws(assembly, plan, layout.locations, self._levels, self._winches)
         drag = self._physics["wind_drag"]
-        laws += wind_laws(assembly, layout, self._scene, self._moving, drag, self._wind_strength)
+        laws += wind_laws(assembly, layout, self._scene, drag, self._wind_strength)
         set_collisions_of_clusters(client, plan, handles)
         self._couplings.renew(assembly, plan, handles)
         if self._grips:
@@ -224,7 +218,7 @@ class PyBulletWorld:
         )
 
     def _advance(self) -> None:
-        """Push, step, read."""
+        """Apply forces, step, read."""
         now = self._now
         now.forces()
         now.motors.set_suspensions()
@@ -234,7 +228,7 @@ class PyBulletWorld:
             self._grips.watch()
 
     def _read(self) -> None:
-        """Where the heads are, and what every joint bears."""
+        """Read the rows of the heads and the reactions of all joints."""
         self._now.rows.read()
         self._now.sensors.read(self.reactions)
         for joint, load in self._couplings.loads(self._part_rotation):
@@ -249,7 +243,7 @@ class PyBulletWorld:
         return (x, y, z, w)
 
     def _divide_steps(self, finer: int) -> None:
-        """Take so many steps for one from now on."""
+        """Divide every step into `finer` from now on."""
         self._interval = 1.0 / (self._rate * finer)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self._interval, physicsClientId=self.client
@@ -259,8 +253,8 @@ class PyBulletWorld:
         self._grips.tighten()
 
     def _wind_strength(self) -> float:
-        """Share of the mean wind that blows in this step."""
+        """Wind in this step as a share of the mean wind."""
         if not self._levels["gusts"]:
             return 1.0
-        self._blown += self._interval
-        return self._scene.strength(self._blown - self._interval)
+        self._gust_time += self._interval
+        return self._scene.strength(self._gust_time - self._interval)
