@@ -109,9 +109,10 @@ def simulate(
     task: Annotated[str, typer.Option(help="Task, such as throwing or movement/3.")],
     knobs: Knobs = None,
     seed: Seed = 0,
-    rate: Annotated[float | None, typer.Option(help="Physics steps per second.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Time steps per second; default: 120.")] = None,
     power: Annotated[
-        Literal["on", "off"], typer.Option(help="off: motors, springs and winches never start.")
+        Literal["on", "off"],
+        typer.Option(help="If off, motors, springs and winches never start."),
     ] = "on",
     query: Annotated[
         list[str] | None,

@@ -31,7 +31,7 @@ def tasks(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """List all tasks, or show one level: scene, schedule, score, blocks and knobs."""
+    """List all levels, or show one level: scene, schedule, score, blocks and knobs."""
     from agentflow.app.tasks import list_tasks, task_json
     from agentflow.cli.display.show import show_task, show_tasks
 
