@@ -1,6 +1,6 @@
 """What is written in README, docs and examples is true: commands, code, links.
 
-`console` fences are carried out as they stand, with the embedded model; a command whose output is
+`console` fences are carried out as they stand, with the built-in model; a command whose output is
 shown must print it. `sh` fences need what a test has not (an endpoint, an installation): their
 commands must be such as the command line understands.
 """

@@ -24,7 +24,7 @@ from agentflow.llm.wrappers.prices import Price
 from agentflow.workflows.settings import WorkflowSettings
 
 PROCEDURAL = "procedural"
-"""The embedded model: rules and random choices, no language model, no endpoint."""
+"""The built-in model: rules and random choices, no language model, no endpoint."""
 KEY_VARIABLE = "OPENAI_API_KEY"
 _VARIABLE = r"^[A-Za-z_][A-Za-z0-9_]*$"
 

@@ -44,7 +44,7 @@ CASES: tuple[Case, ...] = (
 
 
 def replies(case: Case) -> list[str]:
-    """What the embedded model answers to the role's own prompt, in five ways."""
+    """What the built-in model answers to the role's own prompt, in five ways."""
     role, given = case
     shown = replace(given, representation="tree") if isinstance(given, DesignerInput) else given
     system, user = PromptSet().render(role.name, role.variables(shown))

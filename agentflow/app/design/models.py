@@ -34,7 +34,7 @@ class ModelChoice:
 
     @property
     def procedural(self) -> bool:
-        """Whether this is the embedded model, which has no endpoint."""
+        """Whether this is the built-in model, which has no endpoint."""
         return self.model == PROCEDURAL
 
     @property
