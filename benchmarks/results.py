@@ -45,7 +45,8 @@ HEAD = """\
 
 A *sweep* runs many configurations that differ only in the setting under study; [sweeps](sweeps.md)
 explains how. [Workflows and search](search.md) explains workflows, stages and search strategies,
-and [prompts and roles](prompts-and-roles.md) explains roles such as the refiner. Every row of the tables names the model that was used:
+and [prompts and roles](prompts-and-roles.md) explains roles such as the refiner. Every row of the
+tables names the model that was used:
 
 * `procedural (no language model)` is the built-in model. It combines fixed rules with random
   choices, reads the same prompts as a language model, and writes replies in the same format. Its
