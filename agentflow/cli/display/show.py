@@ -13,8 +13,8 @@ from agentflow.cli.display.output import columns, output
 from agentflow.cli.display.text import number
 
 Data = Mapping[str, Any]
-VALID = ("valid at first try", "valid after retries")
-"""Headers of the two counts of valid machines."""
+VALID = ("valid at once", "after retries")
+"""Headers of the counts of machines that were valid at the first attempt, and after retries."""
 
 
 def show_result(result: Data, pictures: Mapping[str, str]) -> None:
