@@ -30,7 +30,7 @@ UNREADABLE = (
     TokenError,
     zlib.error,
 )
-"""What a file raises that is empty, truncated, damaged or in another format."""
+"""Errors from files that are empty, truncated, damaged or in another format."""
 
 
 def rollout_json(rollout: Rollout) -> dict[str, Any]:

@@ -59,8 +59,8 @@ class World(Protocol):
         the simulation diverged.
 
         Args:
-            thorough: Otherwise the engine may look at only some parts, at least one of each piece
-                of the machine, and at all things.
+            thorough: Check every part; otherwise the engine may check only one part of each piece
+                of the machine, and all things.
         """
 
     def switch(self, entry: str, level: float) -> None:
@@ -68,7 +68,7 @@ class World(Protocol):
 
         Args:
             entry: `motors` (thrusters too), `steering_hinges`, `springs`, `winches`, `grabbers`
-                or `gusts`. Grabbers grip from the beginning and let go at 0; the others hold. A
+                or `gusts`. Grabbers are on from the start and release at 0; the others are at 0. A
                 scene's gusts count their time from being switched on.
             level: Share of the full speed or thrust.
         """

@@ -38,13 +38,7 @@ class RowLayout:
 
 
 def lay_out(assembly: Assembly, plan: Skeleton, moving: Sequence[Thing]) -> RowLayout:
-    """Assign a row to every cluster and every moving thing.
-
-    Args:
-        assembly: The machine.
-        plan: Its current skeleton.
-        moving: Things that can move.
-    """
+    """Assign a row to every cluster and every moving thing."""
     row_of: dict[int, int] = {}
     leading: list[int] = []
     for piece in plan.pieces:

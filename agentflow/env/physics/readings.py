@@ -56,7 +56,7 @@ class Readings:
         return move_rows(rows[locations.row], locations.offset)
 
     def state(self, rows: Array) -> State:
-        """Everything that a record holds."""
+        """The state at one time, from (C, 13) rows."""
         one = self.states(rows[None])
         return State(**{name: values[0] for name, values in vars(one).items()})
 
@@ -107,7 +107,7 @@ class Readings:
         return moved.reshape(rows.shape)
 
     def centres(self, rows: Array) -> Array:
-        """(N, 3) block centres, m, as in `state` but without the rest."""
+        """(N, 3) block centres, m: faster than `state`."""
         blocks = rows[self._row]
         centres = blocks[:, POSITION] + turn(matrices(blocks[:, ROTATION]), self._centre_arms)
         if self._spanning:
@@ -164,11 +164,7 @@ def joint_motion(joint: Joint, parts: Sequence[Part], rows: Array) -> tuple[floa
     """Position and velocity of a revolute or prismatic joint, from the motion of its parts.
 
     For joints that closed a loop; of joints in trees, engines know the positions.
-
-    Args:
-        joint: The joint.
-        parts: All parts.
-        rows: (P, 13) of them.
+    `rows` are (P, 13), one per part.
     """
     if joint.kind == "revolute":
         axis = swap_turn(joint.axis)

@@ -33,7 +33,7 @@ def top_speeds(rows: Sequence[Row]) -> tuple[float, float]:
     linear = angular = 0.0
     for _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz in rows:
         speed, spin = vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
-        # written so that not-a-number wins
+        # written so that NaN wins
         linear = linear if speed <= linear else speed
         angular = angular if spin <= angular else spin
     return sqrt(linear), sqrt(angular)

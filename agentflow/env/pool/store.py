@@ -24,7 +24,7 @@ from agentflow.machine.tree import Machine
 
 
 def rollout_key(machine: Machine, task: Task, seed: int) -> str:
-    """Hash of everything that decides a rollout: equal keys mean equal bits."""
+    """Hash of everything that determines a rollout: equal keys mean equal bits."""
     return f"{machine.digest}-{_setting_key(task, seed)}"
 
 

@@ -46,13 +46,13 @@ class Play:
         self._began = perf_counter()
         self._machine, self._task, self._identity = machine, task, str(engine.identity)
         self._rate, self._power, self._wall_limit = rate, power, wall_limit
-        self._every = max(1.0, interval * rate)
-        self._value = physics
+        self._sample_every = max(1.0, interval * rate)
+        self._constants = physics
         self._fastest = physics["speed_limit"]
         self._still = physics["rest_speed"], physics["rest_spin"]
-        self._look = max(1, round(physics["rest_interval"] * rate))
-        """Steps between looks at the speed of every part."""
-        self._assembly = assemble(machine, place(machine), self._value)
+        self._check_every = max(1, round(physics["rest_interval"] * rate))
+        """Steps between checks of the speed of every part."""
+        self._assembly = assemble(machine, place(machine), self._constants)
         self._scene = task.scene(machine)
         self._world = engine.build(self._assembly, self._scene, rate)
         self._loads = Loads(
@@ -68,13 +68,13 @@ class Play:
         self._speeds = 0.0, 0.0
         """Greatest linear and angular speed seen in the last step."""
         self._steps = 0
-        self._zero = 0
+        self._start_step = 0
         """Steps that settling took."""
         self._broken: list[tuple[int, int, float]] = []
         """Step, joint and load of each breakage."""
         self._released: list[int] = []
         """Joints that decouplers have released."""
-        self._giving: tuple[int, ...] = ()
+        self._to_split: tuple[int, ...] = ()
         """Joints that broke in the last step."""
         self._events: list[RolloutEvent] = []
 
@@ -88,7 +88,7 @@ class Play:
 
     def _settle(self) -> Status:
         """Step with power off until everything rests."""
-        value = self._value
+        value = self._constants
         least, most = value["settle_least"] * self._rate, value["settle_most"] * self._rate
         settling = Settling(self._machine, self._world, self._rate, value)
         while True:
@@ -98,16 +98,13 @@ class Play:
             if settling.step(self._resting()) and self._steps >= least:
                 return "ok"
             if self._steps >= most:
-                self._events.append(
-                    RolloutEvent(
-                        0.0, "unsettled", (), f"still moving after {value['settle_most']:g} s"
-                    )
-                )
+                text = f"still moving after {value['settle_most']:g} s"
+                self._events.append(RolloutEvent(0.0, "unsettled", (), text))
                 return "ok"
 
     def _start(self) -> None:
         """t = 0: start the referee and take the first sample."""
-        self._zero = self._steps
+        self._start_step = self._steps
         for i in self._loads.locked:
             joint = self._assembly.joints[i]
             text = f"the moving joint of block {joint.block} cannot move: rigid parts bridge it"
@@ -121,7 +118,7 @@ class Play:
         rest = 0
         due = self._schedule()
         last = round(self._task.window * self._rate)
-        long = self._value["rest_time"] * self._rate
+        long = self._constants["rest_time"] * self._rate
         samples = 1
         while (elapsed := self._elapsed) < last:
             while due and due[0][0] <= elapsed:
@@ -132,7 +129,7 @@ class Play:
                 return status
             self._view.time = (elapsed + 1) / self._rate
             self._referee.watch(self._view)
-            if elapsed + 1 >= samples * self._every - 1e-6:
+            if elapsed + 1 >= samples * self._sample_every - 1e-6:
                 samples += 1
                 self._sample()
             rest = rest + 1 if self._resting() else 0
@@ -160,7 +157,7 @@ class Play:
         ]
         self._released += loose
         self._loads.release(loose)
-        self._giving = (*self._giving, *loose)
+        self._to_split = (*self._to_split, *loose)
         for joint in (self._assembly.joints[i] for i in loose):
             self._recorder.lose(joint)
             text = f"block {joint.block} let go of block {joint.partner}"
@@ -169,19 +166,19 @@ class Play:
             )
 
     def _step(self) -> Status:
-        """Take one step. What breaks is split before the next, so that contacts are still seen."""
-        if self._giving:
-            self._world.split(self._giving)
+        """Take one step. Broken joints stay until the next, so contacts can still be read."""
+        if self._to_split:
+            self._world.split(self._to_split)
         self._world.step()
         self._steps += 1
-        thorough = self._steps % self._look == 0
+        thorough = self._steps % self._check_every == 0
         self._speeds = linear, angular = self._world.speeds(thorough)
         if not (linear <= self._fastest and isfinite(angular)):
             return "diverged"
         broken = self._loads.update(self._world.reactions)
         if not self._loads.finite:
             return "diverged"
-        self._giving = tuple(broken)
+        self._to_split = tuple(broken)
         for joint, load in broken.items():
             self._broken.append((self._steps, joint, load))
             self._recorder.lose(self._assembly.joints[joint])
@@ -192,10 +189,10 @@ class Play:
     @property
     def _elapsed(self) -> int:
         """Steps since t = 0."""
-        return self._steps - self._zero
+        return self._steps - self._start_step
 
     def _resting(self) -> bool:
-        """Whether everything is slow; most of the time a quick look rules that out."""
+        """Whether everything is slow; most of the time a check of few parts rules that out."""
         return self._slow(self._speeds) and self._slow(self._world.speeds())
 
     def _slow(self, speeds: tuple[float, float]) -> bool:
@@ -207,14 +204,14 @@ class Play:
 
     def _result(self, status: Status) -> Rollout:
         trace = None
-        if self._zero and status != "timeout":
+        if self._start_step and status != "timeout":
             trace = self._recorder.trace(self._world.kept())
         broken = tuple(
             Broken(
                 block=self._assembly.joints[joint].block,
                 type=self._machine[self._assembly.joints[joint].block].type,
                 partner=self._assembly.joints[joint].partner,
-                time=(step - self._zero) / self._rate,
+                time=(step - self._start_step) / self._rate,
                 load=load,
             )
             for step, joint, load in self._broken
@@ -233,7 +230,7 @@ class Play:
             digest=None if trace is None else digest(trace, broken),
             sim_seconds=self._elapsed / self._rate,
             wall_seconds=perf_counter() - self._began,
-            constants=self._value.digest,
+            constants=self._constants.digest,
             scene=self._scene,
             engine=self._identity,
         )

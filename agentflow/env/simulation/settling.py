@@ -57,14 +57,10 @@ class Settling:
         del self._places[: -MORE - 1]
         if self._slow < self._interval or len(self._places) <= INTERVALS:
             return False
-        distances = self._distances()
+        moved = np.diff(np.array(self._places), axis=0)
+        square = moved * moved
+        distances = np.sqrt(square[:, :, 0] + square[:, :, 1] + square[:, :, 2])
         count = MORE if (distances[-1] > self._far).any() else INTERVALS
         before, after = distances[-count:][:-1], distances[-count:][1:]
         gaining = after > np.maximum(before * self._growth, before + self._gain)
         return len(distances) >= count and not gaining.any()
-
-    def _distances(self) -> Array:
-        """(T, N) metres that each block moved in each of the last intervals."""
-        moved = np.diff(np.array(self._places), axis=0)
-        square = moved * moved
-        return np.asarray(np.sqrt(square[:, :, 0] + square[:, :, 1] + square[:, :, 2]))

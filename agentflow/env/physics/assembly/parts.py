@@ -41,11 +41,7 @@ def joint_drive(placed: Placed, kind: BlockType, constants: Constants) -> Drive:
 def block_parts(placed: Placed, kind: BlockType, constants: Constants, shift: Vec3) -> list[Part]:
     """The parts of a block with one parent: one, or fork and wheel of a caster.
 
-    Args:
-        placed: The block in its place.
-        kind: Its type.
-        constants: Friction, bounce and the shrinking of shapes.
-        shift: From the machine frame to the world, m.
+    `shift` leads from the machine frame to the world, m.
     """
     if kind.shape == "caster":
         return _caster_parts(placed, kind, constants, shift)

@@ -1,4 +1,4 @@
-"""Collision shapes of a block that is one rigid piece."""
+"""Collision shapes of a block that is one rigid body."""
 
 from __future__ import annotations
 
@@ -20,13 +20,10 @@ HINGE_PLATE = 0.3
 def block_shapes(
     placed: Placed, kind: BlockType, extents: Vec3, shrink: float
 ) -> tuple[Shape, ...]:
-    """Shapes of a block that is one rigid piece, by the `shape` of its type.
+    """Shapes of a block that is one rigid body, by the `shape` of its type.
 
-    Args:
-        placed: The block in its place.
-        kind: Its type.
-        extents: Its box in the machine frame, m.
-        shrink: How much smaller shapes are on each side, so that touching faces do not rub, m.
+    Its box has these `extents` in the machine frame, m. Shapes are smaller by `shrink` (m) on each
+    side, which keeps touching faces from rubbing.
     """
     x, y, z = (side - 2 * shrink for side in extents)
     small = (x, y, z)

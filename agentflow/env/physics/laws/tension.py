@@ -90,13 +90,7 @@ class WinchForce:
     """
 
     def __init__(self, winches: Sequence[Winch], levels: Mapping[str, float], step: float) -> None:
-        """Start with no rope strung.
-
-        Args:
-            winches: All winches of the machine.
-            levels: Level of each schedule entry, read in every step; -1 lets rope out.
-            step: Time between calls, s.
-        """
+        """Start with no rope strung; `levels` are read in every step, and -1 lets rope out."""
         self._winches, self._levels = winches, levels
         self.step = step
         """Time between calls, s."""

@@ -236,10 +236,7 @@ def _axis(joint: Joint, link: Link) -> Vec3:
 
 
 def _geometry(shape: Shape) -> tuple[int, Vec3, float, float]:
-    """PyBullet's type, half extents, radius and length.
-
-    Cylinders lie along the game's y, which is PyBullet's z, so their rotation needs no correction.
-    """
+    """PyBullet's type, half extents, radius and length; its cylinders lie along z, our y."""
     half = scale(swap(shape.size), 0.5)
     if shape.kind == "sphere":
         return pybullet.GEOM_SPHERE, half, half[0], 0.0

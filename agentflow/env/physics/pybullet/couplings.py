@@ -56,7 +56,7 @@ class Couplings:
                 and mesh.b in carried
                 and plan.cluster[one.a] == plan.cluster[other.a]
             ):
-                self._mesh(carried[mesh.a], carried[mesh.b], mesh.ratio)
+                self._couple_cogs(carried[mesh.a], carried[mesh.b], mesh.ratio)
 
     def loads(self, rotation: Callable[[int], Quat]) -> list[tuple[int, list[float]]]:
         """Joint and load (6,) of each loop in the last step, game frame; without the spring force
@@ -103,7 +103,7 @@ class Couplings:
             for point in points
         ]
 
-    def _mesh(self, one: Handle, other: Handle, ratio: float) -> None:
+    def _couple_cogs(self, one: Handle, other: Handle, ratio: float) -> None:
         """Couple the rotation of two cogs on one carrier."""
         nowhere = (0.0, 0.0, 0.0)
         made = self._bind(pybullet.JOINT_GEAR, one, other, (0.0, 0.0, 1.0), nowhere, nowhere)
@@ -143,7 +143,7 @@ def _slider_load(state: Sequence[float], axis: Vec3, turn: Quat) -> list[float]:
     Args:
         state: From PyBullet: forces along two directions across the axis, then torques that the
             other part exerts about z, x and y, all in the axes of the part that carries it.
-        axis: Unit vector, as the part stands at rest, engine frame.
+        axis: Unit vector at rest, engine frame.
         turn: Orientation of that part.
     """
     side = cross(axis, (1.0, 0.0, 0.0))

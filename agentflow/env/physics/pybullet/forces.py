@@ -8,14 +8,13 @@ import numpy as np
 
 from agentflow.env.physics.frames import swap_all
 from agentflow.env.physics.laws.air import DragForce
-from agentflow.env.physics.laws.forces import PartForce, Wrench
 from agentflow.env.physics.laws.select import Law
 from agentflow.env.physics.layout import RowLayout, drag_locations
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.pybullet.rows import Rows
-from agentflow.env.physics.rows import POSITION, Row
+from agentflow.env.physics.pybullet.sensing import Rows
+from agentflow.env.physics.rows import POSITION
 from agentflow.env.physics.spanning_tree import Skeleton
 
 CENTRE = (0.0, 0.0, 0.0)
@@ -56,28 +55,19 @@ class AppliedForces:
 
     def __call__(self) -> None:
         """Apply everything for one step; PyBullet clears it after the step."""
-        known = self._rows.all if self._far else self._rows.known
-        self._apply_wrenches(self._drag(known), known)
-        for uid in self._stale:
-            pybullet.getLinkState(uid, 0, 0, 1, self._client)
-        for law in self._laws:
-            self._apply_forces(law(known))
-
-    def _apply_wrenches(self, wrenches: Sequence[Wrench], rows: Sequence[Row]) -> None:
-        client, handles = self._client, self._leading
-        for row, local, force, torque in wrenches:
-            uid, index = handles[row]
+        client = self._client
+        rows = self._rows.all if self._far else self._rows.known
+        for row, local, force, torque in self._drag(rows):
+            uid, index = self._leading[row]
             frame = pybullet.LINK_FRAME if local else pybullet.WORLD_FRAME
             at = CENTRE if local else rows[row][POSITION]
             pybullet.applyExternalForce(uid, index, force, at, frame, client)
             if torque is not None:
                 pybullet.applyExternalTorque(uid, index, torque, frame, client)
-
-    def _apply_forces(self, pushes: Sequence[PartForce]) -> None:
-        client = self._client
-        for part, force, at in pushes:
-            uid, index = self._at[part]
-            if at is None:
-                pybullet.applyExternalForce(uid, index, force, CENTRE, pybullet.LINK_FRAME, client)
-            else:
-                pybullet.applyExternalForce(uid, index, force, at, pybullet.WORLD_FRAME, client)
+        for uid in self._stale:
+            pybullet.getLinkState(uid, 0, 0, 1, client)
+        for law in self._laws:
+            for part, force, place in law(rows):
+                uid, index = self._at[part]
+                frame = pybullet.LINK_FRAME if place is None else pybullet.WORLD_FRAME
+                pybullet.applyExternalForce(uid, index, force, place or CENTRE, frame, client)

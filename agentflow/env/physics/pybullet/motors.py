@@ -13,7 +13,7 @@ from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.machine.geometry.vectors import IDENTITY
 
 Handled = tuple[int, int, Drive]
-"""Body number, link number and what the joint does."""
+"""Body number, link number and drive of the joint."""
 
 
 class Motors:

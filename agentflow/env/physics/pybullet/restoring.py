@@ -35,14 +35,9 @@ def restore(
     rows: Array,
     motions: Mapping[int, tuple[float, float]],
 ) -> None:
-    """Give a rebuilt body the positions and velocities of its parts.
+    """Give a rebuilt body the positions and velocities of its parts, whose `rows` are (P, 13).
 
-    Args:
-        client: PyBullet client.
-        built: The body.
-        assembly: The machine.
-        rows: (P, 13) of all parts.
-        motions: Position and velocity of the joints that were in trees, by joint.
+    `motions` are position and velocity of the joints that were in trees, by joint.
     """
     uid, root = built.uid, rows[built.piece.root]
     pybullet.resetBasePositionAndOrientation(

@@ -1,8 +1,8 @@
-"""Reactions and motions of joints, read from PyBullet."""
+"""Reading PyBullet: rows of clusters and things, reactions and motions of joints."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from operator import itemgetter
 from struct import Struct
@@ -10,13 +10,85 @@ from struct import Struct
 import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
+from agentflow.env.physics.layout import RowLayout
 from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.physics.spanning_tree import Link
 from agentflow.env.rollout import Array
 
 _FORCES = itemgetter(2)
 """Force and torque in PyBullet's state of a joint."""
+
+
+class Rows:
+    """The rows of one layout: the heads, which lead a body, in every step, the others on demand."""
+
+    def __init__(
+        self, client: int, layout: RowLayout, built: Sequence[Built], things: Mapping[str, int]
+    ) -> None:
+        """Read the heads; `things` are the body numbers of the scene's things."""
+        self._client = client
+        self._heads: list[tuple[int, int]] = []
+        self._tails: list[tuple[slice, int, tuple[int, ...]]] = []
+        row = 0
+        leading = set(layout.leading)
+        for body in built:
+            links = tuple(
+                body.index[link.part] for link in body.piece.links if link.part in leading
+            )
+            self._heads.append((row, body.uid))
+            if links:
+                self._tails.append((slice(row + 1, row + 1 + len(links)), body.uid, links))
+            row += 1 + len(links)
+        self._heads += [(i, things[name]) for i, name in enumerate(layout.things, row)]
+        self._blank: list[Row] = [()] * layout.thing_rows.stop
+        self._partial = False
+        self.known = self._blank
+        """Rows read so far; empty tuples for the others."""
+        self.heads = [row for row, _ in self._heads]
+        """Rows of the bodies' roots and of moving things."""
+        self.read()
+
+    def read(self) -> None:
+        """Read the heads after a step, and forget the other rows."""
+        client, rows = self._client, self._blank.copy()
+        for row, uid in self._heads:
+            position, rotation = pybullet.getBasePositionAndOrientation(uid, client)
+            velocity, spin = pybullet.getBaseVelocity(uid, client)
+            rows[row] = position + rotation + velocity + spin
+        self.known = rows
+        self._partial = bool(self._tails)
+
+    def __getitem__(self, row: int) -> Row:
+        """One row."""
+        return self.known[row] or self.all[row]
+
+    @property
+    def all(self) -> list[Row]:
+        """Every row; a new list in every step.
+
+        Reading makes PyBullet update the positions of links, which pushing them requires.
+        """
+        if self._partial:
+            for place, uid, links in self._tails:
+                self.known[place] = [
+                    state[0] + state[1] + state[6] + state[7]
+                    for state in pybullet.getLinkStates(uid, links, 1, 1, self._client)
+                ]
+            self._partial = False
+        return self.known
+
+    @property
+    def table(self) -> Array:
+        """Every row, as an array (C, 13)."""
+        return np.array(self.all).reshape(-1, WIDTH)
+
+    @property
+    def head_speeds(self) -> tuple[float, float]:
+        """Greatest linear and angular speed of the heads, m/s and rad/s."""
+        known = self.known
+        return top_speeds([known[row] for row in self.heads])
 
 
 class Sensors:
@@ -36,7 +108,7 @@ class Sensors:
         self._read = np.zeros(6 * len(links) + 1)
         """Force and torque of each joint from PyBullet, then a 0 for joints that are in no tree."""
         self._pack = Struct(f"{6 * len(links)}d").pack_into
-        """Twice as fast as anything that makes an array of numbers."""
+        """Twice as fast as any conversion to an array."""
         self._source = np.full((count, 6), 6 * len(links), dtype=np.intp)
         """Where in `_read` each number of the reactions is, and its sign."""
         self._sign = np.tile(WRENCH_SIGNS, (count, 1))

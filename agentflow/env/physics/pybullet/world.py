@@ -27,8 +27,7 @@ from agentflow.env.physics.pybullet.grip import Grippers
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.motors import Motors
 from agentflow.env.physics.pybullet.restoring import place_at_start, restore
-from agentflow.env.physics.pybullet.rows import Rows
-from agentflow.env.physics.pybullet.sensing import Sensors
+from agentflow.env.physics.pybullet.sensing import Rows, Sensors
 from agentflow.env.physics.readings import Readings
 from agentflow.env.physics.rows import Row, top_speeds
 from agentflow.env.physics.spanning_tree import Piece, Skeleton, skeleton
