@@ -65,8 +65,7 @@ class RunPlan:
         return {
             "prompts": self.prompts.digest,
             "demands": hashlib.sha256(repr(self.task.brief).encode()).hexdigest()[:16],
-            "constants": constants().digest,
-            "blocks": library().digest,
+            **physics_conditions(),
             "engine": self.engine,
         }
 
@@ -101,8 +100,12 @@ class RunPlan:
 
 
 def physics_conditions() -> dict[str, str]:
-    """The conditions that decide the result of a simulation: constants and engine."""
-    return {"constants": constants().digest, "engine": str(default_engine().identity)}
+    """The conditions that decide the result of a simulation: constants, blocks and engine."""
+    return {
+        "constants": constants().digest,
+        "blocks": library().digest,
+        "engine": str(default_engine().identity),
+    }
 
 
 def describe_changes(recorded: Mapping[str, Any], now: Mapping[str, str]) -> str:
