@@ -180,7 +180,7 @@ def test_arrow_keys_walk_the_tree(opened: webdriver.Chrome) -> None:
 def test_a_refused_edit_says_why_and_has_no_film(opened: webdriver.Chrome) -> None:
     node(opened, "env_feedback/traj-1/round-1/node-0/try-2").click()
     until(opened, lambda: "refused because of <script>" in find(opened, ".chosen .problem").text)
-    assert find(opened, ".nothing").text == "No machine to show here."
+    assert find(opened, ".nothing").text == "No machine to show."
 
 
 def test_hostile_text_is_shown_and_executes_nothing(opened: webdriver.Chrome) -> None:
