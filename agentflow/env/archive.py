@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -98,6 +98,9 @@ def load_npz(path: Path) -> Rollout:
 
 
 def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
+    for field in fields(Rollout):
+        if field.name not in (*result, "trace", "scene", "engine"):  # old files lack the engine
+            raise KeyError(field.name)
     trace = None
     if states is not None:
         named = result.pop("trace")

@@ -297,6 +297,16 @@ def test_a_foreign_file_is_refused(tmp_path: Path) -> None:
             load_npz(path)
 
 
+def test_a_file_that_lacks_a_field_is_refused(thrown: Rollout, tmp_path: Path) -> None:
+    path = tmp_path / "throw.npz"
+    save_npz(replace(thrown, trace=None), path)
+    result = json.loads(np.load(path)["result"].item())
+    del result["digest"]
+    np.savez(path, result=np.array(json.dumps(result).encode()))
+    with pytest.raises(UsageError, match="is not a saved rollout: 'digest'"):
+        load_npz(path)
+
+
 @pytest.mark.filterwarnings("ignore")
 def test_a_damaged_file_is_refused_or_read_as_it_was(thrown: Rollout, tmp_path: Path) -> None:
     """One byte changed at a time, in the head of an array and in the directory at the end."""
