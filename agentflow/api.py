@@ -279,7 +279,8 @@ def _configure(
     built = build_config(document)
     if built.model.name == PROCEDURAL or built.model.roles:
         raise UsageError(
-            f"answer= replaces the model: give it a name other than {PROCEDURAL!r}, and no roles"
+            f"answer= replaces the model: use a model name other than {PROCEDURAL!r} and leave "
+            "model.roles empty"
         )
     return built, FunctionClient(answer, built.model.name)
 

@@ -84,7 +84,7 @@ class Inspector(Role[InspectorInput, Inspection]):
         found = find_sections(text, (ORIENTATION, ANSWERS, DEFECTS))
         missing = [f"<{name}>" for name in (ANSWERS, DEFECTS) if name not in found]
         if missing:
-            problem = f"The reply lacks the section {' and '.join(missing)}."
+            problem = f"The reply has no section {' or '.join(missing)}."
             return Parsed(None, problem, "missing_section", parsed=False)
         answers = read_orientation(found.get(ORIENTATION, ""))
         inspection = Inspection(

@@ -121,7 +121,7 @@ def read_blueprint(data: Mapping[str, Any], brief: Brief) -> Blueprint:
 
 
 _NO_OBJECT = (
-    "The reply holds no blueprint: expected one JSON object in a ```json fence with the keys "
+    "The reply contains no blueprint: expected one JSON object in a ```json fence with the keys "
     + ", ".join(_KEYS)
     + "."
 )

@@ -57,7 +57,7 @@ class Querier(Role[QuerierInput, Inquiry]):
         """Read the list of queries, which may be empty."""
         found = find_sections(text, (THOUGHT, QUERIES))
         if QUERIES not in found:
-            problem = f"The reply lacks the section <{QUERIES}>."
+            problem = f"The reply has no section <{QUERIES}>."
             return Parsed(None, problem, "missing_section", parsed=False)
         wanted = found[QUERIES]
         if wanted.strip(" .`\n").casefold() in _NOTHING:
@@ -69,7 +69,7 @@ class Querier(Role[QuerierInput, Inquiry]):
         if one is not None:
             return Parsed(Inquiry((one,)), repaired=repaired)
         problem = (
-            f"<{QUERIES}> holds no JSON list. Expected, for instance: "
+            f"<{QUERIES}> contains no JSON list. Example: "
             '[{"id": 3, "duration": [0.0, 1.0], "properties": ["position"]}]'
         )
         return Parsed(None, problem, "unparsable", parsed=False)

@@ -112,7 +112,7 @@ def _read_script(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refine
     outcome = apply_script(given.machine, script, given.brief)
     if not outcome.success:
         code = next((step.code for step in outcome.steps if step.code), "bad_format")
-        problem = "The script fails; the machine is unchanged:\n" + verdict_text(outcome.steps)
+        problem = "The script failed; the machine is unchanged:\n" + verdict_text(outcome.steps)
         return Parsed(None, problem, code, spatial=False if code in GEOMETRIC else None)
     return _check(found, given, outcome.machine, script)
 

@@ -61,7 +61,7 @@ def read_reply(
 def no_machine(report: Report, where: str = "The reply") -> Parsed[Any]:
     """The result of parsing a reply that holds no valid machine."""
     code = report.problems[0].code if report.problems else "unparsable"
-    problem = f"{where} holds no valid machine:\n" + problem_list(report.problems)
+    problem = f"{where} contains no valid machine:\n" + problem_list(report.problems)
     parsed, spatial = report.file_valid, report.spatial_valid
     return Parsed(None, problem, code, report.repaired, parsed=parsed, spatial=spatial)
 
@@ -90,7 +90,7 @@ def rejection(
             return (
                 REQUIRED_COUNT,
                 f"The machine has {machine.count(kind)} blocks of type {kind}; "
-                f"the task wants exactly {most}.",
+                f"the task requires exactly {most}.",
             )
     return None
 

@@ -55,7 +55,9 @@ class TableLayout(BaseModel):
     @model_validator(mode="after")
     def _check_rounds(self) -> TableLayout:
         if (self.conditions == "rounds") != bool(self.rounds):
-            raise ValueError("conditions: rounds needs a list of rounds, and only then")
+            raise ValueError(
+                "rounds must be listed if conditions is 'rounds', and must be left out otherwise"
+            )
         return self
 
 

@@ -68,6 +68,11 @@ def point_text(point: Iterable[float]) -> str:
     return f"({', '.join(map(number, point))})"
 
 
+def landing_text(sample: object) -> str:
+    """Sample in which something landed after free flight, as an item of a line."""
+    return "no landing after free flight" if sample is None else f"landed in sample {sample}"
+
+
 def term_number(terms: Mapping[str, Any], name: str) -> float:
     """A term of a verdict; 0 if it does not apply."""
     return float(terms.get(name) or 0.0)
@@ -117,16 +122,20 @@ def _runs(values: Sequence[V], times: Array) -> Iterator[tuple[V, float, float]]
 
 def _orientation_text(runs: Sequence[tuple[str, float, float]], interval: float) -> str:
     if len(runs) <= 4:
-        return "faces " + "; ".join(f"{word} {start:.1f}-{end:.1f} s" for word, start, end in runs)
+        return "facing " + "; ".join(
+            f"{word} from {start:.1f} to {end:.1f} s" for word, start, end in runs
+        )
     held: dict[str, float] = defaultdict(float)
     for word, start, end in runs:
         held[word] += end - start + interval
     total = sum(held.values())
     shares = [
-        f"{word} {100 * time / total:.0f} % of the time"
+        f"{word} {time / total:.0%}"
         for word, time in sorted(held.items(), key=lambda item: -item[1])[:4]
     ]
-    return f"changes {len(runs) - 1} times, faces " + "; ".join(shares)
+    return f"changes {len(runs) - 1} times, facing " + "; ".join(
+        [f"{shares[0]} of the time", *shares[1:]]
+    )
 
 
 def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[RolloutEvent, ...]:
@@ -154,7 +163,7 @@ def stalled_motors(machine: Machine, trace: Trace, start: float) -> tuple[Rollou
         for stalled, begin, end in _runs(still.tolist(), trace.times):
             if stalled and end - begin >= STALL_TIME:
                 name = block_name(machine, step.id)
-                text = f"{name} {begin:.1f}-{end:.1f} s"
+                text = f"{name} from {begin:.1f} to {end:.1f} s"
                 events.append(RolloutEvent(begin, "motor_stalled", (step.id,), text))
     return tuple(events)
 
@@ -173,18 +182,24 @@ def most_loaded(trace: Trace) -> list[dict[str, Any]]:
 
 
 def _loads_text(loads: Sequence[Mapping[str, Any]]) -> str:
-    """Connections that were ever the most loaded: the five with the highest peaks."""
+    """Connections that were ever the most loaded: the five with the highest peaks.
+
+    The number in brackets is that of samples in which the connection was the most loaded.
+    """
     peaks: dict[tuple[int, int], Mapping[str, Any]] = {}
     for load in sorted(loads, key=lambda load: -load["load"]):
         peaks.setdefault((load["block"], load["partner"]), load)
     counts = Counter((load["block"], load["partner"]) for load in loads)
     order = sorted(counts, key=lambda edge: -peaks[edge]["load"])[:5]
     parts = [
-        f"{block}-{partner} {number(peaks[block, partner]['load'])} at "
-        f"{peaks[block, partner]['time']:.1f} s ({counts[block, partner]} of {len(loads)})"
+        f"{block}-{partner}: {number(peaks[block, partner]['load'])} at "
+        f"{peaks[block, partner]['time']:.1f} s (in {counts[block, partner]})"
         for block, partner in order
     ]
-    return "; ".join(parts) or "none"
+    if not parts:
+        return "none"
+    parts[0] = f"{parts[0][:-1]} of {len(loads)} samples)"
+    return "blocks " + "; ".join(parts)
 
 
 def _broken_lines(machine: Machine, broken: Sequence[Broken]) -> list[str]:
@@ -240,7 +255,7 @@ def compose(
         *lines,
         *_broken_lines(machine, broken),
         "Orientation of block 0: " + _orientation_text(runs, interval),
-        "Most loaded connections (load 1 breaks): " + _loads_text(loads),
+        "Most loaded connections (load / strength, breaks at 1): " + _loads_text(loads),
         *_stall_lines(stalls),
         *(path.text for path in paths),
     ]

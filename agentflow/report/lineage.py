@@ -141,7 +141,7 @@ class Lineage:
                 self.nodes[node_id] = LineageNode(
                     id=node_id,
                     parent=parent,
-                    title="refused edit",
+                    title="rejected edit",
                     kind=REFUSED,
                     edit=self._script(calls),
                     problem=attempt.note,

@@ -16,7 +16,7 @@ from agentflow.runs import Event, read_calls, read_document, state_of
 from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, read_typed_events
 from agentflow.runs.record import RunRecord
 
-UNFINISHED = {"running": "under way", "stopped": "unfinished", "done": "finishing"}
+UNFINISHED = {"running": "in progress", "stopped": "unfinished", "done": "finishing"}
 """How the page describes a run without a result, by state; it may end while it is read."""
 EXAMPLE = 200
 """Characters shown of an example of a refusal."""
@@ -90,14 +90,14 @@ class RunStory:
         stage = str(self.result.get("best_stage") or "").replace("_", " ")
         place = f" found in the stage {stage}" if stage else ""
         if not self.result["score"]:
-            return f"is the most that any machine scored; shown is one{place}{end}"
+            return f"is the highest score of any machine; one{place} is shown{end}"
         return f"the best machine{',' * bool(place)}{place}{end}"
 
     def _facts(self) -> dict[str, str]:
         document = self.document
         config = document.get("config", {})
         place = "/".join(self.path.resolve().parts[-2:])
-        again = "Continue it" if self.result is None else "Repeat it"
+        again = "Resume" if self.result is None else "Replay"
         command = "design --resume" if self.result is None else "replay"
         facts = {
             "Run": str(self.path.name),
@@ -109,7 +109,7 @@ class RunStory:
             "Python": f"{document.get('python', '')}, {document.get('platform', '')}",
         }
         if self.result is not None and "seconds" in self.result:
-            facts["Took"] = f"{self.result['seconds']} s"
+            facts["Duration"] = f"{self.result['seconds']} s"
         return facts
 
 

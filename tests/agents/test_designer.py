@@ -85,7 +85,7 @@ def test_repaired() -> None:
             _with((36, 0, 4), (36, 0, 5)),
             replace(ARM, last=False),
             "required_count",
-            "The machine has 2 blocks of type 36; the task wants exactly 1.",
+            "The machine has 2 blocks of type 36; the task requires exactly 1.",
         ),
     ],
 )
@@ -112,7 +112,7 @@ def test_file_problems() -> None:
     parsed = Designer().parse('```json\n[{"type": 0}]\n```', BASE)
     assert not parsed.parsed
     assert parsed.spatial is None
-    assert parsed.problem.startswith("The reply holds no valid machine:\n- ")
+    assert parsed.problem.startswith("The reply contains no valid machine:\n- ")
 
 
 @pytest.mark.parametrize("text", ["", "I cannot.", "```json\n{}\n```", "[" * 1000, "\ud800"])

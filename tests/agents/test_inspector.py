@@ -46,11 +46,11 @@ def test_world_may_be_missing() -> None:
     [
         (
             "all fine",
-            "The reply lacks the section <Question Answer> and <Summary of Design Defects>.",
+            "The reply has no section <Question Answer> or <Summary of Design Defects>.",
         ),
         (
             REPLY.replace("Question Answer", "Answers"),
-            "The reply lacks the section <Question Answer>.",
+            "The reply has no section <Question Answer>.",
         ),
     ],
 )

@@ -151,8 +151,8 @@ def test_no_object(text: str) -> None:
     assert parsed.code == "unparsable"
     assert not parsed.parsed
     assert parsed.problem == (
-        "The reply holds no blueprint: expected one JSON object in a ```json fence with the keys "
-        "definition, function_points, design_structure, build_order, machine_structure."
+        "The reply contains no blueprint: expected one JSON object in a ```json fence with the "
+        "keys definition, function_points, design_structure, build_order, machine_structure."
     )
 
 

@@ -36,14 +36,14 @@ def test_queries(wanted: str, queries: tuple[object, ...], repaired: bool) -> No
 def test_missing_section() -> None:
     parsed = Querier().parse(f"[{TEXT}]", GIVEN)
     assert (parsed.output, parsed.code) == (None, "missing_section")
-    assert parsed.problem == "The reply lacks the section <Required Feedback>."
+    assert parsed.problem == "The reply has no section <Required Feedback>."
 
 
 def test_no_list() -> None:
     parsed = Querier().parse("<Required Feedback>the position of block 3", GIVEN)
     assert (parsed.output, parsed.code) == (None, "unparsable")
     assert parsed.problem == (
-        "<Required Feedback> holds no JSON list. Expected, for instance: "
+        "<Required Feedback> contains no JSON list. Example: "
         '[{"id": 3, "duration": [0.0, 1.0], "properties": ["position"]}]'
     )
 

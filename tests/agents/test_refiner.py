@@ -46,7 +46,7 @@ def test_failing_script_is_told_step_by_step() -> None:
     parsed = Refiner().parse(_reply("Remove 2\nAdd 2 to 9 in 0\nRemove 1"), GIVEN)
     assert (parsed.output, parsed.code) == (None, "parent_not_found")
     lines = parsed.problem.splitlines()
-    assert lines[0] == "The script fails; the machine is unchanged:"
+    assert lines[0] == "The script failed; the machine is unchanged:"
     assert lines[1] == "Remove 2: Success"
     assert lines[2].startswith("Add 2 to 9 in 0: Error (parent_not_found: ")
     assert lines[3] == "Remove 1: Unverified"
@@ -101,7 +101,7 @@ def test_whole_machine() -> None:
             True,
             False,
         ),
-        ("no", "not_json", "<Modification Steps> holds no valid machine:\n- ", False, None),
+        ("no", "not_json", "<Modification Steps> contains no valid machine:\n- ", False, None),
     ],
 )
 def test_whole_machine_problems(

@@ -173,8 +173,12 @@ WRONG = [
     (["replay", "none"], 2, "none is not a run directory: it has no readable run.yaml"),
     (["check", "none.json"], 2, "cannot read none.json: No such file or directory"),
     (["simulate", "none.json", "--task", "x"], 2, "unknown task 'x'; known: "),
-    (["simulate", "words", "--task", "movement"], 2, "words holds no machine: no JSON list found"),
-    (["check", "words"], 2, "words holds no machine: no JSON list found"),
+    (
+        ["simulate", "words", "--task", "movement"],
+        2,
+        "words contains no machine: no JSON list found",
+    ),
+    (["check", "words"], 2, "words contains no machine: no JSON list found"),
     (["simulate", "none", "--jsonl", "--task", "movement"], 2, "cannot read none: No such file"),
     (
         ["simulate", "words", "--jsonl", "--task", "movement", "--save", "x.npz"],

@@ -243,12 +243,18 @@ WRONG = [
         "cannot write x.obj: use one of the suffixes .coords.json, .json, ",
     ),
     (["convert", "car.json", "no/x.json"], "cannot write no/x.json: No such file or directory"),
-    (["convert", "bomb.bsg", "x.json"], "bomb.bsg holds no machine: the XML declares a document "),
+    (
+        ["convert", "bomb.bsg", "x.json"],
+        "bomb.bsg contains no machine: the XML declares a document ",
+    ),
     (
         ["convert", "empty.bsg", "x.json"],
-        "empty.bsg holds no machine: this is not well-formed XML: ",
+        "empty.bsg contains no machine: this is not well-formed XML: ",
     ),
-    (["check", "foo.bsg"], "foo.bsg holds no machine: this is not a Besiege machine file: it has "),
+    (
+        ["check", "foo.bsg"],
+        "foo.bsg contains no machine: this is not a Besiege machine file: it has ",
+    ),
     (
         ["convert", "lone.bsg", "x.json"],
         "lone.bsg cannot be converted: only its Starting Block would remain: block ",
@@ -258,9 +264,12 @@ WRONG = [
         ". is not a run directory: it has no readable run.yaml",
     ),
     (["convert", "none.json", "x.json"], "cannot read none.json: No such file or directory"),
-    (["check", "bomb.bsg"], "bomb.bsg holds no machine: the XML declares a document type, which "),
+    (
+        ["check", "bomb.bsg"],
+        "bomb.bsg contains no machine: the XML declares a document type, which ",
+    ),
     (["check", "car.json", "--format", "xml"], "Invalid value for '--format': 'xml' is "),
-    (["edit", "-"], "machine and script cannot both come from standard input; give --script"),
+    (["edit", "-"], "machine and script cannot both come from standard input; use --script "),
     (["edit", "bad.json", "--script", "bad.json"], "bad.json cannot be edited: block 0 has no 't"),
     (["edit", "car.json", "--script", "none"], "cannot read none: No such file or directory"),
 ]

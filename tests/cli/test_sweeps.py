@@ -143,8 +143,8 @@ def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixtu
         (["sweep", "configs"], "cannot read configs: Is a directory"),
         (
             ["sweep", "configs/inspector.yaml", "--set", "inspector=off"],
-            "inspector is varied by the sweep (condition): it cannot be set for all runs; "
-            "--seeds N sets the seeds",
+            "inspector is varied by the sweep (condition) and cannot be set for all runs; "
+            "to set the seeds, use --seeds N",
         ),
         (["table", "configs"], "configs is not a sweep folder: it has no readable sweep.yaml"),
     ],

@@ -123,7 +123,8 @@ def test_keys_and_the_axes_that_set_them() -> None:
         ({"axes": [1]}, "x.yaml: axes: expected a group of keys"),
         (
             {"table": {"metrics": ["mean"], "conditions": "rounds"}},
-            "x.yaml: table: conditions: rounds needs a list of rounds, and only then",
+            "x.yaml: table: rounds must be listed if conditions is 'rounds', and must be "
+            "left out otherwise",
         ),
         ({"seeds": []}, "x.yaml: seeds: must not be empty"),
         ({"seeds": ["a"]}, "x.yaml: seeds.0: expected a whole number"),

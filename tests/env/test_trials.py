@@ -72,12 +72,12 @@ def test_successes_are_counted_and_the_first_failure_is_shown() -> None:
         "outcome_4": "success, over",
     }
     assert whole.feedback.text == (
-        "Score: 2.00 successful trials of 4\n"
+        "Score: 2.00 successful trials out of 4\n"
         "Trial 1: success, over\n"
         "Trial 2: failed, 0.5 m short\n"
         "Trial 3: failed, 0.25 m short\n"
         "Trial 4: success, over\n"
-        "The rest is about trial 2."
+        "Everything below is about trial 2."
     )
     assert (whole.feedback.data["score"], whole.feedback.data["shown_trial"]) == (2.0, 2)
     assert [item["success"] for item in whole.feedback.data["trials"]] == [True, False, False, True]

@@ -154,7 +154,7 @@ async def test_a_miss_names_the_nearest_and_what_differs(
 
 async def test_a_miss_on_another_model_and_on_an_empty_tape(tmp_path: Path) -> None:
     with tape_at(tmp_path) as tape:
-        with pytest.raises(ReplayMissError, match=r"call 'a/1'; it holds no calls$"):
+        with pytest.raises(ReplayMissError, match=r"call 'a/1'; it contains no calls$"):
             await ReplayClient(tape, "m").complete(ask())
         await RecordingClient(echo(), tape).complete(ask())
         with pytest.raises(ReplayMissError) as caught:

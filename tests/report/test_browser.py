@@ -169,7 +169,7 @@ def test_the_tree_shows_a_machine_that_breaks(opened: webdriver.Chrome) -> None:
 def test_arrow_keys_walk_the_tree(opened: webdriver.Chrome) -> None:
     node(opened, "initial/traj-1").click()
     opened.switch_to.active_element.send_keys(Keys.ARROW_RIGHT)
-    until(opened, lambda: title(opened) == "refused edit")
+    until(opened, lambda: title(opened) == "rejected edit")
     opened.switch_to.active_element.send_keys(Keys.ARROW_UP)
     until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
     focused = opened.switch_to.active_element

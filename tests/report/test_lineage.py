@@ -75,7 +75,13 @@ def test_a_refused_edit_hangs_on_what_it_was_to_refine() -> None:
     ).finish("a")
     assert outline(nodes) == [
         ("initial/traj-1", None, "trajectory 1, initial", 1.0, True),
-        ("env_feedback/traj-1/round-1/node-0/try-1", "initial/traj-1", "refused edit", None, False),
+        (
+            "env_feedback/traj-1/round-1/node-0/try-1",
+            "initial/traj-1",
+            "rejected edit",
+            None,
+            False,
+        ),
     ]
     assert (nodes[1].kind, nodes[1].problem, nodes[1].edit) == ("refused", "why", "Add 1 to 2 in 3")
     assert nodes[1].calls == (question,)

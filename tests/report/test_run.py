@@ -94,7 +94,7 @@ def test_an_unfinished_run_shows_its_best_so_far(tmp_path: Path) -> None:
     place = f"{tmp_path.name}/hostile"
     assert data["facts"][:2] == [
         ("Run", "hostile"),
-        ("Continue it", f"agentflow design --resume {place}"),
+        ("Resume", f"agentflow design --resume {place}"),
     ]
     assert data["usage"][-1]["cost"] == 1.5
     said = json.loads(zlib.decompress(base64.b64decode(data["calls"])))
@@ -108,7 +108,7 @@ def test_an_unfinished_run_names_its_model_as_a_finished_one(tmp_path: Path) -> 
     (run / "result.json").unlink()
     data = RunStory.read(run, None, None).to_json(lambda _model, _usage: 0.0, priced=True)
     assert data["run"]["about"].startswith("procedural (no language model): ")
-    assert data["facts"][1] == ("Continue it", "agentflow design --resume 'my runs/one'")
+    assert data["facts"][1] == ("Resume", "agentflow design --resume 'my runs/one'")
 
 
 def test_a_run_without_a_machine_says_why(tmp_path: Path) -> None:
@@ -124,7 +124,7 @@ def test_a_run_in_which_nothing_scored_praises_no_machine(tmp_path: Path) -> Non
     result = {"valid": True, "score": 0.0, "best_stage": "env_feedback", "model": "m"}
     story = RunStory.read(hostile_run(tmp_path), result, None)
     assert story.to_json(no_price, priced=False)["run"]["sentence"] == (
-        "is the most that any machine scored; shown is one found in the stage env feedback"
+        "is the highest score of any machine; one found in the stage env feedback is shown"
     )
 
 

@@ -321,8 +321,7 @@ async def test_a_structure_without_designs_ends_the_construction() -> None:
     (stage,) = result.stages
     assert all(c.machine is not None and len(c.machine) == 2 for c in stage.candidates)
     assert all(
-        c.reason.startswith("structure 'Drive' obtained no valid design: ")
-        for c in stage.candidates
+        c.reason.startswith("no valid design for structure 'Drive': ") for c in stage.candidates
     )
     assert set(run.notes.of("construction_end")) == {"structure-2"}
     assert run.shelf.tried == []

@@ -211,7 +211,7 @@ async def test_a_node_expanded_again_knows_what_became_of_its_children() -> None
     second = run.prompt(f"{refiner}/round-1/node-0/try-3/attempt-1")
     earlier = second.partition("## Earlier attempts")[2].partition("## Your reply")[0]
     assert "1.\n> Add 1 to 0 in 1\n> (accepted: make another change than this one)\n" in earlier
-    assert "2.\n> The script fails" in earlier
+    assert "2.\n> The script failed" in earlier
     history = run.prompt(f"{refiner}/round-2/node-0/try-1/attempt-1").partition("## Edit history")[
         2
     ]
@@ -228,7 +228,7 @@ async def test_no_valid_initial_machine_is_a_result() -> None:
         run = Run(Author(refused=1.0), {"trajectories": 2})
         result = await run(name)
         assert (result.best, result.stopped, len(result.stages)) == (None, None, 1)
-        assert result.reason.startswith("no valid machine: The reply holds no valid machine:")
+        assert result.reason.startswith("no valid machine: The reply contains no valid machine:")
 
 
 async def test_a_budget_spent_on_the_first_machines_begins_no_later_stage() -> None:

@@ -48,15 +48,15 @@ def _differences(run: RunDirectory) -> Iterator[str]:
     if run.replaced:
         first = run.replaced[0]
         yield (
-            f"recorded events that differ now: {len(run.replaced)}, first {first.kind} "
-            f"{first.label}: {WHY}; both versions are kept, the later one counts"
+            f"recorded events that now differ: {len(run.replaced)} (first: {first.kind} "
+            f"{first.label}), because {WHY}; both versions are kept, the later one counts"
         )
     missing = [event for event in run.unreproduced() if event.kind != REMARK]
     if missing:
         first = missing[0]
         yield (
-            f"recorded events that were not reproduced: {len(missing)}, first {first.kind} "
-            f"{first.label}: {WHY}; they are kept"
+            f"recorded events that were not reproduced: {len(missing)} (first: {first.kind} "
+            f"{first.label}), because {WHY}; they are kept"
         )
 
 

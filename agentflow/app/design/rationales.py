@@ -44,5 +44,5 @@ def rationales_of(path: Path) -> tuple[str, ...]:
                 plans.setdefault(place.trajectory, {}).setdefault(place.structure, text)
     texts = tuple("\n".join(plan[n] for n in sorted(plan)) for _, plan in sorted(plans.items()))
     if not any(texts):
-        raise RunError(f"{path} holds no rationale: no design of it was accepted")
+        raise RunError(f"{path} contains no rationale: none of its designs was accepted")
     return tuple(filter(None, texts))

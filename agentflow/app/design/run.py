@@ -122,8 +122,8 @@ class DesignRun:
         plan = RunPlan.of(build_config(document.get("config")))
         if changes := plan.changes_since(document):
             raise RunError(
-                f"{path} was started with different {changes}: its record does not fit the rest "
-                "of the run; resume it with the version that started it"
+                f"{path} was started with different {changes}, so its record cannot be "
+                "continued; resume it with the version that started it"
             )
         if note := plan.engine_note(document):
             options.notify(f"{path}: {note}")

@@ -16,7 +16,9 @@ FORM = '{"machine": [...], "script": "Remove 3"}'
 def edit_file(source: str, script: str, brief: Brief | None) -> dict[str, Any]:
     """Apply a script to a machine file; one of the two may be `-`, standard input."""
     if source == script == "-":
-        raise UsageError("machine and script cannot both come from standard input; give --script")
+        raise UsageError(
+            "machine and script cannot both come from standard input; use --script FILE"
+        )
     report = check(read_for(brief, machine_text(source)), brief)
     if report.machine is None:
         raise UsageError(f"{source} cannot be edited: {report.problems[0].message}")

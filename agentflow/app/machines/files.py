@@ -75,7 +75,7 @@ def machine_text(source: str) -> str:
     problem = next((p for p in read_any(text, form).problems if p.code in NO_MACHINE), None)
     if problem is not None:
         place = "standard input" if source == "-" else source
-        raise UsageError(f"{place} holds no machine: {problem.message}")
+        raise UsageError(f"{place} contains no machine: {problem.message}")
     return text
 
 

@@ -224,7 +224,7 @@ def _events(rollout: Rollout, machine: Machine) -> list[dict[str, Any]]:
 def _event_text(event: RolloutEvent) -> str:
     """An event in words. The text of a stalled motor only names the motor."""
     text = event.text or event.kind.replace("_", " ")
-    return f"motor stands still: {text}" if event.kind == "motor_stalled" else text
+    return f"motor stalled: {text}" if event.kind == "motor_stalled" else text
 
 
 def _break_text(item: Broken, machine: Machine) -> str:

@@ -60,7 +60,7 @@ def _finished_runs(folder: Path) -> list[Path]:
     found = [path for path in find_runs(folder) if state_of(path) == "done"]
     if not found:
         raise RunError(
-            f"{folder} holds no finished run: expected a run directory or a folder with runs"
+            f"{folder} contains no finished run: expected a run directory or a folder with runs"
         )
     return found
 

@@ -33,7 +33,7 @@ def render_run(path: Path, out: Path | None = None, view: str = "three-quarter")
     config = build_config(read_document(path).get("config"))
     machine = read_machine(result["machine"], range(1000)).machine
     if machine is None:
-        raise RunError(f"{path} found no valid machine to draw")
+        raise RunError(f"{path} has no valid machine to draw")
     task = get_task(config.task, config.knobs)
     return _render(machine, task, config.seed, out or path / "best", view)
 
@@ -74,5 +74,5 @@ def _simulate(machine: Machine, task: Task, seed: int, interval: float) -> Rollo
     rollout = simulate(machine, task, seed=seed, interval=interval)
     if rollout.trace is None:
         why = "; ".join(str(problem["message"]) for problem in rollout.problems)
-        raise UsageError(f"nothing to film, the rollout ended as {rollout.status}: {why}")
+        raise UsageError(f"nothing to film: the rollout ended as {rollout.status} ({why})")
     return rollout

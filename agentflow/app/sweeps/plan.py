@@ -93,8 +93,8 @@ def plan_sweep(
     for key in [*(setting.partition("=")[0].strip() for setting in settings), *given]:
         if key.removeprefix("settings.") in {name.removeprefix("settings.") for name in axes}:
             raise ConfigError(
-                f"{key} is varied by the sweep ({axes.get(key, 'axes')}): it cannot be set for all "
-                "runs; --seeds N sets the seeds"
+                f"{key} is varied by the sweep ({axes.get(key, 'axes')}) and cannot be set for all "
+                "runs; to set the seeds, use --seeds N"
             )
     base = apply_settings(sweep.base, settings)
     for key, value in given.items():
@@ -120,5 +120,5 @@ def _refuse_credentials(sweep: SweepConfig, found: Iterable[SweepRun]) -> None:
         if urls_with_credentials(run.config) - known:
             raise ConfigError(
                 "an axis has a base URL with a user or a query, which would be written to files; "
-                "name the environment variable of the key in model.key_variable instead"
+                "put the key in an environment variable and name that in model.key_variable"
             )

@@ -69,9 +69,9 @@ def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
     """A line for every trial, then the feedback of the one shown."""
     shown = played[index].feedback
     text = [
-        f"Score: {score:.2f} successful trials of {len(played)}",
+        f"Score: {score:.2f} successful trials out of {len(played)}",
         *(f"Trial {n}: {_outcome(rollout)}" for n, rollout in enumerate(played, start=1)),
-        f"The rest is about trial {index + 1}.",
+        f"Everything below is about trial {index + 1}.",
         *(line for line in shown.text.splitlines() if not line.startswith(("Score:", "Result:"))),
     ]
     trials: list[dict[str, Any]] = [

@@ -21,9 +21,9 @@ WOOD = (0.71, 0.53, 0.34, 1.0)
 class Wind(Parameters):
     """A steady wind."""
 
-    speed: float = knob(0, -20, 20, "m/s", "head wind, towards z-")
+    speed: float = knob(0, -20, 20, "m/s", "headwind, towards z-")
     down: float = knob(0, -20, 20, "m/s", "downward wind, towards y-")
-    cross: float = knob(0, -20, 20, "m/s", "cross wind, towards x+")
+    cross: float = knob(0, -20, 20, "m/s", "crosswind, towards x+")
 
     @property
     def velocity(self) -> Vec3:
@@ -81,8 +81,8 @@ def schedule_sentences(
     names = " and ".join(filter(None, (", ".join(turning[:-1]), *turning[-1:])))
     times = vars(schedule)
     return (
-        "Before t = 0 the machine settles with power off until it rests: motors hold still and "
-        "springs exert no force.",
+        "Before t = 0 the machine settles with power off until it comes to rest: motors hold still "
+        "and springs exert no force.",
         *([f"At t = {schedule.motors:g} s {names} start to turn and never stop."] if names else []),
         *(block.schedule_text.format(**times) for block in types if block.schedule_text),
         f"The window ends at t = {window:g} s; nothing can be switched or steered during it.",

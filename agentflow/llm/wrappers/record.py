@@ -97,7 +97,7 @@ def _explain_miss(tape: Tape, model: str, request: Request) -> str:
     nearest = max(tape.calls(), key=likeness, default=None)
     miss = f"{tape.path} does not hold the call {request.label!r}"
     if nearest is None:
-        return f"{miss}; it holds no calls"
+        return f"{miss}; it contains no calls"
     difference = _first_difference(_fields(nearest.model, nearest.request), requested)
     return f"{miss}; nearest is {nearest.request.label!r}, first difference: {difference}"
 

@@ -71,7 +71,7 @@ async function describe(place, node, data, calls) {
 
 function legend() {
   return el("p", { class: "quiet" }, "Each dot is a machine, edited from the one to its left; stronger colour means a higher score. ",
-    "Red ring: something broke. Hollow: invalid. Cross: refused edit. Arrow keys move the selection.");
+    "Red ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
 }
 
 function scoreCharts({ progress }) {
@@ -105,9 +105,9 @@ function failures({ validity, reasons, failures: kinds }) {
   return section("Validity and failures",
     table("Replies by role, including retries", ["Role", "Replies", "Parsed", "Valid", "Repaired"],
       validity.map((row) => [readable(row.role), row.attempts, row.parsed, row.valid, row.repaired])),
-    el("h3", {}, "Reasons for refused replies"),
-    reasons.length ? barChart("Reasons for refused replies", reasons.map(({ code, count, example }) => [code, count, example]))
-      : el("p", { class: "quiet" }, "No reply was refused."),
+    el("h3", {}, "Reasons for rejected replies"),
+    reasons.length ? barChart("Reasons for rejected replies", reasons.map(({ code, count, example }) => [code, count, example]))
+      : el("p", { class: "quiet" }, "No reply was rejected."),
     el("h3", {}, "Failures by kind"),
     counted.length ? barChart("Failures by kind", counted.map(({ name, count, unit, level, rule }) =>
       [name, count, `${level}, of ${PLURAL[unit]}: ${rule}`])) : el("p", { class: "quiet" }, "No failures."));

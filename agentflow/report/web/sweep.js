@@ -18,7 +18,7 @@ export function sweepPage(data) {
 function scoreDistributions(rows) {
   const tasks = [...new Set(rows.map((row) => row.task))];
   const known = rows.some((row) => Number.isFinite(row.low));
-  const about = `Each dot is a machine; invalid machines count as 0. Below: the mean${known ? " with its 95 % bootstrap interval" : ""}.`;
+  const about = `Each dot is a machine; invalid machines count as 0. Below: the mean${known ? " with its 95% bootstrap confidence interval" : ""}.`;
   return section("Distribution of scores",
     el("p", { class: "quiet" }, about),
     ...tasks.map((task) => intervalChart(task, "score", rows.filter((row) => row.task === task))));

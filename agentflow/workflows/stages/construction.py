@@ -53,7 +53,7 @@ async def build(run: WorkflowContext, blueprint: Blueprint) -> list[Candidate]:
             for place, slot in zip(run.trajectories, places, strict=True)
         )
         if not any(slot.machine for slot in built):
-            reason = f"structure {structure.name!r} obtained no valid design: {built[0].reason}"
+            reason = f"no valid design for structure {structure.name!r}: {built[0].reason}"
             run.note(ConstructionEndEvent(here, reason))
             beam = [
                 replace(slot, first=new.first, reason=slot.reason or reason)

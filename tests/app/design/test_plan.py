@@ -49,8 +49,8 @@ def test_resuming_with_another_engine_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError) as caught:
         resume(run.path)
     assert str(caught.value) == (
-        f"{run.path} was started with different engine (pybullet 0.0.1, now {now}): its record "
-        "does not fit the rest of the run; resume it with the version that started it"
+        f"{run.path} was started with different engine (pybullet 0.0.1, now {now}), so its "
+        "record cannot be continued; resume it with the version that started it"
     )
 
 

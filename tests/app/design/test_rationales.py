@@ -56,5 +56,7 @@ def test_rationales_need_a_run_with_accepted_designs(tmp_path: Path) -> None:
         tmp_path,
     )
     assert nobody["model"] == "none (random edits)"
-    with pytest.raises(RunError, match=r" holds no rationale: no design of it was accepted$"):
+    with pytest.raises(
+        RunError, match=r" contains no rationale: none of its designs was accepted$"
+    ):
         rationales_of(Path(nobody["run"]))

@@ -41,9 +41,10 @@ def test_differences_are_reported_and_both_versions_kept(tmp_path: Path) -> None
     why = "a rollout had been cut off, a file was edited, or agentflow has changed"
     assert said == [
         f"{run.path / 'events.jsonl'}: dropped a half-written last line (6 bytes)",
-        f"recorded events that differ now: 1, first stage edited: {why}; "
+        f"recorded events that now differ: 1 (first: stage edited), because {why}; "
         "both versions are kept, the later one counts",
-        f"recorded events that were not reproduced: 1, first stage added: {why}; they are kept",
+        f"recorded events that were not reproduced: 1 (first: stage added), because {why}; "
+        "they are kept",
     ]
     assert (run.path / "events.jsonl").read_bytes().startswith(recorded)
     told = [event.data["text"] for event in read_events(run.path) if event.kind == REMARK]

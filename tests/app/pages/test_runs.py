@@ -142,7 +142,7 @@ def test_breakages_are_listed_with_time_and_place() -> None:
 def test_every_trial_but_the_one_shown_has_a_film() -> None:
     item, task = machine(HOLDS), get_task("throwing")
     rollout = simulate(item, task, seed=0)
-    stalled = RolloutEvent(1.0, "motor_stalled", (3,), "block 3 (Powered Wheel) 1.0-2.0 s")
+    stalled = RolloutEvent(1.0, "motor_stalled", (3,), "block 3 (Powered Wheel) from 1.0 to 2.0 s")
     told: dict[str, float | bool | str | None] = {
         "trial_1": True,
         "outcome_1": "success",
@@ -158,7 +158,7 @@ def test_every_trial_but_the_one_shown_has_a_film() -> None:
     assert first["film"]["samples"] == -(-shown["film"]["samples"] // 3)
     assert first["film"]["interval"] == pytest.approx(3 * shown["film"]["interval"])
     assert [event["text"] for event in shown["events"]] == [
-        "motor stands still: block 3 (Powered Wheel) 1.0-2.0 s"
+        "motor stalled: block 3 (Powered Wheel) from 1.0 to 2.0 s"
     ]
     assert machine_data(item, rollout, Shapes(), played=(rollout, rollout))["trials"] == []
 
@@ -237,7 +237,7 @@ def test_a_gallery_needs_a_finished_run(tmp_path: Path) -> None:
     with pytest.raises(RunError) as caught:
         gallery([tmp_path], tmp_path / "g.html", workers=1, say=quiet)
     assert str(caught.value) == (
-        f"{tmp_path} holds no finished run: expected a run directory or a folder with runs"
+        f"{tmp_path} contains no finished run: expected a run directory or a folder with runs"
     )
 
 

@@ -278,9 +278,9 @@ def test_settings_apply_to_all_runs_and_name_the_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("settings", "changes", "kind", "message"),
     [
-        (["history=off"], {}, ConfigError, "history is varied by the sweep (condition): it "),
+        (["history=off"], {}, ConfigError, "history is varied by the sweep (condition) and "),
         (["settings.history=off"], {}, ConfigError, "settings.history is varied by the sweep"),
-        (["seed=3"], {}, ConfigError, "seed is varied by the sweep (seeds): it cannot be set"),
+        (["seed=3"], {}, ConfigError, "seed is varied by the sweep (seeds) and cannot be set"),
         (
             [],
             {"table": {"metrics": ["meen"]}},
@@ -358,6 +358,6 @@ def test_credentials_in_axes_are_refused(tmp_path: Path, url: str, keys: list[st
     with pytest.raises(ConfigError) as caught:
         plan_sweep(path, (), {})
     assert str(caught.value) == (
-        "an axis has a base URL with a user or a query, which would be written to files; name the "
-        "environment variable of the key in model.key_variable instead"
+        "an axis has a base URL with a user or a query, which would be written to files; put the "
+        "key in an environment variable and name that in model.key_variable"
     )

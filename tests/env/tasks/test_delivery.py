@@ -136,7 +136,7 @@ def test_the_feedback_tells_the_cargo_and_its_distance_to_the_machine() -> None:
         "Score: 25.00 m",
         "Result: the machine first touched the cargo at 0.00 s",
         "Cargo: greatest distance 25.00 m along z+ at 5.00 s, greatest horizontal distance "
-        "25.00 m, greatest height 1.50 m, landing index none",
+        "25.00 m, greatest height 1.50 m, no landing after free flight",
     ]
     assert lines[3].startswith(
         "Distance from the cargo's centre to the nearest block every 0.2 s (m): 15.1 16.1 17.1 "
@@ -154,7 +154,7 @@ def test_the_prompt_tells_what_lies_on_the_road() -> None:
     assert "a ball of diameter 3 m and mass 5 kg" in text
     assert "its centre at x = 0, y = 1.5, z = 15 m" in text
     assert "A beam, 1 m thick, crosses the whole road at z = 8 m with 4 m of clearance" in text
-    assert "flat at z = 31.7 m, it steepens to its edge at z = 38.3 m, 3.5 m high" in text
+    assert "flat at z = 31.7 m and steepens to its edge at z = 38.3 m, 3.5 m high" in text
     assert (
         "A cone of diameter 12 m and height 1.5 m, tip upward, stands in the middle of the road "
         "at x = 38 m, z = 0 m." in get_task("delivery/5").brief.scene

@@ -75,7 +75,7 @@ def test_all_hoops_are_worth_ten_each_and_nothing_more() -> None:
     task = level("flying/4")
     path = [(x, y, z + d) for x, y, z in (hoop.centre for hoop in task.marks) for d in (-1.0, 1.0)]
     verdict = judge(task, *path)
-    assert (verdict.score, verdict.terms["result"]) == (30.0, "passed: 3 of 3")
+    assert (verdict.score, verdict.terms["result"]) == (30.0, "3 of 3 passed")
     assert verdict.terms["closest"] is None
 
 
@@ -92,7 +92,7 @@ def test_coming_close_to_the_first_hoop_is_worth_something() -> None:
     _, y, z = task.marks[0].centre
     verdict = judge(task, (0.0, y, z - 4.0), (0.0, 0.5, 0.0))
     assert verdict.score == pytest.approx(6.0)
-    assert verdict.terms["result"] == ("passed: 0 of 3, closest to the centre of hoop 1: 4.00 m")
+    assert verdict.terms["result"] == ("0 of 3 passed, closest to the centre of hoop 1: 4.00 m")
 
 
 def test_the_start_is_a_place_of_the_flight() -> None:
@@ -114,10 +114,10 @@ def test_the_feedback_tells_heights_and_marks(name: str, score: str) -> None:
     first, root, marks = feedback.text.splitlines()[:3]
     assert first == score
     assert root == (
-        "Root: greatest height 1.50 m above its start at 1.00 s, ends 0.50 m above it, greatest "
+        "Root: greatest height 1.50 m above its start at 1.00 s, ends 0.50 m above it, fastest "
         "climb 5.00 m/s"
     )
-    assert marks.startswith("Marks: passed: 0 of 3, closest ") == (name == "flying/4")
+    assert marks.startswith("Hoops: 0 of 3 passed, closest ") == (name == "flying/4")
     assert feedback.data["greatest_climb"] == pytest.approx(5.0)
 
 
@@ -147,7 +147,7 @@ def test_only_marks_allow_the_flying_block() -> None:
         True,
     ]
     told = " ".join(level("flying/4").brief.schedule)
-    assert "flying blocks start to push along their facing" in told
+    assert "flying blocks start to push in the direction they face" in told
     assert "flying blocks" not in " ".join(level("flying").brief.schedule)
     assert "Propellers have no motor" in " ".join(level("flying").brief.schedule)
 

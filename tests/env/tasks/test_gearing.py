@@ -88,7 +88,7 @@ def test_two_targets_must_turn_together() -> None:
     told = " ".join(get_task("gearing/5").brief.score)
     assert "block 2 (target) turns" in told
     assert "block 3 (target) turns" in told
-    assert "both at the same time, for 1 s without a break within 5 s" in told
+    assert "both at the same time, for 1 s without interruption within 5 s" in told
 
 
 @pytest.mark.parametrize(

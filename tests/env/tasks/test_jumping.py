@@ -69,7 +69,7 @@ def test_a_touch_fails_the_trial_whatever_comes_after() -> None:
     verdict = judge_on(referee, world)
     assert verdict.score == 0.0
     assert verdict.terms["outcome"] == (
-        "failed, block 1 (Ballast) touched the wall 1 at 1.50 s, 0.25 m too low"
+        "failed, block 1 (Ballast) touched wall 1 at 1.50 s, 0.25 m too low"
     )
     assert (verdict.terms["touched"], verdict.terms["touch_time"]) == ("wall 1", 1.5)
     assert verdict.terms["miss"] == pytest.approx(0.25)

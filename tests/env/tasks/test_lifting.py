@@ -83,7 +83,7 @@ def test_what_comes_down_again_has_not_been_lifted() -> None:
 def test_what_never_rises_a_metre_is_told_how_far_it_rose() -> None:
     verdict = judge((1.0, 2.75), (5.0, 2.5))
     assert verdict.terms["outcome"] == (
-        "failed, never 1 m up, highest 0.75 m at 1.00 s, ends 0.50 m up"
+        "failed, never rose 1 m, highest 0.75 m at 1.00 s, ends 0.50 m up"
     )
     assert verdict.events == ()
 

@@ -40,8 +40,8 @@ def test_the_levels_place_them_by_the_table() -> None:
     bumps = [t for t in get_task("movement/2").scene().things if t.name.startswith("bump")]
     assert [thing.position[2] for thing in bumps] == [15.0, 30.0]
     assert (
-        "A quarter-pipe lies across the whole road: flat at z = 15.7 m, it steepens to its edge "
-        "at z = 22.3 m, 3.5 m high; behind the edge it drops to the ground."
+        "A quarter-pipe lies across the whole road: it starts flat at z = 15.7 m and steepens to "
+        "its edge at z = 22.3 m, 3.5 m high; behind the edge it drops to the ground."
         in get_task("movement/3").brief.scene
     )
     assert get_task("throwing/3").brief.scene[-1] == (

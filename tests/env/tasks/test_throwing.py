@@ -211,10 +211,10 @@ def test_the_feedback_is_short_and_regular() -> None:
         "Score: 9.00 m",
         "Result: thrown: the boulder left block 1 (Container) at 0.00 s and landed on the ground "
         "at 0.60 s, 9.00 m along z+",
-        "Boulder: greatest horizontal distance 9.00 m, greatest height 2.00 m, landing index 3",
+        "Boulder: greatest horizontal distance 9.00 m, greatest height 2.00 m, landed in sample 3",
         "Broken: none",
-        "Orientation of block 0: faces z+ 0.0-5.0 s",
-        "Most loaded connections (load 1 breaks): none",
+        "Orientation of block 0: facing z+ from 0.0 to 5.0 s",
+        "Most loaded connections (load / strength, breaks at 1): none",
     ]
     assert feedback.text.splitlines()[6].startswith(
         "Boulder position every 0.2 s from t = 0 s (x, y, z): (0.00, 2.00, 0.00) (0.00, 2.00, 0.10)"

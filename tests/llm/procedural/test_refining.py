@@ -11,7 +11,9 @@ from tests.llm.procedural.asking import blueprint_of, brief_of, designs, refinem
 from tests.llm.procedural.test_inspecting import machine_of
 
 BROKEN = "Score: 0.00 m\nBroken: block 2 (Log) off block 1 at 0.30 s, load 1.20"
-TIPPED = "Score: 0.00 m\nOrientation of block 0: faces y+ with its top to z- 0.0-5.0 s"
+TIPPED = (
+    "Score: 0.00 m\nOrientation of block 0: facing y+ with its top towards z- from 0.0 to 5.0 s"
+)
 
 
 async def machine_for(task: str, seed: int) -> Machine:

@@ -9,7 +9,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from agentflow.env.feedback import compose, number, sample_indices, series, term_number
+from agentflow.env.feedback import (
+    compose,
+    landing_text,
+    number,
+    sample_indices,
+    series,
+    term_number,
+)
 from agentflow.env.rollout import Array, Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView, sample_at
@@ -194,7 +201,7 @@ class Delivery(Family):
             else f"Result: the machine first touched the cargo at {number(float(touched))} s",
             f"Cargo: greatest distance {distance} m {scoring_direction(self.parameters.curve)} at "
             f"{time} s, greatest horizontal distance {reach} m, greatest height {height} m, "
-            f"landing index {'none' if index is None else index}",
+            f"{landing_text(index)}",
             _gap_line(trace.times, gaps),
         )
         path = series("Cargo position", trace.times, cargo)

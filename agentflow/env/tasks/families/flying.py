@@ -132,10 +132,10 @@ class Flying(Family):
         lines = [
             f"Root: greatest height {number(float(terms['height'] or 0.0))} m above its start at "
             f"{number(float(terms['time'] or 0.0))} s, ends {number(float(terms['end'] or 0.0))} m "
-            f"above it, greatest climb {number(climb)} m/s",
+            f"above it, fastest climb {number(climb)} m/s",
         ]
         if self.marks:
-            lines.append(f"Marks: {terms['result']}")
+            lines.append(f"Hoops: {terms['result']}")
         path = series("Root position", trace.times, trace.centre[:, 0])
         unit = "" if self.marks else "m"
         data = {"greatest_climb": climb}
@@ -170,7 +170,7 @@ class FlightReferee:
         """Score, terms and events; terms about hoops are None in mode `altitude`."""
         passed, total = self._progress.passed, self._total
         near = None if passed == total else self._progress.closest
-        result = f"passed: {passed} of {total}"
+        result = f"{passed} of {total} passed"
         if near is not None:
             result += f", closest to the centre of hoop {passed + 1}: {number(near)} m"
         terms: dict[str, float | bool | str | None] = {

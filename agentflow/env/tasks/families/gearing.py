@@ -142,8 +142,8 @@ class Gearing(Family):
             ),
             score=(
                 f"Score: 1 if {_goal(knobs)}, at {MIN_SPEED:g} rad/s or faster"
-                f"{', both at the same time,' * (knobs.target.count > 1)} for {HOLD:g} s without a "
-                f"break within {self.window:g} s; else 0.",
+                f"{', both at the same time,' * (knobs.target.count > 1)} for {HOLD:g} s without "
+                f"interruption within {self.window:g} s; else 0.",
                 "Speeds are measured relative to the plate, every 0.1 s.",
             ),
             blocks=BLOCKS,
@@ -256,8 +256,8 @@ def _meshing_sentences() -> tuple[str, ...]:
         f"Powered Cog) or {large:g} m (Large Cog). Boxes must not overlap ({2 * medium:g} x "
         f"{2 * medium:g} and {2 * large:g} x {2 * large:g} m), so cogs mesh side by side along x "
         f"or z, with their centres {2 * medium:g} m (both small), {medium + large:g} m (one large) "
-        f"or {2 * large:g} m (both large) apart; they still mesh with an offset of "
-        f"{GRID:g} m to the side.",
+        f"or {2 * large:g} m (both large) apart; they still mesh if offset "
+        f"sideways by {GRID:g} m.",
         "Meshing cogs turn in opposite directions, so the direction changes with every mesh along "
         "a train; if a closed loop of meshing cogs would force a cog to turn both ways, the whole "
         "train is locked.",

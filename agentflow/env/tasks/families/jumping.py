@@ -48,7 +48,7 @@ class JumpingKnobs(CommonKnobs):
     friction: float = knob(0.8, 0.1, 2, "", "friction coefficient of ground and obstacles")
     yaw: float = knob(0, -10, 10, "degrees", "initial yaw of the machine; positive towards x+")
     jump_at: float = knob(
-        1, 0, 10, "s", "start time of springs and steering hinges; schedule.* adds to it"
+        1, 0, 10, "s", "start time of springs and steering hinges; the schedule.* delays are added"
     )
     variation: JumpVariation = JumpVariation()
 
@@ -102,10 +102,12 @@ class Jumping(TrialFamily):
     @property
     def brief(self) -> Brief:
         knobs, by = self.parameters, self.parameters.variation
-        varied, untouchable = (
-            ("depth", "the trench's floor or far wall")
+        shifted, varied, untouchable = (
+            ("the trench is", "its depth", "the trench's floor or far wall")
             if knobs.trench.length
-            else ("height", "a wall")
+            else ("the wall is", "its height", "a wall")
+            if knobs.walls.count == 1
+            else ("the walls are", "their height", "a wall")
         )
         return Brief(
             name=self.name,
@@ -116,8 +118,8 @@ class Jumping(TrialFamily):
                 *knobs.obstacle.sentences(),
                 *knobs.slope.sentences(knobs.obstacle.near_side),
                 *knobs.wind.sentences(),
-                f"The {self.count} trials differ at random: obstacles stand up to "
-                f"{by.distance:g} m nearer or farther along z, their {varied} varies by up to "
+                f"The {self.count} trials differ at random: {shifted} shifted by up to "
+                f"{by.distance:g} m along z, {varied} varies by up to "
                 f"{by.height:.0%}, the friction of ground and obstacles ({knobs.friction:g}) by up "
                 f"to {by.friction:.0%}, and the machine is turned by up to {by.yaw:g} degrees to "
                 "the left or right.",
@@ -130,7 +132,7 @@ class Jumping(TrialFamily):
                 f"A trial succeeds if no block of the machine, not even one that broke off, "
                 f"touches {untouchable} from t = 0 on, and at the end the centre of the Starting "
                 f"Block and at least half of the machine's mass are beyond z = "
-                f"{knobs.obstacle.far_side:g} m (the far side; it moves with the obstacles).",
+                f"{knobs.obstacle.far_side:g} m (the far side, which shifts with the obstacles).",
                 "At t = 0 every block must be on the near side of the first obstacle; crossing it "
                 "before t = 0 fails the trial.",
             ),
@@ -230,7 +232,9 @@ class JumpReferee:
             return False, f"failed, {early} was across before t = 0", None
         if self._touch is not None:
             time, block, name, miss = self._touch
-            touched = f"{block_name(self._machine, block)} touched the {name} at {number(time)} s"
+            touched = (
+                f"{block_name(self._machine, block)} touched {_place(name)} at {number(time)} s"
+            )
             what = "too low" if isinstance(self._obstacle, Walls) else "short"
             return False, f"failed, {touched}, {number(miss)} m {what}", miss
         beyond = root - self._far
@@ -245,8 +249,13 @@ class JumpReferee:
         if self._touch is None:
             return ()
         time, block, name, _ = self._touch
-        text = f"{block_name(self._machine, block)} touches the {name}"
+        text = f"{block_name(self._machine, block)} touches {_place(name)}"
         return (RolloutEvent(time, "obstacle_touched", (block,), text),)
+
+
+def _place(name: str) -> str:
+    """Name an obstacle in a sentence: "wall 1", "the far wall"."""
+    return name if name[-1].isdigit() else f"the {name}"
 
 
 def lowest_point(world: WorldView, machine: Machine, block: int) -> float:

@@ -128,8 +128,8 @@ class Lifting(TrialFamily):
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
                 f"A trial succeeds if the object's centre stays at least {RISE:g} m above its "
-                f"height at t = 0 for {HOLD:g} s without a break and is that high at the end; it "
-                f"must have touched the machine within the last {LOOSE:g} s.",
+                f"height at t = 0 for {HOLD:g} s without interruption and is that high at the "
+                f"end; it must have touched the machine within the last {LOOSE:g} s.",
             ),
             blocks=BLOCKS,
         )
@@ -230,7 +230,7 @@ class LiftReferee:
         if self._since is not None:
             return f"failed, up for only {number(self._held)} s, {best}"
         if self._first is None:
-            return f"failed, never {RISE:g} m up, {best}, ends {number(self._rise)} m up"
+            return f"failed, never rose {RISE:g} m, {best}, ends {number(self._rise)} m up"
         return f"failed, up for {number(self._held)} s but ends {number(self._rise)} m up, {best}"
 
     def _events(self) -> tuple[RolloutEvent, ...]:

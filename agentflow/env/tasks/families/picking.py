@@ -39,7 +39,9 @@ class Pit(Parameters):
 class Bar(Parameters):
     """A bar along x, from the pit's left wall across its middle."""
 
-    share: float = knob(0, 0, 0.5, "", "share of the opening that it crosses; 0 removes it")
+    share: float = knob(
+        0, 0, 0.5, "", "share of the opening that the bar crosses; 0 removes the bar"
+    )
     below: float = knob(1, 0, 8, "m", "depth of the bar's top below the ground")
 
 
@@ -113,8 +115,8 @@ class Picking(Family):
             score=(
                 "Score: the greatest height in metres of the ball's centre above its position "
                 f"at t = 0, within {self.window:g} s.",
-                "It is a success if the ball ends outside the pit: above ground level and not over "
-                "the opening.",
+                "The run is a success if the ball ends outside the pit: above ground level and not "
+                "over the opening.",
             ),
             blocks=BLOCKS,
         )
@@ -253,8 +255,8 @@ def _bar_sentences(knobs: PickingKnobs) -> Iterator[str]:
 
 def _schedule_sentences(times: PickingTimes, window: float) -> tuple[str, ...]:
     return (
-        "Before t = 0 the machine settles with power off until it rests: motors hold still and "
-        "springs exert no force.",
+        "Before t = 0 the machine settles with power off until it comes to rest: motors hold "
+        "still and springs exert no force.",
         f"At t = {times.motors:g} s wheels and rotating blocks start to turn; at "
         f"t = {times.lower:g} s they stop and hold still; at t = {times.back:g} s they start to "
         "turn backward.",

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from agentflow.env.feedback import block_name, compose, number, series, term_number
+from agentflow.env.feedback import block_name, compose, landing_text, number, series, term_number
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters, WorldView
@@ -53,11 +53,11 @@ class ThrowingKnobs(CommonKnobs):
     obstacle: Hurdle = Hurdle()
     ring: Rings = Rings()
     target: Target = Target()
-    reload: int = knob(1, 1, 4, "", "number of boulders; the score is their mean")
+    reload: int = knob(1, 1, 4, "", "number of boulders; the score is the mean of their scores")
     score: Mode = Field(
         "distance",
-        description="distance; rl: greatest height x distance; rings: 10 per ring passed; "
-        "accuracy: up to 10 for landing close to the target",
+        description="distance; rl (reward for RL training): greatest height x distance; "
+        "rings: 10 per ring passed; accuracy: up to 10 for landing close to the target",
         json_schema_extra={"unit": "distance, rl, rings or accuracy"},
     )
 
@@ -132,7 +132,7 @@ class Throwing(Family):
             f"Result: {terms['result']}",
             f"Boulder: greatest horizontal distance {number(term_number(terms, 'reach'))} m, "
             f"greatest height {number(term_number(terms, 'height'))} m, "
-            f"landing index {'none' if terms['landing_index'] is None else terms['landing_index']}",
+            f"{landing_text(terms['landing_index'])}",
             *_mode_lines(machine, terms),
         )
         path = series("Boulder position", trace.times, trace.centre[:, boulder])
@@ -230,26 +230,26 @@ def _ring_sentences(ring: Rings) -> tuple[str, ...]:
 
 def _distance(window: float) -> str:
     return (
-        "the distance in metres along z+ from the boulder's position at t = 0 to its first touch "
-        f"of ground or wall after free flight, within {window:g} s"
+        "the distance in metres along z+ from the boulder's position at t = 0 to where it first "
+        f"touches the ground or a wall after free flight, within {window:g} s"
     )
 
 
 _SCORES: Mapping[Mode, Callable[[ThrowingKnobs, float], tuple[str, ...]]] = {
-    "distance": lambda _, window: (f"Score: {_distance(window)}; at least 0.",),
+    "distance": lambda _, window: (f"Score: {_distance(window)}; never less than 0.",),
     "rl": lambda _, window: (
         f"Score: the boulder's greatest height in metres times {_distance(window)}; 0 unless the "
         f"height exceeds {RL_HEIGHT:g} m.",
     ),
     "rings": lambda _, window: (
         "Score: 10 for each ring that the boulder's centre passes towards z+ in free flight, in "
-        "order, plus 10 minus half its closest distance in metres to the next ring's centre, at "
-        f"least 0; within {window:g} s.",
-        "The flight ends with its first touch of ground, wall or ring.",
+        "order, plus 10 minus half its closest distance in metres to the next ring's centre (never "
+        f"less than 0), within {window:g} s.",
+        "The flight ends when it first touches the ground, a wall or a ring.",
     ),
     "accuracy": lambda knobs, window: (
         "Score: 10 minus half the distance in metres between the target on the ground, at x = 0, "
-        f"z = {knobs.target.at:g} m, and the boulder's first touch of ground or wall after free "
-        f"flight, within {window:g} s; at least 0.",
+        f"z = {knobs.target.at:g} m, and where the boulder first touches the ground or a wall "
+        f"after free flight, within {window:g} s; never less than 0.",
     ),
 }

@@ -132,5 +132,5 @@ class Slope(Parameters):
             edge = obstacle - self.before
             yield (
                 f"A slope of {self.angle:g} degrees rises from z = {edge - self.length:g} m to its "
-                f"edge at z = {edge:g} m, {self.rise:.2f} m higher; it moves with the obstacle."
+                f"edge at z = {edge:g} m, {self.rise:.2f} m higher; it shifts with the obstacle."
             )

@@ -216,8 +216,9 @@ RULES = (
     "All distances are measured to the centre of the boulder.",
     f"Free flight means no contact with the machine for {FREE_FLIGHT:g} s: a boulder that is "
     "carried, rolls, is pushed along or never leaves the machine scores 0.",
-    f"The throw counts only if, when the boulder lands, the Starting Block is at least {NEAR:.0%} "
-    "of the distance away from it and has not moved farther along z+ than the boulder since it "
-    "left: a boulder that rolls off while the machine drives on scores 0.",
+    "The throw counts only if, when the boulder lands, the gap between it and the Starting Block "
+    f"is at least {NEAR:.0%} of the distance and the Starting Block has not moved farther along z+ "
+    "than the boulder since release: a boulder that rolls off while the machine drives on scores "
+    "0.",
 )
 """The rules of `Flight` in words."""

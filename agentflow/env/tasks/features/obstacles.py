@@ -51,9 +51,9 @@ def ramp_sentences(ramp: Ramp) -> Iterator[str]:
     if ramp.height:
         start, end = ramp.at - ramp.length / 2, ramp.at + ramp.length / 2
         yield (
-            f"A quarter-pipe lies across the whole road: flat at z = {start:g} m, it steepens to "
-            f"its edge at z = {end:g} m, {ramp.height:g} m high; behind the edge it drops to the "
-            "ground."
+            f"A quarter-pipe lies across the whole road: it starts flat at z = {start:g} m and "
+            f"steepens to its edge at z = {end:g} m, {ramp.height:g} m high; behind the "
+            "edge it drops to the ground."
         )
 
 

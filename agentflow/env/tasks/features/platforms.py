@@ -17,7 +17,13 @@ THICK = 0.4
 class Platform(Parameters):
     """A flat or tilted platform under the machine."""
 
-    height: float = knob(0, 0, 10, "m", "height of its lowest edge; 0 and no angle removes it")
+    height: float = knob(
+        0,
+        0,
+        10,
+        "m",
+        "height of the platform's lowest edge; no platform if height and angle are both 0",
+    )
     angle: float = knob(0, -30, 30, "degrees", "tilt; positive raises the z+ end")
 
     @property
