@@ -73,6 +73,12 @@ def landing_text(sample: object) -> str:
     return "no landing after free flight" if sample is None else f"landed in sample {sample}"
 
 
+def thing_name(name: str) -> str:
+    """A thing of the scene in a sentence: "the far wall", "wall 1", "ring 2"."""
+    whole = name.partition(",")[0]
+    return whole if whole[-1].isdigit() else f"the {whole}"
+
+
 def term_number(terms: Mapping[str, Any], name: str) -> float:
     """A term of a verdict; 0 if it does not apply."""
     return float(terms.get(name) or 0.0)
@@ -123,7 +129,8 @@ def _runs(values: Sequence[V], times: Array) -> Iterator[tuple[V, float, float]]
 def _orientation_text(runs: Sequence[tuple[str, float, float]], interval: float) -> str:
     if len(runs) <= 4:
         return "facing " + "; ".join(
-            f"{word} from {start:.1f} to {end:.1f} s" for word, start, end in runs
+            f"{word} " + (f"from {start:.1f} to {end:.1f} s" if end > start else f"at {end:.1f} s")
+            for word, start, end in runs
         )
     held: dict[str, float] = defaultdict(float)
     for word, start, end in runs:

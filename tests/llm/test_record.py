@@ -148,7 +148,7 @@ async def test_a_miss_names_the_nearest_and_what_differs(
         with pytest.raises(ReplayMissError) as caught:
             await ReplayClient(tape, "scripted").complete(request_)
     assert str(caught.value) == (
-        f"{tmp_path / 'calls.jsonl'} does not hold the call {request_.label!r}; {text}"
+        f"{tmp_path / 'calls.jsonl'} does not contain the call {request_.label!r}; {text}"
     )
 
 

@@ -95,7 +95,7 @@ def _explain_miss(tape: Tape, model: str, request: Request) -> str:
         )
 
     nearest = max(tape.calls(), key=likeness, default=None)
-    miss = f"{tape.path} does not hold the call {request.label!r}"
+    miss = f"{tape.path} does not contain the call {request.label!r}"
     if nearest is None:
         return f"{miss}; it contains no calls"
     difference = _first_difference(_fields(nearest.model, nearest.request), requested)

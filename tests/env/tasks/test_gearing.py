@@ -63,7 +63,8 @@ def test_the_feedback_tells_what_is_locked_and_speeds_with_the_source() -> None:
     still = task.referee(machine).verdict(make_trace(5))
     feedback = task.feedback(machine, make_trace(5, angular_velocity=spin), (), still)
     assert feedback.text.splitlines()[2:6] == [
-        "Speeds at the end (rad/s, positive with the source): 1 2.00, 2 -0.50, 3 0.00, 4 1.00",
+        "Speeds at the end, by block (rad/s, positive with the source): 1: 2.00, 2: -0.50, "
+        "3: 0.00, 4: 1.00",
         "Meshing: 1-3, 1-4, 3-4",
         "Locked: 1-3-4",
         "Coupled to the source: 3, 4",

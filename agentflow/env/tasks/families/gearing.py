@@ -167,8 +167,8 @@ class Gearing(Family):
         speeds = _speeds(trace, cogs)
         lines = (
             f"Result: {verdict.terms['result']}",
-            f"Speeds at the end (rad/s, positive with the source): "
-            f"{', '.join(f'{cog} {number(speed)}' for cog, speed in speeds.items())}",
+            f"Speeds at the end, by block (rad/s, positive with the source): "
+            f"{', '.join(f'{cog}: {number(speed)}' for cog, speed in speeds.items())}",
             f"Meshing: {', '.join(f'{pair.a}-{pair.b}' for pair in pairs) or 'none'}",
             f"Locked: {_locked(found)}",
             f"Coupled to the source: {_train_of(SOURCE, found)}",

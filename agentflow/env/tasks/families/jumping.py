@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from agentflow.env.feedback import block_name, compose, number, series
+from agentflow.env.feedback import block_name, compose, number, series, thing_name
 from agentflow.env.rollout import Broken, Feedback, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
@@ -233,7 +233,7 @@ class JumpReferee:
         if self._touch is not None:
             time, block, name, miss = self._touch
             touched = (
-                f"{block_name(self._machine, block)} touched {_place(name)} at {number(time)} s"
+                f"{block_name(self._machine, block)} touched {thing_name(name)} at {number(time)} s"
             )
             what = "too low" if isinstance(self._obstacle, Walls) else "short"
             return False, f"failed, {touched}, {number(miss)} m {what}", miss
@@ -249,13 +249,8 @@ class JumpReferee:
         if self._touch is None:
             return ()
         time, block, name, _ = self._touch
-        text = f"{block_name(self._machine, block)} touches {_place(name)}"
+        text = f"{block_name(self._machine, block)} touches {thing_name(name)}"
         return (RolloutEvent(time, "obstacle_touched", (block,), text),)
-
-
-def _place(name: str) -> str:
-    """Name an obstacle in a sentence: "wall 1", "the far wall"."""
-    return name if name[-1].isdigit() else f"the {name}"
 
 
 def lowest_point(world: WorldView, machine: Machine, block: int) -> float:

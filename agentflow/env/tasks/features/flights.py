@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
-from agentflow.env.feedback import block_name, number
+from agentflow.env.feedback import block_name, number, thing_name
 from agentflow.env.rollout import RolloutEvent
 from agentflow.env.tasks.base import ROUNDING, Body, WorldView, sample_at
 from agentflow.env.tasks.features.rings import Ring, RingProgress
@@ -172,7 +172,7 @@ class Flight:
         if self.landing is None or self._holder is None or self.left is None:
             return ()
         holder = block_name(self._machine, self._holder)
-        ground = f"the boulder lands on the {self.landing.surface}"
+        ground = f"the boulder lands on {thing_name(self.landing.surface)}"
         blocks = (self.boulder, self._holder)
         return (
             RolloutEvent(self.left, "left_holder", blocks, f"the boulder leaves {holder}"),
@@ -185,7 +185,7 @@ class Flight:
             return _FAILURES[self._rolled, self._left is not None]
         flight = (
             f"the boulder left {block_name(self._machine, self._holder)} at "
-            f"{number(self._left)} s and landed on the {landing.surface} at "
+            f"{number(self._left)} s and landed on {thing_name(landing.surface)} at "
             f"{number(landing.time)} s"
         )
         if self.distance > 0.0:
