@@ -72,8 +72,8 @@ class Schedule:
     """Springs and winches."""
     steering_hinges: float = 0.0
     more: tuple[tuple[float, str, float], ...] = ()
-    """Additional switches: seconds, entry and level as for `Engine.switch`, or `decouplers` to
-    release them. They are applied after the others at the same time."""
+    """Additional switches: seconds, entry and level as for `World.switch` in physics/engine.py, or
+    `decouplers` to release them. They are applied after the others at the same time."""
 
     def switches(self) -> tuple[tuple[float, str, float], ...]:
         """All switches as (seconds, entry, level), in order of time."""
