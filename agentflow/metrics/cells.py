@@ -116,7 +116,7 @@ METRICS: Registry[Metric] = Registry(
         ),
         "avg_expansions_per_round": Metric(
             lambda cell: search.expansions_per_round(cell.expansions),
-            "new machines per search, summed over its rounds (the paper's name)",
+            "new machines per search, in total over all rounds (named as in the paper)",
         ),
         "avg_retry": Metric(
             lambda cell: search.attempts_per_child(list(chain.from_iterable(cell.expansions))),

@@ -83,7 +83,8 @@ _RULES = "\n\n".join(f"{kind.name} ({kind.level}, {kind.unit}): {kind.rule}" for
     help="Count what went wrong in replies and machines, classified by fixed rules.\n\n"
     "A rejected reply counts as exactly one kind. An accepted reply can only count as `rationale "
     "not followed`. A machine is counted once per kind, however often it was simulated.\n\n"
-    "The kinds of failure, each with its category and with what is counted:\n\n" + _RULES,
+    "The kinds of failure; in parentheses, the category and whether replies or machines are "
+    "counted:\n\n" + _RULES,
 )
 def failures(
     source: Annotated[
