@@ -54,14 +54,19 @@ def _text(node: ast.expr) -> str:
         return " ".join(node.value.split())
     if isinstance(node, ast.JoinedStr):
         parts = (
-            part.value if isinstance(part, ast.Constant) else f"{{{ast.unparse(part.value)}}}"
+            part.value if isinstance(part, ast.Constant) else f"{{{_source(part.value)}}}"
             for part in node.values
-            if isinstance(part, ast.Constant | ast.FormattedValue)
         )
         return " ".join("".join(map(str, parts)).split())
     if isinstance(node, ast.BinOp):
         return _text(node.left) + _text(node.right)
     return ""
+
+
+def _source(node: ast.expr) -> str:
+    """An expression as source, the same for every version of Python."""
+    nested = any(isinstance(each, ast.JoinedStr) for each in ast.walk(node))
+    return "..." if nested else ast.unparse(node)
 
 
 if __name__ == "__main__":

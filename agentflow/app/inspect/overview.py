@@ -25,7 +25,7 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
     `score`, `calls`, `cost`, `problem` (why it is damaged, or empty).
     """
     if not folder.is_dir():
-        raise RunError(f"there is no folder {folder}")
+        raise RunError(f"no such directory: {folder}")
     for path in find_runs(folder):
         try:
             yield _summary(path)

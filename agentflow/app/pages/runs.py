@@ -112,7 +112,7 @@ def require_writable(out: Path) -> None:
     """Check that the bundle exists and the page can be written, before the work starts."""
     check_bundle()
     if out.is_dir() or not out.parent.is_dir():
-        why = "it is a folder" if out.is_dir() else f"there is no folder {out.parent}"
+        why = "it is a directory" if out.is_dir() else f"no such directory: {out.parent}"
         raise UsageError(f"cannot write {out}: {why}")
 
 

@@ -86,7 +86,7 @@ def test_a_run_under_way_is_running(folder: Path) -> None:
 def test_no_folder_is_said(tmp_path: Path) -> None:
     with pytest.raises(RunError) as caught:
         list(run_list(tmp_path / "none"))
-    assert str(caught.value) == f"there is no folder {tmp_path / 'none'}"
+    assert str(caught.value) == f"no such directory: {tmp_path / 'none'}"
 
 
 def test_one_run_with_what_it_holds() -> None:

@@ -243,8 +243,8 @@ def test_a_gallery_needs_a_finished_run(tmp_path: Path) -> None:
 
 def test_an_unwritable_file_is_refused_before_any_work(tmp_path: Path) -> None:
     for out, why in (
-        (tmp_path / "none" / "r.html", f"there is no folder {tmp_path / 'none'}"),
-        (tmp_path, "it is a folder"),
+        (tmp_path / "none" / "r.html", f"no such directory: {tmp_path / 'none'}"),
+        (tmp_path, "it is a directory"),
     ):
         with pytest.raises(UsageError) as caught:
             report(RECORDED, out, films=0, workers=1, say=quiet)
