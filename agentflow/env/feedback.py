@@ -205,7 +205,7 @@ def _loads_text(loads: Sequence[Mapping[str, Any]]) -> str:
     ]
     if not parts:
         return "none"
-    parts[0] = f"{parts[0][:-1]} of {len(loads)} samples)"
+    parts[0] = parts[0].replace("(in", "(most loaded in")[:-1] + f" of {len(loads)} samples)"
     return "blocks " + "; ".join(parts)
 
 

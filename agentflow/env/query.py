@@ -128,7 +128,9 @@ def _read_properties(machine: Machine, block: int, value: object) -> tuple[str, 
 def _answer(machine: Machine, rollout: Rollout, query: _Query) -> tuple[str, dict[str, Any]]:
     trace = rollout.trace
     if trace is None:
-        raise _InvalidQuery(f"nothing was recorded because the rollout ended as {rollout.status}")
+        raise _InvalidQuery(
+            f"nothing was recorded because the rollout ended with status {rollout.status}"
+        )
     times = trace.times
     inside = (times >= query.start - EPSILON) & (times <= query.end + EPSILON) & _on_grid(times)
     if not inside.any():

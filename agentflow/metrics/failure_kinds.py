@@ -86,7 +86,7 @@ ATTACHMENT = FailureKind(
     "wrong attachment",
     "construction",
     "a block is attached to a parent or face that does not exist, is occupied or "
-    "comes later, has an impossible rotation, or is two-ended with one parent",
+    "comes later; a block has an impossible rotation; or a two-ended block has only one parent",
     frozenset(
         {
             "face_not_found",

@@ -52,8 +52,8 @@ def read_document(path: Path) -> dict[str, Any]:
         raise RunError(f"{file} is damaged: expected a mapping with `schema`")
     if document["schema"] != SCHEMA:
         raise RunError(
-            f"{path} has schema {document['schema']!r}, this version reads {SCHEMA}: "
-            "use the agentflow version that wrote it"
+            f"{path} has schema {document['schema']!r}, but this version reads only "
+            f"schema {SCHEMA}: use the agentflow version that wrote it"
         )
     if document.pop(_SEAL, None) != seal_of(document):
         raise RunError(

@@ -167,7 +167,8 @@ def test_every_line_gets_an_outcome() -> None:
     ]
     assert outcomes[2]["machine"] == [1]
     assert outcomes[2]["steps"][0]["reason"] == (
-        "the machine cannot be edited: item 0 of the list is 1; expected an object with type, id, "
+        "the machine cannot be edited: item 0 of the machine's list is 1; expected an object "
+        "with type, id, "
         "parent, face_id"
     )
     assert outcomes[4]["steps"][0]["reason"] == (

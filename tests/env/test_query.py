@@ -127,7 +127,7 @@ def test_only_twelve_queries_are_answered() -> None:
 def test_without_a_record_there_is_nothing_to_tell() -> None:
     query = {"id": 0, "duration": [0, 0], "properties": ["position"]}
     given = answer_queries(MACHINE, make_rollout(None), [query])
-    reason = "nothing was recorded because the rollout ended as invalid"
+    reason = "nothing was recorded because the rollout ended with status invalid"
     assert given.text == f"Query 1: no answer: {reason}"
 
 

@@ -152,7 +152,11 @@ WRONG = [
     ({}, "not_a_list", "the machine is {}; write it as "),
     ([], "empty", "the machine is an empty list; write it as "),
     ([LOG], "root", "block 0: the first block must be the Starting Block, type 0"),
-    ([ROOT, 5], "not_an_object", "item 1 of the list is 5; expected an object with type, "),
+    (
+        [ROOT, 5],
+        "not_an_object",
+        "item 1 of the machine's list is 5; expected an object with type, ",
+    ),
     ([ROOT, {**LOG, "type": 64}], "unknown_type", "block 1: type 64 is unknown; the nearest "),
     ([ROOT, {**LOG, "type": 26}], "type_not_allowed", "block 1: type 26 (Propeller) is not all"),
     (

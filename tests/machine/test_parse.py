@@ -95,7 +95,8 @@ def test_two_ended_blocks() -> None:
             (
                 "not_an_object",
                 (1,),
-                "item 1 of the list is 5; expected an object with type, id, parent, face_id",
+                "item 1 of the machine's list is 5; expected an object with type, id, parent, "
+                "face_id",
             ),
         ),
         ([START, {"type": 1}], ("missing_field", (1,), "block 1 has no 'id'")),

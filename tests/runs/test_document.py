@@ -73,5 +73,6 @@ def test_other_schemas_and_missing_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError) as caught:
         read_document(tmp_path)
     assert str(caught.value) == (
-        f"{tmp_path} has schema 99, this version reads 1: use the agentflow version that wrote it"
+        f"{tmp_path} has schema 99, but this version reads only schema 1: use the "
+        "agentflow version that wrote it"
     )

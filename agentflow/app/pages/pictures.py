@@ -74,5 +74,5 @@ def _simulate(machine: Machine, task: Task, seed: int, interval: float) -> Rollo
     rollout = simulate(machine, task, seed=seed, interval=interval)
     if rollout.trace is None:
         why = "; ".join(str(problem["message"]) for problem in rollout.problems)
-        raise UsageError(f"nothing to film: the rollout ended as {rollout.status} ({why})")
+        raise UsageError(f"nothing to film: the rollout ended with status {rollout.status} ({why})")
     return rollout

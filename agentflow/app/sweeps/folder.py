@@ -60,8 +60,8 @@ def read_folder(path: Path) -> tuple[dict[str, Any], SweepConfig]:
         raise RunError(f"{path / NAME} is damaged: expected a mapping with schema, name and sweep")
     if document["schema"] != SCHEMA:
         raise RunError(
-            f"{path} has schema {document['schema']!r}, this version reads {SCHEMA}: "
-            "use the agentflow version that wrote it"
+            f"{path} has schema {document['schema']!r}, but this version reads only "
+            f"schema {SCHEMA}: use the agentflow version that wrote it"
         )
     return document, read_sweep(document["sweep"], str(path / NAME))
 

@@ -119,6 +119,7 @@ def _refuse_credentials(sweep: SweepConfig, found: Iterable[SweepRun]) -> None:
     for run in found:
         if urls_with_credentials(run.config) - known:
             raise ConfigError(
-                "an axis has a base URL with a user or a query, which would be written to files; "
-                "put the key in an environment variable and name that in model.key_variable"
+                "an axis has a base URL with a user name or a query string, which may contain an "
+                "API key and would be written to files; put the key in an environment variable "
+                "and name that variable in model.key_variable"
             )

@@ -116,7 +116,11 @@ def simulate(
     ] = "on",
     query: Annotated[
         list[str] | None,
-        typer.Option(help="JSON query: id, duration and properties of a block; repeatable."),
+        typer.Option(
+            help="Report recorded states of one block: JSON with its id, a time interval "
+            "(duration) and properties, such as "
+            '{"id": 3, "duration": [0, 1], "properties": ["position"]}; repeatable.'
+        ),
     ] = None,
     save: Annotated[
         Path | None, typer.Option(help="Save the recorded states to this .npz file.")

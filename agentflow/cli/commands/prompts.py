@@ -54,7 +54,7 @@ def show(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Print a prompt exactly as a model gets it, with an estimate of its tokens.
+    """Print a prompt exactly as a model gets it, with an estimate of its token count.
 
     In this command, --set selects the prompt set, and --knob sets the task's parameters.
     """

@@ -90,7 +90,9 @@ def _level_files(name: str) -> dict[int, Traversable]:
         package = sys.modules[FAMILIES[name].__module__].__package__
     if not package:
         where = FAMILIES.describe(name)
-        raise ConfigError(f"{where} is a module outside any package; put it and {LEVELS}/ in one")
+        raise ConfigError(
+            f"{where} is a module outside any package; move it and {LEVELS}/ into a package"
+        )
     folder = files(package) / LEVELS
     found = {}
     for item in folder.iterdir() if folder.is_dir() else ():

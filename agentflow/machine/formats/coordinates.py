@@ -75,7 +75,9 @@ def _read_block(
 ) -> LocatedBlock | None:
     """Read one item of the list; add a problem and return None if it is not a block."""
     if not isinstance(item, dict):
-        message = f"item {index} of the list is {short_repr(item)}; expected an object with "
+        message = (
+            f"item {index} of the machine's list is {short_repr(item)}; expected an object with "
+        )
         problems.append(Problem("not_an_object", (index,), message + comma_list(_KEYS)))
         return None
     kind = item.get("type", MISSING)

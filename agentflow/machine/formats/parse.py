@@ -105,7 +105,9 @@ def _find_machine(text: str) -> tuple[object, bool]:
 def _read_step(item: object, index: int, notes: list[str], problems: list[Problem]) -> Step | None:
     """Read one item of the list; add a problem and return None if it is not a step."""
     if not isinstance(item, dict):
-        message = f"item {index} of the list is {short_repr(item)}; expected an object with "
+        message = (
+            f"item {index} of the machine's list is {short_repr(item)}; expected an object with "
+        )
         problems.append(Problem("not_an_object", (index,), message + comma_list(_STANDARD)))
         return None
     two_ended = "parent_b" in item or "parent_a" in item

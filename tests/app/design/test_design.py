@@ -134,7 +134,7 @@ def test_resuming_a_finished_run_with_another_schema_is_refused(run: Path, tmp_p
     subprocess.run(["cp", "-r", str(run), str(other)], check=True)
     document = yaml.safe_load((other / "run.yaml").read_text())
     (other / "run.yaml").write_text(document_text({**document, "schema": 2}))
-    with pytest.raises(RunError, match="has schema 2, this version reads 1"):
+    with pytest.raises(RunError, match="has schema 2, but this version reads only schema 1"):
         resume(other)
 
 

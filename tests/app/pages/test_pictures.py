@@ -70,7 +70,7 @@ def test_without_a_suffix_both_a_picture_and_a_film_are_written(
         (["--out", "nowhere/x.png"], "cannot write nowhere/x.png: No such file or directory"),
         (
             ["--task", "throwing", "--out", "x.gif"],
-            "nothing to film: the rollout ended as invalid (",
+            "nothing to film: the rollout ended with status invalid (",
         ),
     ],
 )

@@ -358,6 +358,7 @@ def test_credentials_in_axes_are_refused(tmp_path: Path, url: str, keys: list[st
     with pytest.raises(ConfigError) as caught:
         plan_sweep(path, (), {})
     assert str(caught.value) == (
-        "an axis has a base URL with a user or a query, which would be written to files; put the "
-        "key in an environment variable and name that in model.key_variable"
+        "an axis has a base URL with a user name or a query string, which may contain an API key "
+        "and would be written to files; put the key in an environment variable and name that "
+        "variable in model.key_variable"
     )

@@ -319,7 +319,7 @@ def test_folders_without_a_sweep_or_finished_runs_are_refused(tmp_path: Path) ->
     with pytest.raises(RunError, match=r"sweep.yaml is damaged: expected a mapping with schema"):
         read_sweep_result(path)
     (path / "sweep.yaml").write_text("{schema: 7, name: x, sweep: {}}")
-    with pytest.raises(RunError, match=r"hand has schema 7, this version reads 1"):
+    with pytest.raises(RunError, match=r"hand has schema 7, but this version reads only schema 1"):
         read_sweep_result(path)
 
 

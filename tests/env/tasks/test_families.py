@@ -83,7 +83,7 @@ def test_a_family_from_elsewhere_is_one_of_all_beside_a_broken_one(tmp_path: Pat
         pytest.param(
             "sweeping = alone:Sweeping",
             FAMILY,
-            "is a module outside any package; put it and levels/ in one",
+            "is a module outside any package; move it and levels/ into a package",
             marks=pytest.mark.slow,
         ),
         pytest.param(

@@ -100,7 +100,7 @@ def test_two_targets_must_turn_together() -> None:
             "source and targets do not fit on the plate: x = 0, z = -10 m is not on "
             "a plate 9 m wide",
         ),
-        ({"plate.holes": 20}, "plate.holes must be 0 to "),
+        ({"plate.holes": 20}, "plate.holes is 20; on a plate "),
         (
             {"target.turn": "sideways"},
             "target.turn of gearing must be with or against, not 'sideways'",

@@ -157,7 +157,8 @@ def test_designers_are_told_where_the_object_is_heavier() -> None:
 
 def test_no_object_is_heaviest_outside_itself() -> None:
     with pytest.raises(
-        ConfigError, match=r"object\.balance must be within -1 to 1 for an object 2"
+        ConfigError,
+        match=r"object\.balance is 1\.2; for an object 2 m wide it must be from -1 to 1",
     ):
         level("lifting/4", **{"object.balance": 1.2})
 

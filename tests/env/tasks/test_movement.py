@@ -81,7 +81,7 @@ def test_the_feedback_tells_distance_speeds_and_path() -> None:
         "Broken: block 1 (Powered Wheel) off block 0 at 4.32 s, load 1.04",
         "Orientation of block 0: facing z+ from 0.0 to 5.0 s",
         "Most loaded connections (load / strength, breaks at 1): "
-        "blocks 1-0: 0.25 at 0.0 s (in 26 of 26 samples)",
+        "blocks 1-0: 0.25 at 0.0 s (most loaded in 26 of 26 samples)",
     ]
     assert feedback.data["mean_speed_per_second"] == pytest.approx([6.0, 6.0, 5.0, 5.0, 5.0])
     assert feedback.data["broken"] == [

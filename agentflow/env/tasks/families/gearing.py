@@ -92,8 +92,8 @@ class GearingKnobs(CommonKnobs):
         if len(self.base.hole_centres) < self.base.holes:
             most = len(self.base.hole_centres)
             raise ConfigError(
-                f"plate.holes must be 0 to {most} on this plate of {self.base.size} m, "
-                f"not {self.base.holes}"
+                f"plate.holes is {self.base.holes}; on a plate {self.base.size} m wide it must be "
+                f"from 0 to {most}"
             )
         try:
             _ = self.faces

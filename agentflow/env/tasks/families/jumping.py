@@ -47,9 +47,7 @@ class JumpingKnobs(CommonKnobs):
     slope: Slope = Slope()
     friction: float = knob(0.8, 0.1, 2, "", "friction coefficient of ground and obstacles")
     yaw: float = knob(0, -10, 10, "degrees", "initial yaw of the machine; positive towards x+")
-    jump_at: float = knob(
-        1, 0, 10, "s", "start time of springs and steering hinges; the schedule.* delays are added"
-    )
+    jump_at: float = knob(1, 0, 10, "s", "added to schedule.springs and schedule.steering_hinges")
     variation: JumpVariation = JumpVariation()
 
     @property

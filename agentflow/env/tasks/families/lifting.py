@@ -58,8 +58,8 @@ class Object(Parameters):
     def _balanced(self) -> Object:
         if abs(self.balance) > self.width / 2:
             raise ConfigError(
-                f"object.balance must be within {-self.width / 2:g} to {self.width / 2:g} for an "
-                f"object {self.width:g} m wide, not {self.balance:g}"
+                f"object.balance is {self.balance:g}; for an object {self.width:g} m wide it must "
+                f"be from {-self.width / 2:g} to {self.width / 2:g}"
             )
         return self
 

@@ -71,7 +71,7 @@ class Walls(Parameters):
 class Trench(Parameters):
     """A trench across z+; it replaces the walls, and the machine starts on its near bank."""
 
-    length: float = knob(0, 0, 20, "m", "width from bank to bank; 0 removes it")
+    length: float = knob(0, 0, 20, "m", "length along z from bank to bank; 0 removes it")
     depth: float = knob(3, 1, 10, "m", "depth")
     at: float = knob(15, 12, 50, "m", "z of its middle")
 
