@@ -42,7 +42,7 @@ class History:
 
     def __post_init__(self) -> None:
         if self.limit < 3:
-            raise ValueError(f"limit of a history must be at least 3, not {self.limit}")
+            raise ValueError(f"the history limit must be at least 3, not {self.limit}")
 
     def add(self, entry: EditRecord) -> History:
         """The history with one more entry; the oldest is dropped if there are too many."""

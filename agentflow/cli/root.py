@@ -37,7 +37,7 @@ ModelName = Annotated[
     str | None,
     typer.Option(
         "--model",
-        help="Model name; default: procedural (rules and random choices, no language model).",
+        help="Model name (default: AGENTFLOW_MODEL, else procedural: rules and random choices).",
     ),
 ]
 BaseUrl = Annotated[

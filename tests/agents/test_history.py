@@ -61,5 +61,5 @@ def test_long_scripts_are_cut() -> None:
 
 
 def test_limit() -> None:
-    with pytest.raises(ValueError, match="limit of a history must be at least 3, not 2"):
+    with pytest.raises(ValueError, match="the history limit must be at least 3, not 2"):
         History(limit=2)

@@ -209,7 +209,7 @@ def render(
 
 @commands.command(epilog="Example: agentflow blocks 63")
 def blocks(
-    name: Annotated[str | None, typer.Argument(help="Type id or name of a block.")] = None,
+    name: Annotated[str | None, typer.Argument(help="A block's type id or name.")] = None,
     as_json: Json = False,
 ) -> None:
     """List all blocks, or show one block and its faces."""
