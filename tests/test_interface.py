@@ -194,7 +194,7 @@ async def test_blocking_functions_are_refused_on_an_event_loop(tmp_path: Path) -
         ({"settings": {"wall.hight": 1}}, "unknown knob 'wall.hight' of throwing"),
         (
             {"answer": car, "model": "procedural"},
-            "answer= replaces the model: give it a name other",
+            "answer= replaces the model: use a model name other",
         ),
         ({"config": Path("none.yaml")}, "cannot read none.yaml"),
     ],
