@@ -6,10 +6,10 @@ Game frame throughout: left-handed, x right, y up, z forward; metres, kilograms,
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import cos, pi, radians, sin
+from math import pi, radians, sin
 from typing import Literal
 
-from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3
+from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3, about_axis, product
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class Start:
     @property
     def rotation(self) -> Quat:
         """First the yaw, then the pitch."""
-        p, q = radians(self.pitch) / 2, radians(self.yaw) / 2
-        return (-sin(p) * cos(q), cos(p) * sin(q), -sin(p) * sin(q), cos(p) * cos(q))
+        yaw = about_axis((0.0, 1.0, 0.0), radians(self.yaw))
+        return product(about_axis((-1.0, 0.0, 0.0), radians(self.pitch)), yaw)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
-from agentflow.machine.geometry.vectors import Vec3
+from agentflow.machine.geometry.vectors import Vec3, about_axis
 
 WOOD = (0.71, 0.53, 0.34, 1.0)
 
@@ -114,7 +114,7 @@ def tilted_plate(
     """
     half = size[1] / 2
     place = (0.0, top[0] - half * cos(pitch), top[1] + half * sin(pitch))
-    turn = (-sin(pitch / 2), 0.0, 0.0, cos(pitch / 2))
+    turn = about_axis((-1.0, 0.0, 0.0), pitch)
     return Thing(name, "box", size, place, turn, friction=friction, color=WOOD)
 
 

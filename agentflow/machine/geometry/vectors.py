@@ -5,7 +5,7 @@ Plain additions and multiplications in a fixed order, to give the same bits on e
 
 from __future__ import annotations
 
-from math import sqrt
+from math import cos, sin, sqrt
 from typing import TypeVar
 
 Vec3 = tuple[float, float, float]
@@ -60,6 +60,12 @@ def rotation_from_up(direction: Vec3) -> Quat:
         return (1.0, 0.0, 0.0, 0.0)
     w = sqrt(square)
     return (z / (2.0 * w), 0.0, -x / (2.0 * w), w)
+
+
+def about_axis(axis: Vec3, angle: float) -> Quat:
+    """The rotation about a unit vector by an angle, rad."""
+    x, y, z = scale(axis, sin(angle / 2))
+    return (x, y, z, cos(angle / 2))
 
 
 def product(first: Quat, second: Quat) -> Quat:

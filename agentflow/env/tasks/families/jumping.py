@@ -22,7 +22,7 @@ from agentflow.env.tasks.features.barriers import Slope, Trench, Walls
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
-from agentflow.machine.geometry.vectors import rotate_vector
+from agentflow.machine.geometry.vectors import inverse, rotate_vector
 from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 28, 35, 41, 63, 87)
@@ -257,8 +257,7 @@ def lowest_point(world: WorldView, machine: Machine, block: int) -> float:
     height = world.centre(block)[1]
     if size is None:
         return height
-    x, y, z, w = world.rotation(block)
-    down = rotate_vector((-x, -y, -z, w), (0.0, 1.0, 0.0))
+    down = rotate_vector(inverse(world.rotation(block)), (0.0, 1.0, 0.0))
     return height - sum(abs(axis) * side / 2 for axis, side in zip(down, size, strict=True))
 
 

@@ -9,7 +9,7 @@ from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import WOOD, wall
 from agentflow.env.tasks.knobs import knob
-from agentflow.machine.geometry.vectors import Vec3
+from agentflow.machine.geometry.vectors import Vec3, about_axis
 
 THICK = 0.4
 """Thickness of the ramps, m."""
@@ -90,12 +90,11 @@ def _ramps(arena: Arena, ramps: Ramps) -> Iterator[Thing]:
     out = _foot(arena) + long / 2 * cos(tilt) + THICK / 2 * sin(tilt)
     up = long / 2 * sin(tilt) - THICK / 2 * cos(tilt)
     wide = 2 * (_foot(arena) + long * cos(tilt))
-    s, c = sin(tilt / 2), cos(tilt / 2)
     along, across = (wide, THICK, long), (long, THICK, wide)
-    for name, size, place, turn in (
-        ("front", along, (0.0, up, out), (-s, 0.0, 0.0, c)),
-        ("back", along, (0.0, up, -out), (s, 0.0, 0.0, c)),
-        ("right", across, (out, up, 0.0), (0.0, 0.0, s, c)),
-        ("left", across, (-out, up, 0.0), (0.0, 0.0, -s, c)),
+    for name, size, place, axis in (
+        ("front", along, (0.0, up, out), (-1.0, 0.0, 0.0)),
+        ("back", along, (0.0, up, -out), (1.0, 0.0, 0.0)),
+        ("right", across, (out, up, 0.0), (0.0, 0.0, 1.0)),
+        ("left", across, (-out, up, 0.0), (0.0, 0.0, -1.0)),
     ):
-        yield Thing(f"{name} ramp", "box", size, place, turn, color=WOOD)
+        yield Thing(f"{name} ramp", "box", size, place, about_axis(axis, tilt), color=WOOD)

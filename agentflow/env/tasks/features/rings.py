@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import cos, dist, hypot, inf, pi, sin, tan
 
 from agentflow.env.scene import Thing
-from agentflow.machine.geometry.vectors import Vec3
+from agentflow.machine.geometry.vectors import Vec3, about_axis
 
 EACH, CLOSE = 10.0, 10.0
 """Points for passing a ring, and most points for coming close to the next one."""
@@ -40,7 +40,7 @@ class Ring:
                 "box",
                 (THICK, length, THICK),
                 (x + middle * cos(angle), y + middle * sin(angle), z),
-                (0.0, 0.0, sin(angle / 2), cos(angle / 2)),
+                about_axis((0.0, 0.0, 1.0), angle),
                 color=COLOR,
             )
 

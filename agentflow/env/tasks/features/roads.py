@@ -10,7 +10,7 @@ from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.family import WOOD, wall
 from agentflow.env.tasks.knobs import knob
-from agentflow.machine.geometry.vectors import Vec3
+from agentflow.machine.geometry.vectors import Vec3, about_axis
 
 FACET = radians(6)
 """Largest angle between neighbouring flat pieces of a curved wall, rad."""
@@ -194,7 +194,7 @@ def _wall_piece(
         "box",
         (road.wall_thickness, road.wall_height, length),
         (x, road.wall_height / 2, z),
-        (0.0, sin(heading / 2), 0.0, cos(heading / 2)),
+        about_axis((0.0, 1.0, 0.0), heading),
         friction=road.wall_friction,
         color=WOOD,
     )

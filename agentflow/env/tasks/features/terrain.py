@@ -9,6 +9,7 @@ from random import Random
 from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters
 from agentflow.env.tasks.knobs import knob
+from agentflow.machine.geometry.vectors import about_axis
 
 SLAB = 3.0
 """Side of a slab, m."""
@@ -50,14 +51,14 @@ def slabs(rough: Roughness, width: float, seed: int) -> Iterator[Thing]:
             x = (column + 0.5) * side - width / 2
             z = rough.first + (row + 0.5) * SLAB
             rise = rough.height * rng.uniform(LEAN, 1 - LEAN)
-            half = rng.uniform(0, LEAN * rough.height) / hypot(side / 2, SLAB / 2) / 2
+            tilt = rng.uniform(0, LEAN * rough.height) / hypot(side / 2, SLAB / 2)
             turn = rng.uniform(0, 2 * pi)
             yield Thing(
                 f"slab {row + 1}-{column + 1}",
                 "box",
                 (side, THICK, SLAB),
                 (x, rise - THICK / 2, z),
-                (sin(half) * cos(turn), 0.0, sin(half) * sin(turn), cos(half)),
+                about_axis((cos(turn), 0.0, sin(turn)), tilt),
                 color=SOIL,
             )
 
