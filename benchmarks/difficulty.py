@@ -58,8 +58,14 @@ class Cells:
 
 
 def score_on(name: str, level: str) -> float | None:
-    """Score of a reference machine on a level; None if the level does not allow it."""
+    """Score of a reference machine on a level; None if the level does not allow it.
+
+    Raises:
+        RuntimeError: The simulation timed out, which says nothing about the machine.
+    """
     rollout = simulate(load(name), get_task(level))
+    if rollout.status == "timeout":
+        raise RuntimeError(f"{name} on {level} timed out; run the benchmark again")
     return None if rollout.status == "invalid" else rollout.score
 
 
