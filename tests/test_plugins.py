@@ -65,7 +65,7 @@ from agentflow.workflows.registry import WORKFLOWS
 every = (ROLES, PAGES, ENGINES, FAMILIES, METRICS, PROMPT_SETS, STRATEGIES, WORKFLOWS, MECHANISMS)
 for registry in every:
     print(*(name for name in registry if name not in registry.ours and registry[name]))
-print("judge" in model_roles(), stage_of("judge/traj-1/attempt-1"))
+print("judge" in model_roles(), stage_of("judge"))
 """
     assert python(code, cwd=tmp_path).split() == [
         *("judge", "plain", "toy", "rolling", "run_count", "terse", "eager", "judged", "rolling"),

@@ -86,8 +86,8 @@ class Role(ABC, Generic[In, Out]):
         """The input of its first question in a run, for a task and a machine."""
 
     @classmethod
-    def stage_at(cls, place: str) -> str:  # noqa: ARG003
-        """Stage of a call, by its label without the role ("feedback/traj-1/...")."""
+    def stage_for(cls, purpose: str) -> str:  # noqa: ARG003
+        """Stage of a call; `purpose` says what a role with several uses is asked for."""
         return cls.stage
 
     @abstractmethod

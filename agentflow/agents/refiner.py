@@ -75,9 +75,9 @@ class Refiner(Role[RefinerInput, Refinement]):
         return RefinerInput(brief, machine, score=0.0, feedback=SAMPLE_REPORT)
 
     @classmethod
-    def stage_at(cls, place: str) -> str:
-        """Blind refinement for "blind/...", the feedback loop for "feedback/..."."""
-        return "blind_refinement" if place.startswith("blind/") else cls.stage
+    def stage_for(cls, purpose: str) -> str:
+        """Blind refinement if the purpose is "blind", else the feedback loop."""
+        return "blind_refinement" if purpose == "blind" else cls.stage
 
     def variables(self, given: RefinerInput) -> Mapping[str, object]:
         return {

@@ -29,10 +29,9 @@ def model_roles() -> tuple[str, ...]:
     return tuple(name for name, role in ROLES.items() if role.model_role in ("", name))
 
 
-def stage_of(label: str) -> str:
-    """Stage of a run that a call belongs to, by its label ("refiner/blind/traj-1/attempt-1").
+def stage_of(role: str, purpose: str = "") -> str:
+    """Stage of a run that a call belongs to; see `Role.stage_for`.
 
     "other" if the role is not installed, as in runs from another machine.
     """
-    role, _, place = label.partition("/")
-    return ROLES[role].stage_at(place) if role in ROLES else "other"
+    return ROLES[role].stage_for(purpose) if role in ROLES else "other"

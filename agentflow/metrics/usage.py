@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from agentflow.runs.places import Place
+
 Cost = Callable[[str, Mapping[str, int]], "float | None"]
 """(model, usage) -> money; None if the model has no price."""
 
@@ -90,9 +92,9 @@ def _add_by_key(one: Mapping[str, Spent], other: Mapping[str, Spent]) -> dict[st
 def bill(
     calls: Iterable[Mapping[str, Any]],
     cost: Cost = no_price,
-    stage_of: Callable[[str], str] | None = None,
+    stage_of: Callable[[str, str], str] | None = None,
 ) -> Bill:
-    """Add up the lines of calls.jsonl, by stage only if given `stage_of` (label -> stage)."""
+    """Add up the lines of calls.jsonl, by stage if given `stage_of` (role, purpose -> stage)."""
     total = Spent()
     roles: dict[str, Spent] = {}
     stages: dict[str, Spent] = {}
@@ -102,7 +104,7 @@ def bill(
         total += spent
         roles[role] = roles.get(role, Spent()) + spent
         if stage_of is not None:
-            stage = stage_of(call["request"]["label"])
+            stage = stage_of(role, Place.parse(call["request"]["label"]).purpose)
             stages[stage] = stages.get(stage, Spent()) + spent
     return Bill(total, roles, stages)
 

@@ -63,6 +63,16 @@ class Place:
         parts = [f"{word}-{getattr(self, part)}" for word, part in _PARTS.items() if self.has(part)]
         return "/".join([self.name, *parts] if self.name else parts)
 
+    @property
+    def role(self) -> str:
+        """Role that a call is made to."""
+        return self.name.partition("/")[0]
+
+    @property
+    def purpose(self) -> str:
+        """What a role with several uses is asked for, such as "blind"; else ""."""
+        return self.name.partition("/")[2]
+
     def has(self, part: str) -> bool:
         """Whether a number is given."""
         return bool(getattr(self, part) != getattr(Place, part))

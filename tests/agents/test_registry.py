@@ -9,7 +9,7 @@ import pytest
 from agentflow.agents.registry import ROLES, model_roles, stage_of
 from agentflow.errors import UnknownNameError
 from agentflow.prompts.render import PromptSet
-from agentflow.runs.places import StageName
+from agentflow.runs.places import Place, StageName
 from tests.agents.fakes import THROWER, THROWING
 
 
@@ -48,4 +48,5 @@ def test_by_name() -> None:
     ],
 )
 def test_stage_of_a_call(label: str, stage: str) -> None:
-    assert stage_of(label) == stage
+    place = Place.parse(label)
+    assert stage_of(place.role, place.purpose) == stage
