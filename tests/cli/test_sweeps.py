@@ -146,7 +146,7 @@ def test_a_dry_run_counts_what_is_done(folder: Path, capsys: pytest.CaptureFixtu
             "inspector is varied by the sweep (condition) and cannot be set for all runs; "
             "to set the seeds, use --seeds N",
         ),
-        (["table", "configs"], "configs is not a sweep folder: it has no readable sweep.yaml"),
+        (["table", "configs"], "configs is not a sweep directory: it has no readable sweep.yaml"),
     ],
 )
 def test_bad_input_is_one_line(

@@ -53,7 +53,7 @@ def read_folder(path: Path) -> tuple[dict[str, Any], SweepConfig]:
     try:
         document = yaml.safe_load((path / NAME).read_text(encoding="utf-8"))
     except OSError:
-        raise RunError(f"{path} is not a sweep folder: it has no readable {NAME}") from None
+        raise RunError(f"{path} is not a sweep directory: it has no readable {NAME}") from None
     except NOT_YAML:
         document = None
     if not isinstance(document, dict) or not {"schema", "name", "sweep"} <= document.keys():

@@ -79,7 +79,7 @@ def read_sweep_result(path: Path) -> SweepResult:
     """Read the finished runs of a sweep.
 
     Raises:
-        RunError: It is not a sweep folder, it or a run is damaged, or no run is finished.
+        RunError: It is not a sweep directory, it or a run is damaged, or no run is finished.
     """
     _, sweep = read_folder(path)
     done: list[FinishedRun] = []

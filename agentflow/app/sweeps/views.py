@@ -175,7 +175,7 @@ def view(path: Path, name: str = LAYOUT, *, published: bool = False) -> Table:
     Raises:
         UnknownNameError: There is no such view.
         UsageError: The view has no published rows.
-        RunError: It is not a sweep folder, is damaged, or has no finished run.
+        RunError: It is not a sweep directory, is damaged, or has no finished run.
     """
     if name not in VIEWS:
         raise UnknownNameError("view", name, VIEWS)

@@ -310,7 +310,7 @@ def test_every_view_has_every_format(tmp_path: Path) -> None:
 
 
 def test_folders_without_a_sweep_or_finished_runs_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match=r"is not a sweep folder: it has no readable sweep.yaml"):
+    with pytest.raises(RunError, match=r"is not a sweep directory: it has no readable sweep.yaml"):
         read_sweep_result(tmp_path)
     path = sweep(tmp_path, {})
     with pytest.raises(RunError, match=r"; run it with agentflow sweep .*hand --resume"):
