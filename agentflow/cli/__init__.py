@@ -21,8 +21,8 @@ MODULES = ("design", "machines", "prompts", "records", "reports", "sweeps", "tas
 def main(arguments: list[str] | None = None) -> int:
     """Run one command, print errors to stderr, and return the exit status.
 
-    0 success, 1 comparison failed, 2 usage or configuration error, 3 partly failed, 4 model
-    endpoint unusable, 130 interrupted. Tracebacks only with `--debug`.
+    0 success, 1 comparison or strict check failed, 2 usage or configuration error, 3 partly failed,
+    4 model endpoint unusable, 130 interrupted. Tracebacks only with `--debug`.
     """
     try:
         status = _run(sys.argv[1:] if arguments is None else arguments)

@@ -48,8 +48,11 @@ class Report:
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Joints that cannot move: legal, but rarely intended."""
-        return () if self.machine is None else tuple(locked_joints(place(self.machine)))
+        """Joints that cannot move and blocks without length: legal, but rarely intended."""
+        if self.machine is None:
+            return ()
+        geometry = place(self.machine)
+        return *locked_joints(geometry), *_points(geometry)
 
     def to_json(self) -> dict[str, object]:
         """The report as JSON data; notes, warnings and the machine are left out."""
@@ -138,6 +141,20 @@ def _shared_faces(geometry: Geometry) -> list[Problem]:
             )
             problems.append(Problem("face_occupied", tuple(sharing), message))
     return problems
+
+
+def _points(geometry: Geometry) -> list[Problem]:
+    """One warning (`no_length`) for each two-ended block whose ends are at the same point."""
+    return [
+        Problem(
+            "no_length",
+            (placed.id,),
+            f"{placed.label} has no length: both its ends are at {to_metres(placed.at)}; attach "
+            "it to faces at different places",
+        )
+        for placed in geometry.blocks
+        if placed.two_ended and placed.at == placed.far
+    ]
 
 
 def overlap_message(geometry: Geometry, a: int, b: int) -> str:

@@ -41,6 +41,7 @@ def test_check_reports_exactly_the_documented_keys(
         "problems": [],
         "overlaps": [],
         "size": [2.0, 2.0, 5.0],
+        "warnings": [],
     }
 
 

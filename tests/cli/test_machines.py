@@ -20,7 +20,9 @@ from agentflow.machine.formats.coordinates import to_coordinates
 from tests.machine.builders import CAR, CATAPULT, build
 
 TREE = json.dumps(CAR.to_json())
-KEYS = ["file_valid", "spatial_valid", "machine_valid", "repaired", "problems", "overlaps", "size"]
+VALID = ["file_valid", "spatial_valid", "machine_valid", "repaired"]
+KEYS = [*VALID, "problems", "overlaps", "size", "warnings"]
+RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
 FOREIGN = to_bsg(CAR).replace('<Block id="1"', '<Block id="57"', 1)
 
 
@@ -61,7 +63,55 @@ def test_check_warns_of_joints_that_cannot_move(capsys: pytest.CaptureFixture[st
     text = "the moving joint of block 1 (Hinge) cannot move: block 3 (Brace) bridges it"
     assert f"warning: {text}" in " ".join(told.split())
     assert "warning" not in out(capsys, "check", "car.json")
-    assert list(json.loads(out(capsys, "check", "braced.json", "--json"))) == KEYS
+    report = json.loads(out(capsys, "check", "braced.json", "--json"))
+    assert list(report) == KEYS
+    assert [warning["code"] for warning in report["warnings"]] == ["locked"]
+
+
+def test_check_warns_of_a_two_ended_block_without_length(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    point = build((15, 0, 4), (15, 0, 0), (15, 2, 3), (9, 1, 4, 3, 3))
+    Path("point.json").write_text(point.to_text())
+    told = " ".join(out(capsys, "check", "point.json").split())
+    assert (
+        "warning: block 4 (Spring) has no length: both its ends are at (0.0, 1.0, 0.5); attach "
+        "it to faces at different places"
+    ) in told
+
+
+OVERLAPPING = build((15, 0, 0), (15, 0, 0))
+STRICT = {
+    "car.json": (TREE, 0),
+    "overlap.json": (OVERLAPPING.to_text(), 1),
+    "locked.json": (build((5, 0, 0), (63, 1, 0), (7, 0, 4, 2, 9)).to_text(), 1),
+    "comma.json": (f"{TREE[:-1]},]", 1),
+    "none.json": ("[{}]", 1),
+}
+
+
+@pytest.mark.parametrize("name", STRICT)
+def test_a_strict_check_fails_on_problems_warnings_and_repairs(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, status = STRICT[name]
+    Path(name).write_text(text)
+    plain = out(capsys, "check", name)
+    assert main(["check", name, "--strict"]) == status
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == (plain, "")
+
+
+def test_a_strict_check_sees_the_rules_of_the_task_and_every_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["check", "car.json", "--strict"]
+    assert [main(arguments), main([*arguments, "--task", "throwing"])] == [0, 1]
+    capsys.readouterr()
+    for lines, status in (([TREE, TREE], 0), ([json.dumps(OVERLAPPING.to_json()), TREE], 1)):
+        typed(monkeypatch, "\n".join(lines) + "\n")
+        assert main(["check", "-", "--jsonl", "--strict"]) == status
+        assert len(capsys.readouterr().out.splitlines()) == 2
 
 
 def test_check_with_a_given_form(capsys: pytest.CaptureFixture[str]) -> None:
@@ -195,8 +245,40 @@ def test_conversion_is_exact(source: str, ending: str, capsys: pytest.CaptureFix
         "blocks": 7,
         "left_out": [],
         "notes": [],
+        "warnings": [],
     }
     assert json.loads(Path("back.json").read_text()) == CAR.to_json()
+
+
+def test_an_invalid_machine_is_converted_with_a_warning(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("bad.json").write_text(OVERLAPPING.to_text())
+    told = " ".join(out(capsys, "convert", "bad.json", "bad.bsg").split())
+    assert told.startswith(
+        "warning: the machine is not valid: blocks 1, 2 share face 0 of block 0 (Starting Block); "
+    )
+    assert told.endswith(" (and 1 more) bad.bsg: 3 blocks")
+    assert main(["convert", "bad.json", "strict.bsg", "--strict"]) == 2
+    assert capsys.readouterr().err.startswith("agentflow: bad.json is not a valid machine: blocks")
+    assert not Path("strict.bsg").exists()
+
+
+def test_a_run_stands_for_its_best_machine(capsys: pytest.CaptureFixture[str]) -> None:
+    best = json.loads((RECORDED / "result.json").read_text())["machine"]
+    for ending in (".json", ".bsg", ".glb"):
+        assert f"best{ending}: {len(best)} blocks" in out(
+            capsys, "convert", str(RECORDED), f"best{ending}"
+        )
+    assert json.loads(Path("best.json").read_text()) == best
+    assert Path("best.glb").read_bytes().startswith(b"glTF")
+    assert main(["convert", "best.bsg", "back.json"]) == 0
+    assert json.loads(Path("back.json").read_text()) == best
+    capsys.readouterr()
+    assert "machine valid: yes" in out(capsys, "check", str(RECORDED), "--task", "throwing")
+    Path("empty").mkdir()
+    assert main(["convert", "empty", "x.json"]) == 2
+    assert "empty is not a run directory" in capsys.readouterr().err
 
 
 def test_extended_types_are_converted() -> None:

@@ -21,6 +21,7 @@ from agentflow.env.physics.engines import default_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
+from agentflow.llm.procedural.mechanisms import STAND, purpose
 from agentflow.machine.blocks.library import library
 from agentflow.prompts.render import PromptSet
 from agentflow.search.registry import STRATEGIES
@@ -78,6 +79,21 @@ class RunPlan:
         if "engine" in document:
             return ""
         return f"the run does not record its physics engine; now it is {self.engine}"
+
+    @property
+    def model_note(self) -> str:
+        """A message if the procedural model does not know the purpose of the task; "" if it does.
+
+        It then builds machines that stand or drive.
+        """
+        roles = WORKFLOWS[self.config.workflow].calls(self.config.settings)
+        choices = choose_models(self.config.model)
+        if not any(choices[role].procedural for role in roles) or purpose(self.task.brief) != STAND:
+            return ""
+        return (
+            f"the procedural model has no mechanism for {self.task.name}, so expect low scores; "
+            "use a language model (--model), or add mechanisms for the family (CONTRIBUTING.md)"
+        )
 
     @property
     def run_name(self) -> str:

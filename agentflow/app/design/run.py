@@ -113,6 +113,8 @@ class DesignRun:
         """Start a new run; see `design_async`."""
         plan = RunPlan.of(with_rationales(config))
         directory = RunDirectory.create(out, name or plan.run_name, plan.run_document)
+        if plan.model_note and options.client is None:
+            options.notify(plan.model_note)
         return cls(plan, directory, options)
 
     @classmethod

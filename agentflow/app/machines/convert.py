@@ -11,7 +11,7 @@ from agentflow.app.machines.files import machine_text
 from agentflow.env.drawing.gltf import machine_glb
 from agentflow.errors import UsageError
 from agentflow.files import write_output
-from agentflow.machine import Machine, Problem, library
+from agentflow.machine import Machine, Problem, library, place, spatial_problems
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.formats.bsg_writing import to_bsg
 from agentflow.machine.formats.coordinates import to_coordinates
@@ -22,12 +22,12 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     """Read a machine in any format and write it in the format given by the suffix of `out`.
 
     Blocks that are not in the library, scaled, off the grid or unconnected are reported and
-    skipped.
+    skipped. A machine that is not spatially valid is written, with a warning.
 
     Args:
-        source: File, or `-` for standard input.
+        source: File, run directory (its best machine), or `-` for standard input.
         out: File to write: `.json` (tree), `.coords.json`, `.bsg` or `.glb` (for viewing only).
-        strict: Refuse machines with skipped blocks or ambiguous parents.
+        strict: Refuse machines with skipped blocks or ambiguous parents, and invalid machines.
     """
     write = _writer(out)
     reading = read_any(machine_text(source), blocks=tuple(library()))
@@ -46,6 +46,9 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
             f"{source} cannot be converted: it is built on a plate, which is not a block of the "
             "game; convert it to .json or .glb"
         )
+    invalid = tuple(spatial_problems(place(machine)))
+    if strict and invalid:
+        raise UsageError(f"{source} is not a valid machine: {_summarize(invalid)}")
     data = write(machine)
     with write_output(out) as part:
         part.write_bytes(data)
@@ -54,6 +57,7 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
         "blocks": len(machine),
         "left_out": [problem.to_json() for problem in problems],
         "notes": list(reading.notes),
+        "warnings": [f"the machine is not valid: {_summarize(invalid)}"] if invalid else [],
     }
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import io
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, AnyStr, TextIO
 
-from agentflow.errors import UsageError
+from agentflow.errors import RunError, UsageError
 from agentflow.machine import BlockType, Brief, library, place
 from agentflow.machine import check as check_machine
 from agentflow.machine.formats.detect import Form, read_any, read_for
@@ -63,14 +63,15 @@ def _standard_input() -> TextIO:
 
 
 def machine_text(source: str) -> str:
-    """The text of one machine in any format.
+    """The text of one machine in any format; of a run directory, that of its best machine.
 
     A .bsg file must have that format; the format of other files is detected.
 
     Raises:
         UsageError: The file cannot be read or holds no machine.
+        RunError: The directory is not a finished run with a valid machine.
     """
-    text = read_text(source)
+    text = _best_machine(Path(source)) if Path(source).is_dir() else read_text(source)
     form: Form = "bsg" if source.lower().endswith(".bsg") else "auto"
     problem = next((p for p in read_any(text, form).problems if p.code in NO_MACHINE), None)
     if problem is not None:
@@ -79,22 +80,31 @@ def machine_text(source: str) -> str:
     return text
 
 
+def _best_machine(run: Path) -> str:
+    from agentflow.runs import read_result  # not needed to check a file
+
+    machine = read_result(run).get("machine")
+    if machine is None:
+        raise RunError(f"{run} has no valid machine")
+    return json.dumps(machine)
+
+
 def check(
     source: object, brief: Brief | None, geometry: bool, form: Form = "auto"
 ) -> dict[str, Any]:
-    """The validity report as data; `source` is text or JSON data."""
+    """The validity report and the warnings as data; `source` is text or JSON data."""
     report = check_machine(read_for(brief, source, form), brief)
-    answer: dict[str, Any] = report.to_json()
+    warnings = [warning.to_json() for warning in report.warnings]
+    answer: dict[str, Any] = {**report.to_json(), "warnings": warnings}
     if geometry:
         machine = report.machine
         answer["blocks"] = [] if machine is None else place(machine).to_json()
     return answer
 
 
-def check_warnings(text: str, brief: Brief | None, form: Form = "auto") -> list[str]:
-    """Messages of a check that do not make a machine invalid."""
-    report = check_machine(read_for(brief, text, form), brief)
-    return [warning.message for warning in report.warnings]
+def is_flawless(report: Mapping[str, Any]) -> bool:
+    """Whether a report of `check` has no problem, no warning and no repaired text."""
+    return not (report["problems"] or report["warnings"] or report["repaired"])
 
 
 def check_lines(

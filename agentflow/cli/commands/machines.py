@@ -13,7 +13,10 @@ from agentflow.errors import UsageError
 
 Task = Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
-Source = Annotated[str, typer.Argument(help="Machine file, or - for standard input.")]
+Source = Annotated[
+    str,
+    typer.Argument(help="Machine file, run directory (its best machine), or - for standard input."),
+]
 
 
 @commands.command(epilog="Example: agentflow check machine.json --task throwing --json")
@@ -29,23 +32,35 @@ def check(
         bool, typer.Option("--geometry", help="Print the position of every block.")
     ] = False,
     lines: Annotated[bool, typer.Option("--jsonl", help="Read one machine per line.")] = False,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict",
+            help="Exit with status 1 if there is any problem or warning, or if the text had to be "
+            "repaired; with --jsonl, on any line.",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Check whether a machine is valid: its format, its geometry and the rules of a task."""
+    """Check whether a machine is valid: its format, its geometry and the rules of a task.
+
+    The exit status is 0 even for an invalid machine, unless --strict is given.
+    """
     from agentflow.app.machines import files as machines
     from agentflow.cli.display.show import show_report
 
     brief = _brief(task, knobs)
+    flawless = True
     if lines:
         for report in machines.check_lines(machines.read_lines(machine), brief, geometry, form):
             print_json(report)
-        return
-    text = machines.machine_text(machine)
-    report = machines.check(text, brief, geometry, form)
-    if as_json:
-        print_json(report)
+            flawless &= machines.is_flawless(report)
     else:
-        show_report(report, machines.check_warnings(text, brief, form))
+        report = machines.check(machines.machine_text(machine), brief, geometry, form)
+        print_result(report, as_json, show_report)
+        flawless = machines.is_flawless(report)
+    if strict and not flawless:
+        raise typer.Exit(1)
 
 
 def _brief(task: str | None, knobs: list[str] | None) -> Any:
@@ -92,11 +107,17 @@ def convert(
     source: Source,
     out: Annotated[Path, typer.Argument(help="Output file: .json, .coords.json, .bsg or .glb.")],
     strict: Annotated[
-        bool, typer.Option("--strict", help="Fail if any block is unsupported.")
+        bool,
+        typer.Option(
+            "--strict", help="Fail if any block is unsupported or the machine is invalid."
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Convert a machine to another format; unsupported blocks are reported and skipped."""
+    """Convert a machine, or the best machine of a run, to another format.
+
+    Unsupported blocks are reported and skipped; an invalid machine is written with a warning.
+    """
     from agentflow.app.machines.convert import convert as rewrite
     from agentflow.cli.display.show import show_conversion
 

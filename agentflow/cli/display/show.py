@@ -73,8 +73,8 @@ def ending_of(result: Data) -> str:
     return ""
 
 
-def show_report(report: Data, warnings: Sequence[str]) -> None:
-    """Print a validity report and warnings about the machine."""
+def show_report(report: Data) -> None:
+    """Print a validity report and its warnings."""
     console = output()
     for key, label in _CHECKED.items():
         words = {True: "yes", False: "no", None: "not checked"}[report[key]]
@@ -83,8 +83,8 @@ def show_report(report: Data, warnings: Sequence[str]) -> None:
         console.print("size: " + " x ".join(f"{extent:g}" for extent in report["size"]) + " m")
     for problem in report["problems"]:
         console.print(f"{problem['code']}: {problem['message']}")
-    for warning in warnings:
-        console.print(f"warning: {warning}")
+    for warning in report["warnings"]:
+        console.print(f"warning: {warning['message']}")
     for block in report.get("blocks", ()):
         if "end_a" in block:
             console.print(f"block {block['id']}: from {block['end_a']} to {block['end_b']}")
@@ -114,12 +114,14 @@ def show_edit(outcome: Data) -> None:
 
 
 def show_conversion(result: Data) -> None:
-    """Print what was written and which blocks were skipped."""
+    """Print what was written and which blocks were skipped; warnings."""
     console = output()
     for problem in result["left_out"]:
         console.print(f"skipped: {problem['message']}")
     for note in result["notes"]:
         console.print(f"note: {note}")
+    for warning in result["warnings"]:
+        console.print(f"warning: {warning}")
     console.print(f"{result['out']}: {result['blocks']} blocks")
 
 

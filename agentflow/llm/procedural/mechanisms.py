@@ -28,6 +28,8 @@ BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)
 HINGE, SPRING, CUBE, MOTOR, BALLAST, WINCH = 5, 9, 15, 22, 35, 45
 JOINTS, RIGID, LOADS = (MOTOR, HINGE), (*BEAMS, CUBE), (BALLAST, CONTAINER, BOULDER)
 MOVERS = (*JOINTS, SPRING, *WHEELS)
+STAND = "stand"
+"""Purpose of a task that no words identify: a machine that stands."""
 MECHANISMS_FILE = "mechanisms.yaml"
 MECHANISMS: Registry[ModuleType] = Registry(
     "mechanisms of the task family", "agentflow.mechanisms", {}, package_with(MECHANISMS_FILE)
@@ -60,9 +62,9 @@ def _mechanisms_of(family: str) -> Any:
 
 
 def purpose(brief: Brief) -> str:
-    """Classify a task by words of its objective; "stand" if none match."""
+    """Classify a task by words of its objective; `STAND` if none match."""
     purposes = known_mechanisms(brief)["purposes"].items()
-    return next((name for name, words in purposes if words in brief.objective), "stand")
+    return next((name for name, words in purposes if words in brief.objective), STAND)
 
 
 def suitable_mechanisms(brief: Brief) -> list[Any]:
@@ -70,7 +72,7 @@ def suitable_mechanisms(brief: Brief) -> list[Any]:
     content, blocks = known_mechanisms(brief), {*brief.blocks}
     main = {name: {*part["slots"][0]} or blocks for name, part in content["parts"].items()}
     able = [m for m in content["mechanisms"] if all(main[name] & blocks for name in m["parts"])]
-    wanted = (purpose(brief), "drive", "stand")
+    wanted = (purpose(brief), "drive", STAND)
     return next(filter(None, ([m for m in able if m["purpose"] == p] for p in wanted)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import pytest
@@ -13,8 +13,11 @@ from agentflow.app.design.replay import replay
 from agentflow.app.design.run import RunOptions, resume
 from agentflow.app.inspect.rescore import rescore
 from agentflow.config.run import build_config
+from agentflow.env.tasks.families.movement import Movement
+from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError
 from agentflow.llm.scripted import ScriptedClient
+from agentflow.machine.brief import Brief
 from agentflow.runs import RunDirectory, read_document
 from agentflow.runs.document import document_text
 
@@ -39,6 +42,38 @@ RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 def test_changed_conditions_are_named_with_versions(changed: dict[str, object], words: str) -> None:
     plan = replace(PLAN, engine="pybullet 3.2.8")
     assert plan.changes_since({**plan.run_document, **changed}) == words
+
+
+@dataclass(frozen=True)
+class Dancing(Movement):
+    """A task whose purpose no mechanism serves."""
+
+    @property
+    def brief(self) -> Brief:
+        return replace(super().brief, objective="Build a machine that dances.")
+
+
+@pytest.mark.parametrize(
+    ("workflow", "model", "warns"),
+    [
+        ("iterative", {}, True),
+        ("random-dsl", {}, False),
+        ("iterative", {"name": "some-model"}, False),
+        ("iterative", {"name": "some-model", "roles": {"refiner": {"name": "procedural"}}}, True),
+    ],
+)
+def test_a_task_unknown_to_the_procedural_model_is_named(
+    workflow: str, model: dict[str, object], warns: bool
+) -> None:
+    config = build_config({"task": "movement", "workflow": workflow, "model": model})
+    plan = RunPlan.of(config)
+    assert plan.model_note == ""
+    task = get_task("movement")
+    dancing = Dancing(**{item.name: getattr(task, item.name) for item in fields(task)})
+    assert replace(plan, task=dancing).model_note.startswith(
+        "the procedural model has no mechanism for movement, so " if warns else ""
+    )
+    assert bool(replace(plan, task=dancing).model_note) is warns
 
 
 def test_resuming_with_another_engine_is_refused(tmp_path: Path) -> None:
