@@ -64,6 +64,7 @@ def design(
     seed: int | None = None,
     out: Path | str = "runs",
     workers: int | None = None,
+    trust: bool = False,
     say: Notify | None = None,
     listener: Listener | None = None,
 ) -> Design:
@@ -83,6 +84,8 @@ def design(
         seed: Random seed.
         out: Parent folder of the run directory.
         workers: Worker processes for simulation.
+        trust: Send prompts and keys where the file in `config` says, even to hosts that are not
+            named in the call or the environment.
         say: Receives messages, one line each; by default they are printed to stderr.
         listener: Receives every event.
 
@@ -95,7 +98,7 @@ def design(
 
     _require_no_event_loop("design")
     options = _config_keys(task, workflow, model, base_url, seed, workers)
-    built, client = _configure(config, settings, options, answer)
+    built, client = _configure(config, settings, options, answer, trust)
     run_options = run.RunOptions(say or _print_remark, listener, client)
     return _to_design(run.design(built, Path(out), run_options))
 
@@ -112,6 +115,7 @@ async def design_async(
     seed: int | None = None,
     out: Path | str = "runs",
     workers: int | None = None,
+    trust: bool = False,
     say: Notify | None = None,
     listener: Listener | None = None,
     pool: RolloutPool | None = None,
@@ -120,7 +124,7 @@ async def design_async(
     from agentflow.app.design import run
 
     options = _config_keys(task, workflow, model, base_url, seed, workers)
-    built, client = _configure(config, settings, options, answer)
+    built, client = _configure(config, settings, options, answer, trust)
     run_options = run.RunOptions(say or _print_remark, listener, client, pool)
     return _to_design(await run.design_async(built, Path(out), run_options))
 
@@ -129,6 +133,7 @@ def resume(
     run: Path | str,
     *,
     answer: ModelFunction | None = None,
+    trust: bool = False,
     say: Notify | None = None,
     listener: Listener | None = None,
 ) -> Design:
@@ -137,6 +142,8 @@ def resume(
     Args:
         run: The run directory.
         answer: Your function, if the run was started with one.
+        trust: Send prompts and keys where the run says, even to hosts that the environment does
+            not name.
         say: Receives messages; by default they are printed to stderr.
         listener: Receives every event.
 
@@ -149,7 +156,10 @@ def resume(
     from agentflow.app.design import run as runs
 
     _require_no_event_loop("resume")
-    options = runs.RunOptions(say or _print_remark, listener, _client_of_run(Path(run), answer))
+    client = _client_of_run(Path(run), answer)
+    options = runs.RunOptions(
+        say or _print_remark, listener, client, approve=lambda _sentence: trust
+    )
     return _to_design(runs.resume(Path(run), options))
 
 
@@ -157,6 +167,7 @@ async def resume_async(
     run: Path | str,
     *,
     answer: ModelFunction | None = None,
+    trust: bool = False,
     say: Notify | None = None,
     listener: Listener | None = None,
     pool: RolloutPool | None = None,
@@ -165,7 +176,9 @@ async def resume_async(
     from agentflow.app.design import run as runs
 
     client = _client_of_run(Path(run), answer)
-    options = runs.RunOptions(say or _print_remark, listener, client, pool)
+    options = runs.RunOptions(
+        say or _print_remark, listener, client, pool, approve=lambda _sentence: trust
+    )
     return _to_design(await runs.resume_async(Path(run), options))
 
 
@@ -262,20 +275,26 @@ def _configure(
     settings: Mapping[str, object] | None,
     options: Mapping[str, object],
     answer: ModelFunction | None,
+    trust: bool,
 ) -> tuple[DesignConfig, FunctionClient | None]:
     """The configuration, and the client of `answer`."""
     from agentflow.app.design.config import complete_config
+    from agentflow.app.design.trust import require_trust
     from agentflow.config.run import PROCEDURAL, build_config, load_document, set_key
     from agentflow.llm.function import FunctionClient
 
     document = load_document(config) if isinstance(config, Path) else dict(config or {})
+    named: dict[str, Any] = {}
     name = {}
     if answer is not None:
         name = {"model.name": getattr(answer, "__name__", type(answer).__name__)}
     for key, value in {**(settings or {}), **name, **options}.items():
-        document = set_key(document, key, value)
+        document, named = set_key(document, key, value), set_key(named, key, value)
     if answer is None:
-        return complete_config(document), None
+        found = complete_config(document)
+        if isinstance(config, Path):
+            require_trust(config, [found.model], named, lambda _sentence: trust)
+        return found, None
     built = build_config(document)
     if built.model.name == PROCEDURAL or built.model.roles:
         raise UsageError(

@@ -64,6 +64,7 @@ def test_defaults_match_the_command_line() -> None:
         parameters = inspect.signature(function).parameters
         defaults = {name: parameters[name].default for name in parameters}
         assert defaults.pop("out") == "runs"
+        assert defaults.pop("trust") is False
         assert set(defaults.values()) == {None}
     assert inspect.signature(agentflow.simulate).parameters["seed"].default == 0
     assert inspect.signature(agentflow.reward).parameters["seed"].default == DesignConfig().seed

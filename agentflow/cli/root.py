@@ -6,6 +6,7 @@ Heavy imports happen inside the commands that need them.
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Mapping
 from math import isfinite
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from agentflow import __version__
+from agentflow.cli.display.text import escape_controls
 
 commands = typer.Typer(
     name="agentflow",
@@ -45,6 +47,14 @@ BaseUrl = Annotated[
     typer.Option(help="URL of an OpenAI-compatible endpoint. Its key is read from OPENAI_API_KEY."),
 ]
 Config = Annotated[Path | None, typer.Option(help="YAML configuration file.")]
+Trust = Annotated[
+    bool,
+    typer.Option(
+        "--trust",
+        help="Send prompts and keys where the given file or directory says, even to hosts that "
+        "you have not named.",
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Suppress progress and notices.")]
 Settings = Annotated[
     list[str] | None,
@@ -54,6 +64,18 @@ Settings = Annotated[
         "key=value; repeatable.",
     ),
 ]
+
+
+def approve(sentence: str) -> bool:
+    """Ask on a terminal whether to allow what a sentence says; elsewhere, do not allow it."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    return typer.confirm(f"{escape_controls(sentence)}. Allow it?", err=True)
+
+
+def allow(_sentence: str) -> bool:
+    """Allow everything, as `--trust` does."""
+    return True
 
 
 def _version(wanted: bool) -> None:

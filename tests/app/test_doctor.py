@@ -126,7 +126,10 @@ def test_the_endpoint_of_a_role_gets_its_key_or_none(
         model = {"name": "m", "base_url": server.base_url, "roles": roles}
         (tmp_path / "c.yaml").write_text(json.dumps({"model": model}))
         for role in ("refiner", "querier", "inspector", "designer"):
-            assert main(["doctor", "--config", str(tmp_path / "c.yaml"), "--role", role]) == 0
+            assert (
+                main(["doctor", "--config", str(tmp_path / "c.yaml"), "--role", role, "--trust"])
+                == 0
+            )
     sent = [(asked.body["model"], asked.headers.get("authorization")) for asked in server.asked]
     assert sent == [
         ("r", "Bearer the-key-of-the-house"),

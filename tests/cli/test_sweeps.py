@@ -25,7 +25,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("my sweeps")
     axes = {"condition": {"lives": {}, "dead": DEAD}}
     (folder / "mixed.yaml").write_text(yaml.safe_dump({**TINY, "seeds": [0], "axes": axes}))
-    assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--quiet"]) == 3
+    assert (
+        main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--quiet", "--trust"]) == 3
+    )
     return folder
 
 
@@ -33,13 +35,16 @@ def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = folder / "mixed"
-    assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--resume"]) == 3
+    assert (
+        main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--resume", "--trust"])
+        == 3
+    )
     out, told = capsys.readouterr()
     lines = out.splitlines()
     assert lines[0] == f"1 of 2 runs done: {path}"
     assert lines[1].startswith("failed: dead.seed-0: no answer from http://127.0.0.1:9/v1")
     assert lines[2:] == [
-        f"retry the failed runs with: agentflow sweep '{path}' --resume",
+        f"retry the failed runs with: agentflow sweep '{path}' --resume --trust",
         f"compare them with: agentflow table '{path}'",
     ]
     assert told.splitlines()[0] == "dead.seed-0: started"
@@ -49,7 +54,7 @@ def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
 def test_the_outcome_as_json_is_alone_on_stdout(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["sweep", str(folder / "mixed"), "--resume", "--json", "--quiet"]) == 3
+    assert main(["sweep", str(folder / "mixed"), "--resume", "--trust", "--json", "--quiet"]) == 3
     found = json.loads(capsys.readouterr().out)
     assert found["sweep"] == str(folder / "mixed")
     assert found["done"] == ["lives.seed-0"]
@@ -59,11 +64,13 @@ def test_the_outcome_as_json_is_alone_on_stdout(
 def test_when_no_run_reaches_its_endpoint_the_status_says_so(tmp_path: Path) -> None:
     axes = {"condition": {"dead": DEAD}}
     (tmp_path / "x.yaml").write_text(yaml.safe_dump({**TINY, "seeds": [0], "axes": axes}))
-    assert main(["sweep", str(tmp_path / "x.yaml"), "--out", str(tmp_path), "--quiet"]) == 4
+    assert (
+        main(["sweep", str(tmp_path / "x.yaml"), "--out", str(tmp_path), "--quiet", "--trust"]) == 4
+    )
 
 
 def test_a_sweep_is_not_begun_twice(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder)]) == 2
+    assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--trust"]) == 2
     assert capsys.readouterr().err == (
         f"agentflow: {folder / 'mixed'} already holds this sweep: resume it with --resume, or "
         "choose another folder with --out\n"

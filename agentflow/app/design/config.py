@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.design.trust import Approve, refuse, require_trust
 from agentflow.config.run import (
     PROCEDURAL,
     DesignConfig,
@@ -21,7 +22,10 @@ from agentflow.llm.endpoint.address import Endpoint
 
 
 def load_config(
-    path: Path | None, settings: Iterable[str], options: Mapping[str, Any]
+    path: Path | None,
+    settings: Iterable[str],
+    options: Mapping[str, Any],
+    approve: Approve = refuse,
 ) -> DesignConfig:
     """Load a configuration; options override `--set`, then the file, then the environment.
 
@@ -29,12 +33,26 @@ def load_config(
         path: The YAML file, if any.
         settings: Strings `a.b=value`.
         options: Dotted configuration keys; None means not given.
+        approve: Is asked about hosts and key variables that only the file names.
     """
-    document = apply_settings(load_document(path) if path is not None else {}, settings)
+    settings = list(settings)
+    named = set_options({}, settings, options)
+    if path is None:
+        return complete_config(named)
+    config = complete_config(set_options(load_document(path), settings, options))
+    require_trust(path, [config.model], named, approve)
+    return config
+
+
+def set_options(
+    document: Mapping[str, Any], settings: Iterable[str], options: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The document with the settings, then the options that are not None."""
+    result = apply_settings(document, settings)
     for key, value in options.items():
         if value is not None:
-            document = set_key(document, key, value)
-    return complete_config(document)
+            result = set_key(result, key, value)
+    return result
 
 
 def complete_config(document: Mapping[str, Any]) -> DesignConfig:

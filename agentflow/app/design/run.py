@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from shlex import quote
@@ -14,6 +15,7 @@ from agentflow.app.design.notices import REMARK, Remarks, watch_calls
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.results import read_finished, result_json, save_rollouts
+from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.env.pool.pool import Simulator
 from agentflow.errors import ConfigError, EndpointError, InterruptedRunError, RunError
@@ -38,6 +40,10 @@ class RunOptions:
     """Simulates machines; by default a new pool of `config.workers` processes."""
     limiters: dict[str, Limiter] = field(default_factory=dict)
     """Rate limiters by base URL, to share with other runs."""
+    approve: Approve = refuse
+    """Is asked about hosts and key variables that only the record of a resumed run names."""
+    named: Mapping[str, Any] = field(default_factory=dict)
+    """Configuration keys that the user gave; the hosts and key variables in them are allowed."""
 
 
 def design(
@@ -121,6 +127,8 @@ class DesignRun:
     def reopen(cls, path: Path, options: RunOptions) -> DesignRun:
         """Open an unfinished run; see `resume_async`."""
         document = read_document(path)
+        if options.client is None:
+            require_trusted_run(path, options.approve, options.named)
         plan = RunPlan.of(build_config(document.get("config")))
         if changes := plan.changes_since(document):
             raise RunError(
@@ -207,4 +215,5 @@ class DesignRun:
 
     @property
     def _resume_hint(self) -> str:
-        return f"continue with: agentflow design --resume {quote(str(self.directory.path))}"
+        trust = trust_option([self.plan.config.model])
+        return f"continue with: agentflow design --resume {quote(str(self.directory.path))}{trust}"

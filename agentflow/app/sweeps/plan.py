@@ -12,11 +12,13 @@ from typing import Any
 from agentflow.app.design.config import (
     fill_from_environment,
     require_model_name,
+    set_options,
     urls_with_credentials,
 )
 from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.trust import Approve, refuse, require_trust
 from agentflow.app.sweeps.folder import folder_name, is_sweep, read_folder
-from agentflow.config.run import apply_settings, build_config, load_document, set_key
+from agentflow.config.run import ModelConfig, build_config, load_document
 from agentflow.config.sweep import SweepConfig, SweepRun, axis_of_key, list_runs, read_sweep
 from agentflow.errors import ConfigError, UsageError
 from agentflow.metrics.cells import check_metrics
@@ -38,6 +40,11 @@ class SweepPlan:
     def runs(self) -> tuple[SweepRun, ...]:
         """All runs."""
         return list_runs(self.sweep)
+
+    @property
+    def models(self) -> list[ModelConfig]:
+        """The models of `firsts`."""
+        return [first.config.model for first in self.firsts]
 
     def plan_of(self, run: SweepRun) -> RunPlan:
         """The plan of a run, except for its seed."""
@@ -62,7 +69,11 @@ class SweepPlan:
 
 
 def plan_sweep(
-    path: Path, settings: Iterable[str], options: Mapping[str, Any], seeds: int | None = None
+    path: Path,
+    settings: Iterable[str],
+    options: Mapping[str, Any],
+    seeds: int | None = None,
+    approve: Approve = refuse,
 ) -> SweepPlan:
     """Read a sweep, apply settings to its base, and look everything up.
 
@@ -71,21 +82,25 @@ def plan_sweep(
         settings: Strings `a.b=value` for all runs.
         options: Dotted configuration keys for all runs; None means not given.
         seeds: Use seeds 0 to `seeds` - 1 instead of those in the file.
+        approve: Is asked about hosts and key variables that only the file names.
 
     Raises:
         UnknownNameError: A task, workflow, metric ... does not exist.
         ConfigError: A configuration is wrong, a setting is varied by an axis, or an axis holds
             credentials.
     """
+    settings = list(settings)
     given = {key: value for key, value in options.items() if value is not None}
     if is_sweep(path):
-        if list(settings) or given or seeds is not None:
+        if settings or given or seeds is not None:
             raise UsageError(
                 f"{path} is resumed with its own settings; remove --model, --base-url, "
                 "--set and --seeds"
             )
         document, sweep = read_folder(path)
-        return SweepPlan.of(document["name"], sweep)
+        plan = SweepPlan.of(document["name"], sweep)
+        require_trust(path, plan.models, {}, approve)
+        return plan
     sweep = read_sweep(load_document(path), str(path))
     if "seed" in sweep.base:
         raise ConfigError(f"{path}: base.seed: list seeds under seeds, for example seeds: [0]")
@@ -96,15 +111,14 @@ def plan_sweep(
                 f"{key} is varied by the sweep ({axes.get(key, 'axes')}) and cannot be set for all "
                 "runs; to set the seeds, use --seeds N"
             )
-    base = apply_settings(sweep.base, settings)
-    for key, value in given.items():
-        base = set_key(base, key, value)
+    base = set_options(sweep.base, settings, given)
     changed: dict[str, Any] = {"base": fill_from_environment(base, os.environ)}
     if seeds is not None:
         changed["seeds"] = tuple(range(seeds))
     plan = SweepPlan.of(path.stem, sweep.model_copy(update=changed))
     for run in plan.firsts:
         require_model_name(run.config.model)
+    require_trust(path, plan.models, set_options({}, settings, given), approve)
     return plan
 
 

@@ -12,7 +12,9 @@ from pathlib import Path
 from shlex import quote
 from typing import Any, Protocol
 
+from agentflow.app.design.config import config_json
 from agentflow.app.design.run import RunOptions, design_async, resume_async
+from agentflow.app.design.trust import trust_option
 from agentflow.app.sweeps.folder import LOG, RUNS, STORE, lock_folder, sweep_document
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config.run import build_config
@@ -89,7 +91,7 @@ def run_sweep(
         except KeyboardInterrupt:
             raise InterruptedRunError(
                 f"interrupted; {len(work.done)} of {len(plan.runs)} runs are done; continue "
-                f"with: agentflow sweep {quote(str(folder))} --resume"
+                f"with: agentflow sweep {quote(str(folder))} --resume{trust_option(plan.models)}"
             ) from None
     order = [run.name for run in plan.runs]
     return SweepOutcome(
@@ -175,6 +177,7 @@ class _Work:
             listener=lambda event: self.watcher.event(name, event),
             pool=store,
             limiters=self.limiters,
+            named=config_json(run.config),
         )
         if _can_resume(path):
             return await resume_async(path, options)

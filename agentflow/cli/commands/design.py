@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -16,6 +18,9 @@ from agentflow.cli.root import (
     Quiet,
     Run,
     Settings,
+    Trust,
+    allow,
+    approve,
     commands,
     print_json,
     print_result,
@@ -51,6 +56,7 @@ def design(
         typer.Option(help="Which rollouts to save: those of each stage's best machine, or all."),
     ] = None,
     resume: Annotated[Path | None, typer.Option(help="Run directory to resume.")] = None,
+    trust: Trust = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -60,6 +66,7 @@ def design(
     """
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
+    from agentflow.app.design.trust import require_trusted_run
     from agentflow.app.pages.pictures import render_run
     from agentflow.cli.display.live import watch
     from agentflow.cli.display.show import show_result
@@ -81,18 +88,22 @@ def design(
     if resume is not None and (given or config or settings):
         raise UsageError("--resume uses the settings of the run; remove the other options")
     finished = resume is not None and state_of(resume) == "done"
+    allowed = allow if trust else approve  # asks before the progress display starts
+    carry_out: Callable[[run.RunOptions], dict[str, Any]]
+    if resume is not None:
+        if not finished:
+            require_trusted_run(resume, allowed, {})
+        carry_out = partial(run.resume, resume)
+    else:
+        built = load_config(config, settings or (), options, allowed)
+        if rollouts is not None and not WORKFLOWS[built.workflow].has_rollout_limit:
+            raise UsageError(
+                f"--rollouts does not work with --workflow {built.workflow}; use "
+                "--set search.rounds=N and --set trajectories=N"
+            )
+        carry_out = partial(run.design, built, out)
     with watch(quiet) as (listener, notify):
-        run_options = run.RunOptions(notify, listener)
-        if resume is not None:
-            result = run.resume(resume, run_options)
-        else:
-            built = load_config(config, settings or (), options)
-            if rollouts is not None and not WORKFLOWS[built.workflow].has_rollout_limit:
-                raise UsageError(
-                    f"--rollouts does not work with --workflow {built.workflow}; use "
-                    "--set search.rounds=N and --set trajectories=N"
-                )
-            result = run.design(built, out, run_options)
+        result = carry_out(run.RunOptions(notify, listener, approve=allow))
         drawn = result["valid"] and not finished
         if drawn and listener is not None:
             listener(DrawingEvent().to_event())
@@ -128,6 +139,7 @@ def doctor(
     role: Annotated[
         str, typer.Option(help="Check the model configured for this role.")
     ] = "designer",
+    trust: Trust = False,
     as_json: Json = False,
 ) -> None:
     """Send one small request to a model endpoint and report what works."""
@@ -136,7 +148,8 @@ def doctor(
     from agentflow.cli.display.show import show_diagnosis
 
     options = {"model.name": model, "model.base_url": base_url}
-    found = check_endpoint(load_config(config, settings or (), options), role).model_dump()
+    allowed = allow if trust else approve
+    found = check_endpoint(load_config(config, settings or (), options, allowed), role).model_dump()
     print_result(found, as_json, show_diagnosis)
     if found["problem"]:
         raise EndpointError(found["problem"])

@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from agentflow.cli.display.text import escape_controls
-from agentflow.cli.root import BaseUrl, Json, ModelName, Quiet, Settings, commands, print_json
+from agentflow.cli.root import (
+    BaseUrl,
+    Json,
+    ModelName,
+    Quiet,
+    Settings,
+    Trust,
+    allow,
+    approve,
+    commands,
+    print_json,
+)
 
 if TYPE_CHECKING:
     from agentflow.app.sweeps.estimates import Estimate
@@ -46,6 +57,7 @@ def sweep(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="List the runs and estimate their cost.")
     ] = False,
+    trust: Trust = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -53,12 +65,14 @@ def sweep(
 
     `agentflow table` compares the results.
     """
+    from agentflow.app.design.trust import trust_option
     from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
     from agentflow.app.sweeps.run import run_sweep
     from agentflow.cli.display.sweep_live import watch_sweep
 
     options = {"model.name": model, "model.base_url": base_url, "workers": workers}
-    plan = plan_sweep(config, settings or (), options, seeds)
+    allowed = allow if trust or dry_run else approve
+    plan = plan_sweep(config, settings or (), options, seeds, allowed)
     folder = sweep_folder(plan, config, out)
     if dry_run:
         _print_estimate(plan, folder, as_json)
@@ -69,7 +83,7 @@ def sweep(
         done, failed = list(outcome.done), dict(outcome.failed)
         print_json({"sweep": str(outcome.path), "done": done, "failed": failed})
     else:
-        print(escape_controls(_outcome_text(outcome), "\n"))
+        print(escape_controls(_outcome_text(outcome, trust_option(plan.models)), "\n"))
     if outcome.failed:
         raise typer.Exit(NO_ENDPOINT if outcome.endpoint and not outcome.done else PARTLY)
 
@@ -167,12 +181,12 @@ def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, worker
     )
 
 
-def _outcome_text(outcome: SweepOutcome) -> str:
+def _outcome_text(outcome: SweepOutcome, trust: str) -> str:
     runs, folder = len(outcome.done) + len(outcome.failed), quote(str(outcome.path))
     lines = [f"{len(outcome.done)} of {runs} runs done: {outcome.path}"]
     lines += [f"failed: {name}: {reason}" for name, reason in outcome.failed.items()]
     if outcome.failed:
-        lines.append(f"retry the failed runs with: agentflow sweep {folder} --resume")
+        lines.append(f"retry the failed runs with: agentflow sweep {folder} --resume{trust}")
     if outcome.done:
         lines.append(f"compare them with: agentflow table {folder}")
     return "\n".join(lines)

@@ -70,6 +70,11 @@ class Endpoint:
         if self.auth is None and given.username:
             self.auth = httpx.BasicAuth(given.username, given.password)
 
+    @property
+    def origin(self) -> str:
+        """Scheme, host and port, e.g. "https://api.openai.com"."""
+        return str(self.url.copy_with(raw_path=b"/")).rstrip("/")
+
     def scrub(self, text: str) -> str:
         """Mask this endpoint's secrets and anything else that looks like an API key."""
         return _LOOKS_LIKE_A_KEY.sub("***", self.scrub_known(text))

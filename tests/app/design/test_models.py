@@ -176,10 +176,10 @@ def test_a_run_that_loses_its_endpoint_says_so_and_continues_numbering(
         assert main(["design", *job, *where]) == 4
         (run,) = tmp_path.iterdir()
         first = [e.data["text"] for e in read_events(run) if e.kind == "remark"]
-        assert main(["design", "--resume", str(run), "--quiet"]) == 4
+        assert main(["design", "--resume", str(run), "--trust", "--quiet"]) == 4
     assert len(first) == 1
     assert first[0].startswith(f"no answer from {server.base_url} (")
     remarks = [(e.label, e.data["text"]) for e in read_events(run) if e.kind == "remark"]
     assert remarks == [("1", first[0]), ("2", first[0])]
-    hint = f"continue with: agentflow design --resume {run}"
+    hint = f"continue with: agentflow design --resume {run} --trust"
     assert capsys.readouterr().err == f"agentflow: {first[0]}; {hint}\n" * 2

@@ -1,0 +1,125 @@
+"""A file that names a host or a key variable which the user did not name sends nothing there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+import agentflow
+from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.trust import require_trust
+from agentflow.cli import main
+from agentflow.config.run import ModelConfig, build_config
+from agentflow.errors import ConfigError, RefusedError
+from agentflow.runs import RunDirectory
+from tests.app.test_doctor import threaded
+from tests.llm.hostile import body
+
+SECRET = "very-secret-2b1f"
+TINY = {"task": "movement", "workflow": "single", "settings": {"trajectories": 1}}
+
+
+def received_run(folder: Path, model: dict[str, object]) -> Path:
+    """An unfinished run, as somebody else could send it."""
+    plan = RunPlan.of(build_config({**TINY, "model": {"name": "m", **model}}))
+    run = RunDirectory.create(folder, "received", plan.run_document)
+    run.close()
+    return run.path
+
+
+def test_a_received_run_or_file_sends_no_variable_of_the_user_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CLOUD_PASSWORD", SECRET)
+    with threaded(body({"error": {"message": "thanks"}}, 400)) as server:
+        host = server.base_url.removesuffix("/v1")
+        model = {"base_url": server.base_url, "key_variable": "CLOUD_PASSWORD"}
+        run = received_run(tmp_path, model)
+        file = tmp_path / "received.yaml"
+        file.write_text(yaml.safe_dump({**TINY, "model": {"name": "m", **model}}))
+        sweep = tmp_path / "sweep.yaml"
+        base = {**TINY, "model": {"name": "m", **model}}
+        sweep.write_text(
+            yaml.safe_dump({"title": "t", "base": base, "table": {"metrics": ["max"]}})
+        )
+        for given in (
+            ["design", "--resume", str(run)],
+            ["design", "--config", str(file), "--out", str(tmp_path / "out")],
+            ["design", "--config", str(run / "run.yaml"), "--out", str(tmp_path / "out")],
+            ["doctor", "--config", str(file)],
+            ["sweep", str(sweep), "--out", str(tmp_path / "out")],
+        ):
+            assert main(given) == 2, given
+            assert (
+                f"{given[1] if given[0] == 'sweep' else given[2]} sends prompts to {host} with the "
+                "key in CLOUD_PASSWORD, which you have not named on the command line or in the "
+                "environment; check it, then allow it with --trust (in Python: trust=True)\n"
+            ) in capsys.readouterr().err, given
+        with pytest.raises(ConfigError, match="allow it with --trust"):
+            agentflow.resume(run)
+        with pytest.raises(ConfigError, match="allow it with --trust"):
+            agentflow.design(config=file, out=tmp_path / "out")
+        assert server.asked == []
+        assert not (tmp_path / "out").exists()
+        with pytest.raises(RefusedError, match=r"--resume .*received --trust$"):
+            agentflow.resume(run, trust=True)
+        assert len(server.asked) == 1
+
+
+@pytest.mark.parametrize(
+    ("model", "named", "environment", "refused"),
+    [
+        ({}, {}, {}, ""),
+        ({}, {}, {"OPENAI_BASE_URL": "https://own.example/v1"}, "https://api.openai.com with the"),
+        (
+            {"base_url": "https://own.example"},
+            {},
+            {"OPENAI_BASE_URL": "https://own.example/v1"},
+            "",
+        ),
+        (
+            {"base_url": "http://own.example"},
+            {},
+            {"OPENAI_BASE_URL": "https://own.example/v1"},
+            "http://own.example with the key in OPENAI_API_KEY",
+        ),
+        ({"base_url": "http://a/v1"}, {"base_url": "http://a:80/"}, {}, ""),
+        ({"base_url": "http://a:81/v1"}, {"base_url": "http://a"}, {}, "http://a:81 with the key"),
+        ({"key_variable": "HOME"}, {}, {}, "https://api.openai.com with the key in HOME"),
+        ({"key_variable": "MINE"}, {"key_variable": "MINE"}, {}, ""),
+        (
+            {"roles": {"refiner": {"name": "n", "base_url": "http://b"}}},
+            {},
+            {},
+            "http://b with no key",
+        ),
+        (
+            {"roles": {"refiner": {"name": "n", "base_url": "http://b"}}},
+            {"roles": {"refiner": {"base_url": "http://b"}}},
+            {},
+            "",
+        ),
+    ],
+)
+def test_what_the_user_names_is_allowed(
+    model: dict[str, object],
+    named: dict[str, object],
+    environment: dict[str, str],
+    refused: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("OPENAI_BASE_URL", raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    asked: list[str] = []
+
+    def approve(sentence: str) -> bool:
+        asked.append(sentence)
+        return True
+
+    config = ModelConfig.model_validate({"name": "m", **model})
+    require_trust(Path("file"), [config], {"model": named}, approve)
+    assert len(asked) == bool(refused)
+    assert all(sentence.startswith(f"file sends prompts to {refused}") for sentence in asked)
