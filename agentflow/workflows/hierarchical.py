@@ -20,11 +20,11 @@ STRUCTURES = 4
 async def hierarchical(run: WorkflowContext) -> WorkflowResult:
     """Meta-designer, designers per structure, inspector, blind refinement, feedback loop.
 
-    With the meta-designer off, designers build whole machines.
+    With the meta-designer off, designers build whole machines; a start machine needs neither.
     """
     run.begin_stage(INITIAL)
     blueprint: Blueprint | None = None
-    if run.settings.meta_designer == "off":
+    if _builds_whole_machines(run.settings):
         candidates = await design_machines(run)
     else:
         blueprint, reason = await _plan(run)
@@ -47,8 +47,12 @@ async def _plan(run: WorkflowContext) -> tuple[Blueprint | None, str]:
     return outcome.output, ""
 
 
+def _builds_whole_machines(settings: WorkflowSettings) -> bool:
+    return settings.meta_designer == "off" or bool(settings.start)
+
+
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
-    if settings.meta_designer == "off":
+    if _builds_whole_machines(settings):
         return count_calls(settings)
     return {"meta_designer": 1, **count_calls(settings, STRUCTURES * settings.candidates)}
 

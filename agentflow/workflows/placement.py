@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from agentflow.agents.placer import Placer, PlacerInput
 from agentflow.errors import UsageError
+from agentflow.machine.brief import Brief
 from agentflow.machine.edits.random import random_machine
 from agentflow.runs.events import FLAWLESS
 from agentflow.runs.places import INITIAL, Place
@@ -26,9 +27,10 @@ MOST_PLACED = 10
 async def placement(run: WorkflowContext) -> WorkflowResult:
     """Ask `settings.placements` placers, one call each, and simulate the valid machines."""
     run.begin_stage(INITIAL)
+    brief = _brief(run)
 
     async def place(attempt: int) -> Candidate:
-        asked, given = Place(Placer.name, trajectory=attempt), PlacerInput(run.brief)
+        asked, given = Place(Placer.name, trajectory=attempt), PlacerInput(brief)
         outcome = await run.ask(Placer(), given, asked, stage=INITIAL, once=True)
         return candidate_of(attempt, outcome)
 
@@ -40,7 +42,7 @@ async def placement(run: WorkflowContext) -> WorkflowResult:
 async def random_placement(run: WorkflowContext) -> WorkflowResult:
     """Baseline without a model: 1 to 10 blocks of allowed types on random free faces."""
     run.begin_stage(INITIAL)
-    brief = run.brief
+    brief = _brief(run)
     size = len(brief.given) + 1, len(brief.given) + MOST_PLACED
     placed = []
     for attempt in run.trajectories:
@@ -52,6 +54,11 @@ async def random_placement(run: WorkflowContext) -> WorkflowResult:
             placed.append(Candidate(attempt, machine, first=FLAWLESS))
     run.end_stage(INITIAL, await simulate(run, INITIAL, placed))
     return run.result()
+
+
+def _brief(run: WorkflowContext) -> Brief:
+    """The brief; a start machine takes the place of the given structure."""
+    return replace(run.brief, given=run.settings.start_machine or run.brief.given)
 
 
 def _adapt(settings: WorkflowSettings) -> WorkflowSettings:

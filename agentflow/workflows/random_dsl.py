@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from agentflow.errors import UsageError
-from agentflow.machine.brief import Brief
 from agentflow.machine.edits.random import random_edit, random_machine
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS, EditEvent, FirstAttempt
@@ -34,7 +33,7 @@ async def random_dsl(run: WorkflowContext) -> WorkflowResult:
     rngs = {t: run.stream(f"traj-{t}") for t in run.trajectories}
     total = _rollouts(run.settings)
     run.begin_stage(INITIAL)
-    drawn = [_draw(run.brief, t, rngs[t]) for t in list(rngs)[:total]]
+    drawn = [_draw(run, t, rngs[t]) for t in list(rngs)[:total]]
     initial = run.end_stage(INITIAL, await simulate(run, INITIAL, drawn))
     left = total - initial.rollouts
     if run.is_over(initial) or left <= 0:
@@ -53,9 +52,11 @@ def _rollouts(settings: WorkflowSettings) -> int:
     return settings.rollouts or 3 * settings.trajectories
 
 
-def _draw(brief: Brief, trajectory: int, rng: random.Random) -> Candidate:
+def _draw(run: WorkflowContext, trajectory: int, rng: random.Random) -> Candidate:
+    """The start machine, or else a random one."""
     try:
-        return Candidate(trajectory, random_machine(rng, brief), first=FLAWLESS)
+        machine = run.settings.start_machine or random_machine(rng, run.brief)
+        return Candidate(trajectory, machine, first=FLAWLESS)
     except UsageError as error:
         return Candidate(trajectory, reason=str(error))
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from agentflow.machine.blocks.library import library
+from agentflow.machine.formats.parse import read_machine
+from agentflow.machine.tree import Machine
 from agentflow.search.settings import SearchSettings
 
 
@@ -25,6 +28,9 @@ class WorkflowSettings(BaseModel):
         "modules",
         description="plan for the structures: modules, detailed (construction step by step), or "
         "off: whole machines (hierarchical)",
+    )
+    start: tuple[dict[str, int], ...] = Field(
+        (), description="construction tree of a machine to improve, in place of first designs"
     )
     rationales: tuple[str, ...] = Field(
         (), description="plans for designers to follow, one per trajectory, repeated if too few"
@@ -59,6 +65,17 @@ class WorkflowSettings(BaseModel):
     def _off(cls, value: object) -> object:
         """Accept false, which is how YAML reads a bare `off`."""
         return "off" if value is False else value
+
+    @model_validator(mode="after")
+    def _one_plan(self) -> WorkflowSettings:
+        if self.start and self.rationales:
+            raise ValueError("rationales guide first designs; a run with a start machine has none")
+        return self
+
+    @property
+    def start_machine(self) -> Machine | None:
+        """The machine to start from; None if designers make the first machines."""
+        return read_machine(list(self.start), tuple(library())).machine if self.start else None
 
     def rationale(self, trajectory: int) -> str:
         """The plan for the designers of a trajectory (1, 2, ...); "" for none."""

@@ -38,7 +38,7 @@ def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
 
 def _calls(settings: WorkflowSettings) -> dict[str, int]:
     many = settings.trajectories
-    return {"designer": many, "refiner": many * settings.search.rounds}
+    return {"designer": many * (not settings.start), "refiner": many * settings.search.rounds}
 
 
 def _rollouts(settings: WorkflowSettings) -> int:

@@ -71,12 +71,15 @@ class Notes:
         """Not looked at."""
 
 
-def run(client: Any, count: int, record: Notes | None = None) -> WorkflowResult:
+def run(
+    client: Any, count: int, record: Notes | None = None, start: Machine | None = None
+) -> WorkflowResult:
     def context(role: str) -> AskContext:
         assert role == "designer"
         return AskContext(client, PromptSet())
 
-    settings = WorkflowSettings(placements=count)
+    tree = start.to_json() if start else ()
+    settings = WorkflowSettings(placements=count, start=tuple(tree))
     return asyncio.run(
         WORKFLOWS["placement"](BRIEF, context, Teeth(), settings, record or Notes(), seed=1)
     )
@@ -115,6 +118,19 @@ def test_every_attempt_is_one_call_and_is_judged_by_itself() -> None:
     assert result.best is not None
     assert result.best.machine == SOLVED
     assert [label for kind, label in record.events if kind == "attempt"] == list(answers)
+
+
+def test_placements_are_added_to_a_start_machine() -> None:
+    longer = Machine((*SOLVED, Step(4, 38, 0, MIDDLE + 6)))
+    answers = [reply(longer), reply(BRIEF.given)]
+
+    def answer(request: Request) -> Reply:
+        assert SOLVED.to_text() in request.messages[1].text
+        return Reply(text=answers[int(request.label[12]) - 1], model="scripted")
+
+    stage = run(ScriptedClient(answer), 2, start=SOLVED).stages[0]
+    assert [c.machine for c in stage.candidates] == [longer, None]
+    assert "block 3 is given and must be repeated" in stage.candidates[1].reason
 
 
 def test_the_procedural_model_finds_the_shortest_path_every_time() -> None:

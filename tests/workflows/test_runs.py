@@ -21,8 +21,11 @@ from tests.workflows.world import (
     Run,
     Script,
     Shelf,
+    by_digest,
     edit,
     fenced,
+    machine,
+    machine_in,
     steps,
 )
 
@@ -66,6 +69,31 @@ async def test_every_workflow_with_every_strategy(name: str, strategy: str) -> N
     assert len(run.labels) == len(set(run.labels)) == sum(s.calls for s in result.stages)
     assert len(run.shelf.tried) == len(set(run.shelf.tried))
     assert len(run.shelf.tried) == sum(stage.rollouts for stage in result.stages)
+
+
+@pytest.mark.parametrize("name", [name for name, flow in WORKFLOWS.items() if flow.fits(BRIEF)])
+async def test_every_workflow_improves_a_start_machine(name: str) -> None:
+    start = machine((2, 0, 2))
+    flow, settings = WORKFLOWS[name], {**MEDIUM, "start": start.to_json()}
+    run = Run(Author(seed=5, refused=0.0), settings)
+    result = await run(name)
+    initial, *later = result.stages
+    assert {candidate.machine for candidate in initial.candidates} == {start}
+    assert (initial.calls, initial.rollouts) == (0, 1)
+    assert [stage.name for stage in later] == [
+        *(["blind_refinement"] if name == "random-dsl" else []),
+        "env_feedback",
+    ]
+    assert later[-1].rollouts > 0
+    assert result.best is not None
+    assert result.best.score is not None
+    assert result.best.score >= by_digest(start)
+    asked = {request.role for request in run.client.requests}
+    expected = flow.calls(flow.adapt(run.settings))
+    assert asked == {role for role, count in expected.items() if count}
+    for label in run.labels:
+        if "/round-1/node-0/" in label:
+            assert machine_in(run.prompt(label)) == start
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
+from agentflow.machine.tree import ROOT, Machine
 from agentflow.workflows.settings import WorkflowSettings
 
 
@@ -27,6 +28,14 @@ def test_rationales_go_round() -> None:
     settings = WorkflowSettings(rationales=("a", "b"))
     assert [settings.rationale(number) for number in (1, 2, 3)] == ["a", "b", "a"]
     assert WorkflowSettings().rationale(1) == ""
+
+
+def test_rationales_and_a_start_machine_exclude_each_other() -> None:
+    start = ({"type": 0, "id": 0, "parent": -1, "face_id": -1},)
+    assert str(WorkflowSettings(start=start).start_machine) == str(Machine((ROOT,)))
+    assert WorkflowSettings().start_machine is None
+    with pytest.raises(ValidationError, match="rationales guide first designs; a run with a start"):
+        WorkflowSettings(start=start, rationales=("a",))
 
 
 @pytest.mark.parametrize(

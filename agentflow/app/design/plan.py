@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
@@ -20,9 +20,11 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import ConfigError
+from agentflow.errors import ConfigError, UsageError
 from agentflow.llm.procedural.mechanisms import STAND, purpose
 from agentflow.machine.blocks.library import library
+from agentflow.machine.brief import Brief
+from agentflow.machine.validity import check
 from agentflow.prompts.render import PromptSet
 from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.registry import WORKFLOWS, check_fit
@@ -55,6 +57,7 @@ class RunPlan:
         except ConfigError as error:
             raise ConfigError(f"{error}{suggest_key(config.knobs)}") from None
         check_fit(config.workflow, task.brief)
+        _check_start(config.settings.start, task.brief)
         return cls(config, task, PromptSet(config.prompts), str(default_engine().identity))
 
     @property
@@ -86,9 +89,10 @@ class RunPlan:
 
         It then builds machines that stand or drive.
         """
-        roles = WORKFLOWS[self.config.workflow].calls(self.config.settings)
+        calls = WORKFLOWS[self.config.workflow].calls(self.config.settings)
         choices = choose_models(self.config.model)
-        if not any(choices[role].procedural for role in roles) or purpose(self.task.brief) != STAND:
+        asked = any(count and choices[role].procedural for role, count in calls.items())
+        if not asked or purpose(self.task.brief) != STAND:
             return ""
         return (
             f"the procedural model has no mechanism for {self.task.name}, so expect low scores; "
@@ -113,6 +117,14 @@ class RunPlan:
             "platform": platform.platform(),
             "config": config_json(self.config),
         }
+
+
+def _check_start(start: Sequence[object], brief: Brief) -> None:
+    """Raise UsageError if there is a start machine that is not valid for the task."""
+    if start and not (report := check(list(start), brief)).task_valid:
+        raise UsageError(
+            f"the start machine is not valid for {brief.name}: {report.problems[0].message}"
+        )
 
 
 def physics_conditions() -> dict[str, str]:

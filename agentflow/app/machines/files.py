@@ -89,6 +89,18 @@ def _best_machine(run: Path) -> str:
     return json.dumps(machine)
 
 
+def machine_tree(source: str) -> list[dict[str, int]]:
+    """The machine of a file or run in any format, as a construction tree.
+
+    Raises:
+        UsageError: It cannot be read, or is not file-valid.
+    """
+    reading = read_any(machine_text(source), blocks=tuple(library()))
+    if reading.machine is None or reading.problems or reading.loose:
+        raise UsageError(f"{source}: {(*reading.problems, *reading.loose)[0].message}")
+    return reading.machine.to_json()
+
+
 def check(
     source: object, brief: Brief | None, geometry: bool, form: Form = "auto"
 ) -> dict[str, Any]:

@@ -43,6 +43,12 @@ def design(
     config: Config = None,
     settings: Settings = None,
     seed: Annotated[int | None, typer.Option(help="Random seed.")] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            help="Machine file or run directory: improve this machine instead of designing one."
+        ),
+    ] = None,
     rationale_from: Annotated[
         str | None, typer.Option(help="Reuse the designers' rationales from this run directory.")
     ] = None,
@@ -67,6 +73,7 @@ def design(
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
     from agentflow.app.design.trust import require_trusted_run
+    from agentflow.app.machines.files import machine_tree
     from agentflow.app.pages.pictures import render_run
     from agentflow.cli.display.live import watch
     from agentflow.cli.display.show import show_result
@@ -80,6 +87,7 @@ def design(
         "workers": workers,
         "model.name": model,
         "model.base_url": base_url,
+        "settings.start": None if start is None else machine_tree(start),
         "rationale_from": rationale_from,
         "settings.rollouts": rollouts,
         "keep_rollouts": keep_rollouts,

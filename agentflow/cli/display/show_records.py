@@ -35,6 +35,8 @@ def show_run(run: Data) -> None:
     console = output()
     console.print(f"{run['run']}: {run['state']}")
     console.print(f"{run['task']}, {run['workflow']}, {run['model']}, seed {run['seed']}")
+    if start := run["config"]["settings"].get("start"):
+        console.print(f"started from a machine with {len(start)} blocks")
     place = f", {run['blocks']} blocks, found in stage {run['best_stage']}" if run["blocks"] else ""
     console.print(f"best score {number(run['score'])}{place}")
     if run["stopped"] or run["reason"]:

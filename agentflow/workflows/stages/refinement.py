@@ -21,6 +21,7 @@ async def refine(
 
     Trajectories do not wait for each other: one may search while the first machine of another is
     being simulated. What a trajectory does depends only on its own answers and on the budget.
+    A start machine is not refined blindly: the feedback loop begins with it.
     """
     over = run.spent is not None
     initial: list[Candidate] = []
@@ -42,10 +43,12 @@ async def refine(
         close()
         if over or not candidate.valid:
             return None
-        run.begin_stage(BLIND)
-        better = await refine_blindly(run, candidate, blueprint)
-        blind.append(better)
-        close()
+        better = candidate
+        if not run.settings.start:
+            run.begin_stage(BLIND)
+            better = await refine_blindly(run, candidate, blueprint)
+            blind.append(better)
+            close()
         if not better.valid or not run.settings.search.rounds:
             return None
         run.begin_stage(FEEDBACK)
@@ -60,16 +63,17 @@ async def refine(
 
 def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
     """Role -> calls of a run without retries; `designs` is the designer calls per trajectory."""
-    many, search = settings.trajectories, settings.search
+    many, search, blind = settings.trajectories, settings.search, not settings.start
     return {
-        "designer": many * designs,
-        "inspector": many * settings.inspector,
+        "designer": many * designs * blind,
+        "inspector": many * settings.inspector * blind,
         "querier": many * search.rounds * settings.asks_querier,
-        "refiner": many * (1 + search.rounds * search.children),
+        "refiner": many * (blind + search.rounds * search.children),
     }
 
 
 def count_rollouts(settings: WorkflowSettings) -> int:
     """Simulations of a run that designs and refines, if no two machines are equal."""
     search = settings.search
-    return settings.trajectories * (2 + search.rounds * search.children)
+    first = 1 if settings.start else 2
+    return settings.trajectories * (first + search.rounds * search.children)

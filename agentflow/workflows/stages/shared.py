@@ -13,7 +13,7 @@ from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
 from agentflow.machine.validity import check
-from agentflow.runs.events import FirstAttempt, InspectionEvent
+from agentflow.runs.events import FLAWLESS, FirstAttempt, InspectionEvent
 from agentflow.runs.places import BLIND, INITIAL, Place, StageName
 from agentflow.search.concurrency import run_concurrently
 from agentflow.workflows.base import Candidate
@@ -46,7 +46,13 @@ def candidate_of(trajectory: int, outcome: RoleOutcome[Any] | None) -> Candidate
 
 
 async def design_machines(run: WorkflowContext) -> list[Candidate]:
-    """Ask one designer per trajectory for a whole machine; nothing is simulated yet."""
+    """Ask one designer per trajectory for a whole machine; nothing is simulated yet.
+
+    A start machine takes the place of every design.
+    """
+    start = run.settings.start_machine
+    if start is not None:
+        return [Candidate(number, start, first=FLAWLESS) for number in run.trajectories]
 
     async def design(trajectory: int) -> Candidate:
         given = DesignerInput(**run.role_input, rationale=run.settings.rationale(trajectory))
