@@ -76,6 +76,11 @@ class Registry(Mapping[str, T]):
         """The name and origin of a thing from another distribution, for messages."""
         return self._describe(self._others[name])
 
+    def origin(self, name: str) -> str:
+        """Name and version of the other distribution that a thing is from; "" for ours."""
+        dist = self._others[name].dist if name not in self._ours else None
+        return f"{dist.name} {dist.version}" if dist else ""
+
     def _describe(self, entry: EntryPoint) -> str:
         origin = f" of the distribution {entry.dist.name!r}" if entry.dist else ""
         return f"the {self.kind} {entry.name!r} ({entry.value}){origin}"

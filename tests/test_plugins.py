@@ -14,6 +14,10 @@ from pathlib import Path
 
 import pytest
 
+from agentflow.app.design.replay import replay
+from agentflow.errors import ConfigError
+from agentflow.runs import read_document
+
 ROOT = Path(__file__).parent.parent
 PLUGINS = ROOT / "tests" / "plugins"
 MAIN = "import sys; from agentflow.cli import main; sys.exit(main())"
@@ -103,6 +107,9 @@ def test_a_run_made_of_toys(run: Path) -> None:
     events = [json.loads(line) for line in (run / "events.jsonl").read_text().splitlines()]
     assert sum(event["kind"] == "judgement" for event in events) == 2
     assert python(MAIN, "replay", str(run), cwd=run.parent) == "identical\n"
+    assert read_document(run)["family"] == "toybox 1.0"
+    with pytest.raises(ConfigError, match=r"needs the task family 'rolling' of toybox 1\.0$"):
+        replay(run, pytest.fail)  # this process lacks it
 
 
 @pytest.mark.slow

@@ -15,11 +15,17 @@ from typing import Any
 from agentflow import __version__
 from agentflow.app.design.config import config_json
 from agentflow.app.design.models import choose_models
-from agentflow.config.run import DesignConfig, suggest_key
+from agentflow.config.run import DesignConfig, build_config, suggest_key
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.registry import get_task
+from agentflow.env.tasks.registry import (
+    FAMILIES,
+    Level,
+    get_level,
+    make_task,
+    recorded_level,
+)
 from agentflow.errors import ConfigError, UsageError
 from agentflow.llm.procedural.mechanisms import STAND, purpose
 from agentflow.machine.blocks.library import library
@@ -28,6 +34,10 @@ from agentflow.machine.validity import check
 from agentflow.prompts.render import PromptSet
 from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.registry import WORKFLOWS, check_fit
+
+_FAMILY = "family"
+_VERSIONED = ("engine", _FAMILY)
+"""Conditions that are a name and a version."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +49,16 @@ class RunPlan:
     prompts: PromptSet
     engine: str
     """Name and version of the physics engine, e.g. "pybullet 3.2.7"."""
+    level: Level
+    """The level of the task, without the configured knobs."""
 
     @classmethod
-    def of(cls, config: DesignConfig) -> RunPlan:
+    def of(cls, config: DesignConfig, level: Level | None = None) -> RunPlan:
         """Look up task, knobs, workflow, prompt set and engine.
+
+        Args:
+            config: The configuration.
+            level: Its level, as recorded in a run; by default that of the current name or file.
 
         Raises:
             UnknownNameError: One of them does not exist.
@@ -53,24 +69,33 @@ class RunPlan:
         STRATEGIES[config.settings.search.strategy], WORKFLOWS[config.workflow]  # known names
         choose_models(config.model)
         try:
-            task = get_task(config.task, config.knobs)
+            level = level or get_level(config.task)
+            task = make_task(level, config.knobs)
         except ConfigError as error:
             raise ConfigError(f"{error}{suggest_key(config.knobs)}") from None
         check_fit(config.workflow, task.brief)
         _check_start(config.settings.start, task.brief)
-        return cls(config, task, PromptSet(config.prompts), str(default_engine().identity))
+        return cls(config, task, PromptSet(config.prompts), str(default_engine().identity), level)
+
+    @classmethod
+    def of_run(cls, path: Path, document: Mapping[str, Any]) -> RunPlan:
+        """The plan of the run at `path`, whose run.yaml holds `document`, with its own level."""
+        return cls.of(build_config(document.get("config")), level_of_run(path, document))
 
     @property
     def conditions(self) -> dict[str, str]:
         """Everything besides configuration and replies that decides results, for run.yaml.
 
-        Hashes have 16 hex digits; `demands` is that of the task's brief.
+        Hashes have 16 hex digits; `demands` is that of the task's brief. `family` names the
+        distribution of a task family from outside.
         """
+        origin = FAMILIES.origin(self.level.file.family)
         return {
             "prompts": self.prompts.digest,
             "demands": hashlib.sha256(repr(self.task.brief).encode()).hexdigest()[:16],
             **physics_conditions(),
             "engine": self.engine,
+            **({_FAMILY: origin} if origin else {}),
         }
 
     def changes_since(self, document: Mapping[str, Any]) -> str:
@@ -115,6 +140,7 @@ class RunPlan:
             **self.conditions,
             "python": platform.python_version(),
             "platform": platform.platform(),
+            "level": self.level.record,
             "config": config_json(self.config),
         }
 
@@ -125,6 +151,42 @@ def _check_start(start: Sequence[object], brief: Brief) -> None:
         raise UsageError(
             f"the start machine is not valid for {brief.name}: {report.problems[0].message}"
         )
+
+
+def level_of_run(path: Path, document: Mapping[str, Any]) -> Level:
+    """The level of a run as it was when the run began.
+
+    Args:
+        path: The run directory.
+        document: The content of its run.yaml.
+
+    Raises:
+        ConfigError: It is damaged, or its task family is not installed.
+    """
+    record = document.get("level")
+    if not isinstance(record, Mapping):  # made before levels were recorded
+        return get_level(build_config(document.get("config")).task)
+    level = recorded_level(record, f"the level in {path / 'run.yaml'}")
+    if level.file.family not in FAMILIES:
+        origin = document.get(_FAMILY, "another version of agentflow")
+        raise ConfigError(f"{path} needs the task family {level.file.family!r} of {origin}")
+    return level
+
+
+def task_of_run(path: Path, document: Mapping[str, Any]) -> Task:
+    """The task of a run as it was when the run began; see `level_of_run`."""
+    return make_task(level_of_run(path, document), build_config(document.get("config")).knobs)
+
+
+def level_note(path: Path, document: Mapping[str, Any]) -> str:
+    """A message if the level of a run has changed since, or is no longer there; else ""."""
+    level = level_of_run(path, document)
+    try:
+        change = "" if get_level(level.name).file == level.file else "has changed since"
+    except UsageError:
+        change = "cannot be read here"
+    used = "its copy in the run is used"
+    return f"{path}: the level {level.name} {change}; {used}" if change else ""
 
 
 def physics_conditions() -> dict[str, str]:
@@ -139,14 +201,14 @@ def physics_conditions() -> dict[str, str]:
 def describe_changes(recorded: Mapping[str, Any], now: Mapping[str, str]) -> str:
     """Which recorded conditions differ now, in words; "" if none does."""
     return " and ".join(
-        f"engine ({_engine_change(recorded[name], value)})" if name == "engine" else name
+        f"{name} ({_version_change(recorded[name], value)})" if name in _VERSIONED else name
         for name, value in now.items()
         if recorded.get(name, value) != value
     )
 
 
-def _engine_change(before: str, now: str) -> str:
-    """Two engine identities in words: "pybullet 3.2.7, now 3.2.8"."""
+def _version_change(before: str, now: str) -> str:
+    """Two names with versions in words: "pybullet 3.2.7, now 3.2.8"."""
     name, _, version = now.rpartition(" ")
     return f"{before}, now {version if before.rpartition(' ')[0] == name else now}"
 

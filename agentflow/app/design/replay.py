@@ -12,9 +12,8 @@ from typing import Any
 from agentflow.app.design.execution import execute
 from agentflow.app.design.models import replay_models
 from agentflow.app.design.notices import REMARK
-from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.plan import RunPlan, level_note
 from agentflow.app.design.results import read_finished, result_json
-from agentflow.config.run import build_config
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Event, Notify, read_document, read_events
 
@@ -31,11 +30,13 @@ def replay(path: Path, notify: Notify) -> str | None:
     """
     document = read_document(path)
     recorded = read_finished(path)
-    plan = RunPlan.of(build_config(document.get("config")))
+    plan = RunPlan.of_run(path, document)
     if changes := plan.changes_since(document):
         notify(f"{path} was made with different {changes}; expect differences")
     if note := plan.engine_note(document):
         notify(f"{path}: {note}")
+    if note := level_note(path, document):
+        notify(note)
     memory = MemoryRecord()
     with Tape(path / "calls.jsonl", notify, writable=False) as tape:
         models = replay_models(plan.config, tape, budget_spent=recorded["stopped"] == "budget")

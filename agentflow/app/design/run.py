@@ -12,11 +12,11 @@ from typing import Any
 from agentflow.app.design.execution import execute, model_name
 from agentflow.app.design.models import Models, known_prices, open_models, use_client
 from agentflow.app.design.notices import REMARK, Remarks, watch_calls
-from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.plan import RunPlan, level_note
 from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.results import read_finished, result_json, save_rollouts
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
-from agentflow.config.run import DesignConfig, build_config
+from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import Simulator
 from agentflow.errors import ConfigError, EndpointError, InterruptedRunError, RunError
 from agentflow.llm.client import Client
@@ -129,7 +129,7 @@ class DesignRun:
         document = read_document(path)
         if options.client is None:
             require_trusted_run(path, options.approve, options.named)
-        plan = RunPlan.of(build_config(document.get("config")))
+        plan = RunPlan.of_run(path, document)
         if changes := plan.changes_since(document):
             raise RunError(
                 f"{path} was started with different {changes}, so its record cannot be "
@@ -137,6 +137,8 @@ class DesignRun:
             )
         if note := plan.engine_note(document):
             options.notify(f"{path}: {note}")
+        if note := level_note(path, document):
+            options.notify(note)
         return cls(plan, RunDirectory.resume(path), options)
 
     def __post_init__(self) -> None:

@@ -6,9 +6,8 @@ import asyncio
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.plan import RunPlan, level_note
 from agentflow.app.inspect.reading import recorded_machine
-from agentflow.config.run import build_config
 from agentflow.env.constants import constants
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.runs import read_document
@@ -23,13 +22,14 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
         workers: Number of processes; None: as configured in the run.
 
     Returns:
-        `run`, `task`, `constants` and `engine` (`recorded` and `now`), `identical` (number of
-        machines with a bit-for-bit identical rollout), and `machines`: each with `machine`, `place`
-        (where it was first simulated), `recorded` and `now` (status and score), `difference` of
-        the scores (None if one is missing) and `identical`.
+        `run`, `task`, `note` (whether its level has changed), `constants` and `engine` (`recorded`
+        and `now`), `identical` (number of machines with a bit-for-bit identical rollout), and
+        `machines`: each with `machine`, `place` (where it was first simulated), `recorded` and
+        `now` (status and score), `difference` of the scores (None if one is missing) and
+        `identical`.
     """
     document = read_document(path)
-    plan = RunPlan.of(build_config(document.get("config")))
+    plan = RunPlan.of_run(path, document)
     evaluations: dict[str, EvaluationEvent] = {}
     for event in read_typed_events(path):
         if isinstance(event, EvaluationEvent):
@@ -56,6 +56,7 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
     return {
         "run": str(path),
         "task": plan.task.name,
+        "note": level_note(path, document),
         "constants": {"recorded": document.get("constants"), "now": constants().digest},
         "engine": {"recorded": document.get("engine"), "now": plan.engine},
         "identical": sum(item["identical"] for item in machines),

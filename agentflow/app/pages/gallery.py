@@ -85,7 +85,7 @@ def _read_run(path: Path) -> Run:
         picture = png_url(machine, view="three-quarter", size=THUMBNAIL)
     card = {
         "task": config.task,
-        "asked": task_summary(config),
+        "asked": task_summary(path, document),
         "about": f"{config.workflow}, {result['model']}, seed {config.seed}",
         "run": path.name,
         "score": result["score"],

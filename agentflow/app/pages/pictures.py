@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from agentflow.app.design.plan import task_of_run
 from agentflow.app.design.results import read_finished
 from agentflow.app.machines.files import machine_text
 from agentflow.config.run import build_config
@@ -13,7 +14,6 @@ from agentflow.env.drawing.stills import render_png
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UnknownNameError, UsageError
 from agentflow.files import write_output
 from agentflow.machine import Machine, check, library, read_machine
@@ -29,13 +29,12 @@ SIZES = {GIF: (480, 360), MP4: (640, 480)}
 
 def render_run(path: Path, out: Path | None = None, view: str = "three-quarter") -> dict[str, str]:
     """Draw or film the best machine of a finished run: `out`, by default best.png and best.gif."""
-    result = read_finished(path)
-    config = build_config(read_document(path).get("config"))
+    result, document = read_finished(path), read_document(path)
+    seed = build_config(document.get("config")).seed
     machine = read_machine(result["machine"], range(1000)).machine
     if machine is None:
         raise RunError(f"{path} has no valid machine to draw")
-    task = get_task(config.task, config.knobs)
-    return _render(machine, task, config.seed, out or path / "best", view)
+    return _render(machine, task_of_run(path, document), seed, out or path / "best", view)
 
 
 def render_file(source: str, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:

@@ -9,18 +9,23 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.models import cost_function
-from agentflow.app.design.plan import describe_changes, physics_conditions
+from agentflow.app.design.plan import (
+    describe_changes,
+    level_note,
+    level_of_run,
+    physics_conditions,
+    task_of_run,
+)
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.app.pages.films import Shapes, machine_data
-from agentflow.config.run import PROCEDURAL, DesignConfig, build_config
+from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.env.archive import load_npz
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.errors import UsageError
 from agentflow.files import write_output
 from agentflow.machine import Machine, library, read_machine
@@ -63,7 +68,7 @@ class ReportedMachine:
     ) -> ReportedMachine:
         """A machine of the run at `path`, whose run.yaml holds `document`."""
         config = build_config(document.get("config"))
-        task = get_task(config.task, config.knobs)
+        task = task_of_run(path, document)
         file = path / "rollouts" / f"{machine.digest}.npz"
         changes = describe_changes(document, physics_conditions())
         recorded = file if changes and file.exists() else None
@@ -92,16 +97,18 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
     shapes = Shapes()
     chosen = _machines_to_report(path, story, films)
     machines = asyncio.run(film_machines(chosen, shapes, workers, say))
-    data |= {"machines": machines, "shapes": shapes.rows, "task": task_summary(config)}
+    data |= {"machines": machines, "shapes": shapes.rows, "task": task_summary(path, document)}
+    if note := level_note(path, document):
+        data["facts"].append(["Level", note])
     write_page(out, page(f"{config.task} · agentflow", data))
     return out
 
 
-def task_summary(config: DesignConfig) -> dict[str, Any]:
-    """Title, objective, score and scene of the task, as worded in prompts."""
-    brief = get_task(config.task, config.knobs).brief
+def task_summary(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
+    """Title, objective, score and scene of the task of a run, as worded in prompts."""
+    brief = task_of_run(path, document).brief
     return {
-        "title": get_level(config.task).file.title,
+        "title": level_of_run(path, document).file.title,
         "objective": brief.objective,
         "score": list(brief.score),
         "scene": [*brief.scene, *brief.schedule],

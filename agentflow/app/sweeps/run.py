@@ -141,12 +141,15 @@ class _Work:
         """Refuse to mix new runs with finished ones made under different conditions."""
         for run in self.plan.runs:
             if run.name in self.done:
-                document = read_document(self.folder / RUNS / run.name)
-                if changes := self.plan.plan_of(run).changes_since(document):
-                    raise RunError(
-                        f"{self.folder}: {run.name} was made with different {changes}: the "
-                        "remaining runs would not be comparable; choose another folder with --out"
-                    )
+                self._require_same(run)
+
+    def _require_same(self, run: SweepRun) -> None:
+        document = read_document(self.folder / RUNS / run.name)
+        if changes := self.plan.plan_of(run).changes_since(document):
+            raise RunError(
+                f"{self.folder}: {run.name} was made with different {changes}: the "
+                "remaining runs would not be comparable; choose another folder with --out"
+            )
 
     async def _work_through(self, queue: Iterator[SweepRun], store: Store, log: LineFile) -> None:
         """Carry out runs from a shared queue until none are left."""
@@ -180,6 +183,7 @@ class _Work:
             named=config_json(run.config),
         )
         if _can_resume(path):
+            self._require_same(run)
             return await resume_async(path, options)
         return await design_async(run.config, runs, options, name)
 

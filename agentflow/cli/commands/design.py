@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -126,8 +125,9 @@ def design(
 def replay(run: Run) -> None:
     """Replay a run from its record; print `identical` or the first difference."""
     from agentflow.app.design.replay import replay as repeat
+    from agentflow.cli.display.live import print_line
 
-    difference = repeat(run, lambda line: print(f"agentflow: {line}", file=sys.stderr))
+    difference = repeat(run, lambda line: print_line(f"agentflow: {line}"))
     print(difference or "identical")
     raise typer.Exit(1 if difference else 0)
 

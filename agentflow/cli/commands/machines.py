@@ -212,15 +212,19 @@ def render(
     A dotted line marks the path of the boulder or of the root block; blocks that broke off are
     red.
     """
+    from agentflow.app.design.plan import level_note
     from agentflow.app.pages.pictures import render_file, render_run
     from agentflow.app.tasks import find_task
-    from agentflow.runs import state_of
+    from agentflow.cli.display.live import print_line
+    from agentflow.runs import read_document, state_of
 
     if Path(source).is_dir():
         state_of(Path(source))  # raises for a directory that is not a run
         if task is not None or knobs or seed:
             raise UsageError("a run has its own task and seed; remove --task, --set and --seed")
         files = render_run(Path(source), out, view)
+        if note := level_note(Path(source), read_document(Path(source))):
+            print_line(f"agentflow: {note}")
     else:
         level = find_task(task or "movement", knobs or ())
         files = render_file(source, level, seed, out or Path("machine"), view)

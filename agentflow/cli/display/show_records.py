@@ -70,6 +70,8 @@ def show_rescored(found: Data) -> None:
             shown = "-" if change is None else f"{change:+.3f}"
             table.add_row(item["machine"], item["place"], then, now, shown)
         console.print(table)
+    if found["note"]:
+        console.print(found["note"])
     for name in ("constants", "engine"):
         condition = found[name]
         if condition["recorded"] != condition["now"]:

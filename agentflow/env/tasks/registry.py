@@ -77,6 +77,11 @@ class Level:
     """1 to 5; 0 for a level read from a path."""
     file: LevelFile
 
+    @property
+    def record(self) -> dict[str, Any]:
+        """The level as JSON data, for `recorded_level`."""
+        return {"name": self.name, "number": self.number, **self.file.model_dump(mode="json")}
+
 
 def _level_files(name: str) -> dict[int, Traversable]:
     """The YAML files of a family's levels by number, in order.
@@ -111,11 +116,23 @@ def _levels(name: str) -> dict[str, Level]:
     return levels
 
 
+def recorded_level(record: Mapping[str, Any], source: str) -> Level:
+    """A level from its record; `source` is named if it is damaged, as ConfigError."""
+    content = dict(record)
+    name, number = content.pop("name", None), content.pop("number", None)
+    if type(name) is not str or type(number) is not int:
+        raise ConfigError(f"{source} must have a name and a number")
+    return Level(name, number, _validate(content, source))
+
+
 def _read(text: str, source: str) -> LevelFile:
     try:
-        document = read_yaml(text)
+        return _validate(read_yaml(text), source)
     except NOT_YAML as error:
         raise ConfigError(f"{source} is not YAML: {yaml_problem(error)}") from None
+
+
+def _validate(document: object, source: str) -> LevelFile:
     if not isinstance(document, dict):
         raise ConfigError(f"{source} must be a mapping with family, title, good and parameters")
     try:
@@ -171,7 +188,11 @@ def get_task(name: str, overrides: Mapping[str, object] | None = None) -> Task:
         UnknownNameError: There is no such level or family.
         ConfigError: A knob is unknown or out of range; the message names the range.
     """
-    level = get_level(name)
+    return make_task(get_level(name), overrides)
+
+
+def make_task(level: Level, overrides: Mapping[str, object] | None = None) -> Task:
+    """Create the task of a level; see `get_task`."""
     kind = FAMILIES[level.file.family]
     values = deep_merge(level.file.parameters, nest_keys(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
