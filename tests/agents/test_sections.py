@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.agents.replies import find_sections
+from tests.timing import assert_linear, repeated
 
 NAMES = ("Thought Process", "Modification Steps", "Three-Dimensional Perception of the World")
 
@@ -54,7 +53,4 @@ def test_never_raises(pieces: list[str]) -> None:
 
 @pytest.mark.parametrize("unit", ["<", "<thought process>", "</thought process>", "< ", "<a" * 40])
 def test_time_is_linear(unit: str) -> None:
-    text = unit * (100_000 // len(unit))
-    start = time.process_time()
-    find_sections(text, NAMES)
-    assert time.process_time() - start < 0.5
+    assert_linear(lambda text: find_sections(text, NAMES), repeated(unit), 100_000)

@@ -1,6 +1,5 @@
 import json
 import math
-import time
 
 import pytest
 from hypothesis import given
@@ -11,6 +10,7 @@ from agentflow.machine.formats.coordinates import read_coordinates, to_coordinat
 from agentflow.machine.geometry.pose import FACINGS
 from tests.machine.builders import CAR, CATAPULT, PUBLISHED_OVERLAP, build
 from tests.machine.strategies import machines
+from tests.timing import assert_linear
 
 S = 0.5**0.5
 ROOT = {"type": 0, "Position": [0, 0, 0], "Rotation": [0, 0, 0, 1]}
@@ -201,12 +201,16 @@ def test_extended_types_are_read_where_they_are_allowed() -> None:
     assert read_coordinates(to_coordinates(machine), tuple(library())).machine == machine
 
 
-def test_hundreds_of_unattached_blocks_are_fast() -> None:
-    logs = to_coordinates(build(*[(63, i, 0) for i in range(400)]))
-    lost = [{"type": 63, "Position": [9, 9, i], "Rotation": [0, 0, 0, 1]} for i in range(399)]
-    start = time.process_time()
-    located = read_coordinates([*logs, *lost])
-    assert time.process_time() - start < 1.0
+def half_attached(logs: int) -> list[object]:
+    """A row of logs on a root, and as many blocks without the root that touch nothing."""
+    row = to_coordinates(build(*[(63, i, 0) for i in range(logs)]))
+    lost = [{"type": 63, "Position": [9, 9, i], "Rotation": [0, 0, 0, 1]} for i in range(logs - 1)]
+    return [*row, *lost]
+
+
+def test_hundreds_of_unattached_blocks_take_linear_time() -> None:
+    assert_linear(read_coordinates, half_attached, 400)
+    located = read_coordinates(half_attached(400))
     assert (len(located.blocks), len(located.loose)) == (401, 399)
     assert "nearest" in located.loose[0].message
     assert "nearest" not in located.loose[-1].message
