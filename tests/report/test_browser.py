@@ -14,13 +14,19 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
 from selenium.webdriver.support.ui import WebDriverWait
 
+from agentflow.app.machines.files import read_one
+from agentflow.app.pages.compare import compare
 from agentflow.app.pages.gallery import gallery
 from agentflow.app.pages.runs import report
+from agentflow.env.drawing.gltf import machine_glb
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine import Machine
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page
 from agentflow.report.sweep import sweep_data
 from agentflow.runs import read_result
+from tests.machine.builders import CAR
 from tests.report.browser import chromium, complaints
 from tests.report.hostile import LONG, NASTY, hostile_run
 
@@ -252,6 +258,49 @@ def test_the_gallery_plays_one_machine_at_a_time(browser: webdriver.Chrome, tmp_
         "return [...document.images].map((image) => image.naturalWidth)"
     ) == [320, 320]
     assert complaints(browser) == []
+
+
+def test_a_comparison_plays_both_films(browser: webdriver.Chrome, tmp_path: Path) -> None:
+    car, lame = tmp_path / "car.json", tmp_path / "lame.json"
+    car.write_text(CAR.to_text())
+    lame.write_text(Machine(CAR.steps[:-1]).to_text())
+    out = tmp_path / "compare.html"
+    task = get_task("movement", {"window": 1})
+    found = compare((str(car), str(lame)), task, 0, out=out, workers=2)
+    complaints(browser)
+    browser.get(out.as_uri())
+    titles = [f"{side} · {m['score']:.2f}" for side, m in zip("AB", found["machines"], strict=True)]
+    until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, "output")) == 2)
+    assert [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".title")] == titles
+    find(browser, ".both").click()
+    clocks = browser.find_elements(By.CSS_SELECTOR, "output")
+    until(browser, lambda: all(float(c.text.removesuffix(" s")) > 0.3 for c in clocks))
+    heads = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "caption")]
+    assert heads == ["Both machines", "Only in A"]
+    assert browser.execute_script("return window.owned ?? null") is None
+    assert complaints(browser) == []
+
+
+def test_the_shown_machine_can_be_downloaded(opened: webdriver.Chrome, tmp_path: Path) -> None:
+    opened.execute_cdp_cmd(
+        "Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)}
+    )
+    node(opened, "env_feedback/traj-1/node-1").click()
+    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
+    digest = find(opened, ".chosen p").text.split(" · ")[-1]
+    buttons = opened.find_elements(By.CSS_SELECTOR, ".files button")
+    assert [button.text for button in buttons] == [".json", ".bsg", ".glb"]
+    for button in buttons:
+        name = f"machine-{digest}{button.text}"
+        button.click()
+        until(opened, (tmp_path / name).exists)
+    tree = read_one(str(tmp_path / f"machine-{digest}.json"))
+    assert tree.digest == digest
+    assert read_one(str(tmp_path / f"machine-{digest}.bsg")) == tree
+    assert (tmp_path / f"machine-{digest}.glb").read_bytes() == machine_glb(tree)
+    node(opened, "env_feedback/traj-1/round-1/node-0/try-2").click()
+    until(opened, lambda: not find(opened, ".files").is_displayed())
+    assert complaints(opened) == []
 
 
 def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, AnyStr, TextIO
 
 from agentflow.errors import RunError, UsageError
-from agentflow.machine import BlockType, Brief, library, place
+from agentflow.machine import BlockType, Brief, Machine, library, place
 from agentflow.machine import check as check_machine
 from agentflow.machine.formats.detect import Form, read_any, read_for
 
@@ -89,8 +89,8 @@ def _best_machine(run: Path) -> str:
     return json.dumps(machine)
 
 
-def machine_tree(source: str) -> list[dict[str, int]]:
-    """The machine of a file or run in any format, as a construction tree.
+def read_one(source: str) -> Machine:
+    """The machine of a file or run, in any format.
 
     Raises:
         UsageError: It cannot be read, or is not file-valid.
@@ -98,7 +98,7 @@ def machine_tree(source: str) -> list[dict[str, int]]:
     reading = read_any(machine_text(source), blocks=tuple(library()))
     if reading.machine is None or reading.problems or reading.loose:
         raise UsageError(f"{source}: {(*reading.problems, *reading.loose)[0].message}")
-    return reading.machine.to_json()
+    return reading.machine
 
 
 def check(

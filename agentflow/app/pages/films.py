@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from agentflow.app.machines.convert import WRITERS
 from agentflow.env.drawing.film import frame_interval, tracked_block
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.physics.model import Color
@@ -15,10 +16,11 @@ from agentflow.env.rollout import Broken, Rollout, RolloutEvent, Trace
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.brief import LONE_ROOT
 from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
-from agentflow.report.film import Motion, pack_motion
+from agentflow.report.film import Motion, deflate, pack_motion
 
 GIVEN: tuple[tuple[str, Color], tuple[str, Color]] = (
     ("source", (0.80, 0.33, 0.20, 1.0)),
@@ -80,9 +82,21 @@ def machine_data(
         "given": [[name, list(color[:3])] for name, color in dict(marks.values()).items()],
         "feedback": rollout.feedback.text if rollout is not None else "",
         "remark": remark,
+        "files": _files(machine),
         "trials": _trial_data(machine, figures, rollout, played),
         **_film_data(machine, figures, rollout),
     }
+
+
+def _files(machine: Machine) -> dict[str, str]:
+    """Name -> deflated content of the files of a machine; plates are no blocks of the game."""
+    writers = {
+        ".json": WRITERS[".json"],
+        **({} if plate_of(machine[0].type) else {".bsg": WRITERS[".bsg"]}),
+        ".glb": WRITERS[".glb"],
+    }
+    name = f"machine-{machine.digest}"
+    return {f"{name}{suffix}": deflate(write(machine)) for suffix, write in writers.items()}
 
 
 def _film_data(

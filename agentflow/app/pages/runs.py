@@ -139,7 +139,7 @@ async def film_machines(
 
     async def film(key: str, item: ReportedMachine) -> tuple[str, dict[str, Any]]:
         nonlocal done
-        played = await _simulate_trials(item, pool)
+        played = await simulate_trials(item, pool)
         if item.recorded is not None:
             rollout = _load_recorded(item, item.recorded)
         else:
@@ -172,7 +172,7 @@ def _machines_to_report(path: Path, story: RunStory, films: int) -> dict[str, Re
     return found
 
 
-async def _simulate_trials(item: ReportedMachine, pool: RolloutPool) -> Sequence[Rollout]:
+async def simulate_trials(item: ReportedMachine, pool: RolloutPool) -> Sequence[Rollout]:
     """Simulate the trials again; none if the machine is shown as built or as recorded."""
     if item.recorded is not None or item.interval is None:
         return ()

@@ -72,7 +72,7 @@ def design(
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
     from agentflow.app.design.trust import require_trusted_run
-    from agentflow.app.machines.files import machine_tree
+    from agentflow.app.machines.files import read_one
     from agentflow.app.pages.pictures import render_run
     from agentflow.cli.display.live import watch
     from agentflow.cli.display.show import show_result
@@ -86,7 +86,7 @@ def design(
         "workers": workers,
         "model.name": model,
         "model.base_url": base_url,
-        "settings.start": None if start is None else machine_tree(start),
+        "settings.start": None if start is None else read_one(start).to_json(),
         "rationale_from": rationale_from,
         "settings.rollouts": rollouts,
         "keep_rollouts": keep_rollouts,

@@ -1,4 +1,4 @@
-"""Commands that write HTML pages: report and gallery. Importing this module registers them."""
+"""Commands that write HTML pages: report, compare, gallery. Importing it registers them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from agentflow.app.pages.registry import PAGES
-from agentflow.cli.root import commands
+from agentflow.cli.root import Json, Knobs, commands, print_result
+from agentflow.errors import UsageError
 
 Out = Annotated[
     Path | None, typer.Option(help="Output file; default: report.html in the directory.")
@@ -42,6 +43,41 @@ def _progress(done: int, of: int) -> None:
     if sys.stderr.isatty():
         end = "\n" if done == of else "\r"
         print(f"agentflow: film {done} of {of}", end=end, file=sys.stderr, flush=True)
+
+
+@commands.command(
+    epilog="Example: agentflow compare runs/recorded-throwing catapult.json --out compare.html"
+)
+def compare(
+    a: Annotated[str, typer.Argument(help="Machine file, or run directory (its best machine).")],
+    b: Annotated[str, typer.Argument(help="The other machine file or run directory.")],
+    task: Annotated[
+        str | None,
+        typer.Option(
+            help="Task on which to simulate both; default: the task of the runs. Without a task, "
+            "only blocks are compared."
+        ),
+    ] = None,
+    knobs: Knobs = None,
+    seed: Annotated[
+        int | None, typer.Option(help="Random seed; default: that of the first run, else 0.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Also write an HTML page with both films to this file.")
+    ] = None,
+    workers: Workers = 2,
+    as_json: Json = False,
+) -> None:
+    """Compare two machines: which blocks differ, and what both score on the same task."""
+    from agentflow.app.pages.compare import compare as find_difference
+    from agentflow.app.tasks import find_task
+    from agentflow.cli.display.show import show_comparison
+
+    if knobs and task is None:
+        raise UsageError("--set changes a knob of a task; name the task with --task")
+    level = find_task(task, knobs or ()) if task else None
+    found = find_difference((a, b), level, seed, out=out, workers=workers)
+    print_result(found, as_json, show_comparison)
 
 
 @commands.command(epilog="Example: agentflow gallery runs --out gallery.html")

@@ -137,6 +137,36 @@ def show_rollout(result: Data) -> None:
         console.print(str(answer))
 
 
+def show_comparison(found: Data) -> None:
+    """Print both machines, and the blocks that only one of them has."""
+    console = output()
+    table = columns("", "A", "B")
+    for name, key in (("machine", "source"), ("blocks", "blocks"), ("mass, kg", "mass")):
+        table.add_row(name, *(_plain(machine[key]) for machine in found["machines"]))
+    table.add_row("size, m", *(_size(machine) for machine in found["machines"]))
+    if found["task"]:
+        status = (machine["status"] for machine in found["machines"])
+        score = (number(machine["score"]) for machine in found["machines"])
+        table.add_row(f"{found['task']}, seed {found['seed']}", *status)
+        table.add_row("score", *score)
+    for kind in found["types"]:
+        table.add_row(f"{kind['type']} {kind['name']}", *map(str, kind["counts"]))
+    console.print(table)
+    for name, machine in zip("AB", found["machines"], strict=True):
+        for problem in machine["problems"]:
+            console.print(f"{name} is not valid for {found['task']}: {problem}")
+    console.print(f"{found['same']} blocks are in both machines")
+    for name, blocks in zip("AB", found["only"], strict=True):
+        for block in blocks:
+            ends = " to ".join(str(end) for end in block["positions"])
+            where = f"{ends} facing {block['direction']}" if block["direction"] else ends
+            console.print(f"only in {name}: block {block['id']} ({block['name']}) at {where}")
+
+
+def _plain(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
 def show_blocks(blocks: Sequence[Data]) -> None:
     """Print the block library as a table."""
     table = columns("type", "name", "category", "size", "mass", "faces", "set")

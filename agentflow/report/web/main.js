@@ -1,11 +1,12 @@
 // Entry point: reads the page's data and builds the matching page.
 
 import "./player.css";
+import { comparePage } from "./compare.js";
 import { galleryPage } from "./gallery.js";
 import { runPage } from "./run.js";
 import { sweepPage } from "./sweep.js";
 
-const PAGES = { run: runPage, sweep: sweepPage, gallery: galleryPage };
+const PAGES = { run: runPage, sweep: sweepPage, gallery: galleryPage, compare: comparePage };
 const data = JSON.parse(document.getElementById("data").textContent);
 
 document.body.append(...PAGES[data.kind](data));

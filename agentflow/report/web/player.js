@@ -2,7 +2,7 @@
 
 import { el } from "./dom.js";
 import { Eye } from "./camera.js";
-import { Film } from "./film.js";
+import { Film, inflate } from "./film.js";
 import { traceColor } from "./materials.js";
 import { Picture } from "./scene.js";
 
@@ -33,6 +33,7 @@ export class Player {
     if (!machine || !this.picture) return;
     if (!(await this.load(machine, asked))) return;
     this.choices(machine);
+    this.offer(machine.files);
     this.eye.reset();
   }
 
@@ -63,6 +64,13 @@ export class Player {
       this.pause();
       this.load({ ...machine, ...trials[this.trials.selectedIndex] }, (this.asked = {}));
     };
+  }
+
+  /** Offer the machine's files for download: name -> deflated content. */
+  offer(files) {
+    const buttons = Object.entries(files).map(([name, packed]) =>
+      el("button", { title: name, click: () => save(name, packed) }, name.slice(name.lastIndexOf("."))));
+    this.files.replaceChildren("Download this machine: ", ...buttons);
   }
 
   /** Show the legend of colours. */
@@ -236,6 +244,7 @@ export class Player {
     this.wide = el("button", { "aria-pressed": "false", title: "Show the whole course (W)", click: () => this.setWide(!this.eye.wide) }, "Wide");
     this.trials = el("select", { change: () => this.chosen() });
     this.keys = el("span", { class: "keys" });
+    this.files = el("p", { class: "files" });
     this.list = el("ol", { class: "events", "aria-label": "Events" });
     return el("div", { class: "player", role: "group", "aria-label": "Film", keydown: (event) => this.press(event) },
       el("div", { class: "view" }, this.canvas,
@@ -247,7 +256,7 @@ export class Player {
       el("div", { class: "transport" }, this.button,
         el("div", { class: "track" }, this.slider, this.ticks), this.clock, this.chooser, this.loads, this.wide,
         el("button", { title: "Reset the view (R)", click: () => this.again() }, "Reset")),
-      el("p", { class: "remark" }), this.list);
+      el("p", { class: "remark" }), this.files, this.list);
   }
 
   open() {
@@ -269,6 +278,13 @@ export class Player {
       this.sharpen(1);
     }).observe(this.canvas);
   }
+}
+
+/** Save deflated content as a file. */
+async function save(name, packed) {
+  const url = URL.createObjectURL(new Blob([await inflate(packed)]));
+  el("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 1000);
 }
 
 /** An entry of the legend: a mark in its colour, and its name. */

@@ -1,0 +1,41 @@
+// The page of a comparison: two films side by side, and the blocks that differ.
+
+import { el, section, formatNumber, table } from "./dom.js";
+import { Player } from "./player.js";
+import { problem, taskDetails } from "./text.js";
+
+const NAMES = ["A", "B"];
+
+export function comparePage(data) {
+  const players = data.machines.map((machine, side) => {
+    const player = new Player(data.shapes);
+    const score = machine.score === null ? "no score" : formatNumber(machine.score);
+    player.show(data.films[side], `${NAMES[side]} · ${score}`, machine.source);
+    return player;
+  });
+  const both = () => players.forEach((player) => { player.seek(0); player.play(); });
+  return [
+    el("main", { class: "alone" },
+      el("header", {}, el("p", { class: "kind" }, `agentflow comparison · seed ${data.seed}`), el("h1", {}, data.task), taskDetails(data.asked)),
+      el("p", {}, el("button", { class: "both", click: both }, "Play both")),
+      el("div", { class: "pair" }, ...players.map((player) => player.element)),
+      ...data.machines.flatMap(({ problems }, side) => problems.map((text) => problem(`${NAMES[side]} is not valid for ${data.task}: ${text}`))),
+      section("Machines", table("Both machines", ["", ...NAMES], rows(data))),
+      section("Blocks",
+        el("p", { class: "quiet" }, `${formatNumber(data.same)} blocks are in both machines: same type, position and direction relative to the root block.`),
+        ...data.only.map((blocks, side) => blocks.length ? table(`Only in ${NAMES[side]}`, ["Block", "Type", "Position, m", "Direction"], blocks.map(place)) : null))),
+  ];
+}
+
+function rows({ machines, types }) {
+  return [
+    ["Machine", ...machines.map((machine) => machine.source)],
+    ["Score", ...machines.map((machine) => machine.score)],
+    ["Blocks", ...machines.map((machine) => machine.blocks)],
+    ["Mass, kg", ...machines.map((machine) => machine.mass)],
+    ["Size, m", ...machines.map((machine) => machine.size.join(" × "))],
+    ...types.map(({ name, counts }) => [name, ...counts]),
+  ];
+}
+
+const place = ({ id, name, positions, direction }) => [String(id), name, positions.map((end) => end.join(", ")).join(" to "), direction ?? ""];
