@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 Input = TypeVar("Input")
+Output = TypeVar("Output")
 
 GROWTH = 4
 """How much larger the larger input is."""
@@ -44,10 +45,15 @@ def assert_linear(
 
 def seconds(work: Callable[[Input], object], given: Input) -> float:
     """Processor seconds of this thread, without garbage collection."""
+    return timed(work, given)[1]
+
+
+def timed(work: Callable[[Input], Output], given: Input) -> tuple[Output, float]:
+    """What the work returns, and its seconds."""
     with _uncollected():
         start = time.thread_time()
-        work(given)
-        return time.thread_time() - start
+        output = work(given)
+        return output, time.thread_time() - start
 
 
 @contextmanager

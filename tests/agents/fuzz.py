@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import random
-import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from agentflow.agents.base import Parsed, Role
@@ -18,8 +19,10 @@ from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.agents.replies import machine_text
 from agentflow.llm.messages import Message, Request
 from agentflow.llm.procedural import ProceduralClient
+from agentflow.machine import extract_json
 from agentflow.prompts.render import PromptSet
 from tests.agents.fakes import FRAME, MOVEMENT, PLAN, THROWER, THROWING
+from tests.timing import repeated, seconds, timed
 
 SPRINKLES = (
     *("{", "}", "[", "]", '"', "'", ",", ":", "//", "/*", "*/", "```", "```json", "<", ">", "</"),
@@ -91,39 +94,45 @@ def mutate(text: str, other: str, chance: random.Random) -> str:
 
 
 def outcomes(count: int, seed: int) -> Iterator[tuple[str, str, Parsed[Any], float]]:
-    """`count` mutated replies: (role, text, what the parser made of it, processor seconds).
+    """`count` mutated replies: (role, text, what the parser made of it, slowness).
 
-    What took too long is read twice more, and the fastest counts: a machine that collects garbage
-    or changes pages in between slows one reading, a parser that is not linear slows them all.
+    Slowness is the time that reading took, in times of plain reading of as long a text, and at
+    least `PLAIN` characters. What was slow is timed twice more, and so is plain reading: a parser
+    that is not linear is slow each time.
     """
     corpus = [(role, given, replies((role, given))) for role, given in CASES]
     everything = [text for _, _, texts in corpus for text in texts]
+    plain = _plain_seconds()
     for number in range(count):
         chance = random.Random(f"{seed}/{number}")
         role, given, texts = corpus[number % len(corpus)]
         text = mutate(chance.choice(texts), chance.choice(everything), chance)
-        parsed, seconds = _timed(role, text, given)
-        if seconds > _limit(text):
-            seconds = min(seconds, *(_timed(role, text, given)[1] for _ in range(2)))
-        yield role.name, text, parsed, seconds
+        read = partial(role.parse, given=given)
+        parsed, took = timed(read, text)
+        if took > SLOW * plain:
+            plain = _plain_seconds()
+            took = min(took, *(seconds(read, text) for _ in range(2)))
+        yield role.name, text, parsed, took / (plain * max(1.0, len(text) / PLAIN))
 
 
-def _timed(role: Role[Any, Any], text: str, given: Any) -> tuple[Parsed[Any], float]:
-    start = time.process_time()
-    return role.parse(text, given), time.process_time() - start
+PLAIN = 100_000
+"""Characters of a plain text."""
+SLOW = 30.0
+"""How many times as long as a plain text a mutated one may take."""
 
 
-def _limit(text: str) -> float:
-    """Seconds that reading may take: 100 ms, and as much per 100,000 characters."""
-    return 0.1 * max(1.0, len(text) / 100_000)
+def _plain_seconds() -> float:
+    """Seconds to find the JSON in a list of many blocks, with prose around it."""
+    text = f"So: [{repeated(json.dumps(THROWER.to_json()[0]) + ', ')(PLAIN)}]. Done."
+    return min(seconds(partial(extract_json, kind=list), text) for _ in range(5))
 
 
-def fault(text: str, parsed: Parsed[Any], seconds: float) -> str:
+def fault(text: str, parsed: Parsed[Any], slowness: float) -> str:
     """What is wrong with an outcome; "" for nothing."""
     if not isinstance(parsed, Parsed):
         return f"not typed: {parsed!r}"
     if (parsed.output is None) != bool(parsed.problem and parsed.code):
         return f"neither output nor problem: {parsed!r}"
-    if seconds > _limit(text):
-        return f"{seconds:.3f} s for {len(text)} characters"
+    if slowness > SLOW:
+        return f"{slowness:.0f} times as slow as plain text, for {len(text)} characters"
     return ""

@@ -18,7 +18,7 @@ def test_unmutated_replies_are_of_use(case) -> None:  # type: ignore[no-untyped-
 @pytest.mark.parametrize("count", [400, pytest.param(20_000, marks=pytest.mark.slow)])
 def test_mutated_replies(count: int) -> None:
     read = Counter[bool]()
-    for name, text, parsed, seconds in outcomes(count, seed=count):
-        assert not fault(text, parsed, seconds), (name, fault(text, parsed, seconds), text[:500])
+    for name, text, parsed, slowness in outcomes(count, seed=count):
+        assert not fault(text, parsed, slowness), (name, fault(text, parsed, slowness), text[:500])
         read[parsed.output is not None] += 1
     assert min(read[True], read[False]) > count / 20, read

@@ -152,9 +152,9 @@ async def test_a_pool_gives_the_same_with_one_worker_and_with_two() -> None:
 def test_the_wall_limit_is_each_trials() -> None:
     cut = simulate(LONE_ROOT, TASK, wall_limit=0.0)
     assert (cut.status, cut.score, cut.trace) == ("timeout", None, None)
-    whole = simulate(LONE_ROOT, TASK)
-    assert whole.wall_seconds is not None
-    assert simulate(LONE_ROOT, TASK, wall_limit=whole.wall_seconds * 0.8).status == "ok"
+    limit = 0.8 * simulate(LONE_ROOT, TASK).wall_seconds
+    tried = (simulate(LONE_ROOT, TASK, wall_limit=limit) for _ in range(20))
+    assert any(whole.status == "ok" and whole.wall_seconds > limit for whole in tried)
 
 
 @dataclass(frozen=True)

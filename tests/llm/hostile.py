@@ -146,7 +146,7 @@ def stream(*chunks: object, done: bool = True, pause_s: float = 0.0, close: bool
 
 async def silence(_writer: asyncio.StreamWriter) -> None:
     """No answer at all."""
-    await asyncio.sleep(60)
+    await asyncio.sleep(3600)
 
 
 async def hang_up(writer: asyncio.StreamWriter) -> None:

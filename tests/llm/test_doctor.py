@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 
 from agentflow.llm.doctor import Diagnosis, diagnose
@@ -19,13 +17,12 @@ async def examined(base_url: str, key: str | None = KEY) -> Diagnosis:
 
 @pytest.mark.slow
 async def test_a_third_party_server(stub_url: str) -> None:
-    began = time.monotonic()
     found = await examined(stub_url)
-    took = time.monotonic() - began
     assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
     assert (found.streaming, found.usage, found.reasoning) == (True, False, False)
     assert (dict(found.refused), found.problem, found.answered_as) == ({}, "", "m")
-    assert 0 < (found.latency_s or 0) < took + 0.001
+    assert found.latency_s is not None
+    assert found.latency_s > 0
 
 
 async def test_a_server_with_limitations() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 import traceback
 
 import pytest
@@ -41,7 +40,7 @@ async def test_streamed_and_complete_answers_give_the_same_reply() -> None:
         await client.aclose()
     assert first.model_copy(update={"latency_s": 0}) == second.model_copy(update={"latency_s": 0})
     assert (first.text, first.usage, first.model) == ("hello", WHOLE, "model-as-answered")
-    assert 0 < first.latency_s < 10
+    assert first.latency_s > 0
     assert server.asked[0].target == "/v1/chat/completions"
     assert server.asked[0].headers["authorization"] == f"Bearer {KEY}"
     assert server.asked[0].body["model"] == "m"
@@ -137,14 +136,19 @@ LOST: dict[str, tuple[Answer, str]] = {
 }
 
 
+LIMITS: dict[str, dict[str, float]] = {
+    "no data for 0.2 s": {"idle_s": 0.2},
+    "no complete reply within 0.5 s": {"total_s": 0.5},
+}
+"""Settings of the faults that a limit of time ends; others come before any limit."""
+
+
 @pytest.mark.parametrize("fault", LOST)
 async def test_lost_answers_may_be_retried(fault: str) -> None:
     answer, reason = LOST[fault]
     async with serving(answer) as server:
-        started = time.perf_counter()
         with pytest.raises(TransientFault) as caught:
-            await once(server.base_url, idle_s=0.2, total_s=0.5)
-        assert time.perf_counter() - started < 10.0
+            await once(server.base_url, **LIMITS.get(reason, {}))
         assert type(caught.value.error) is UnreachableError
         assert str(caught.value).startswith(f"no answer from {server.base_url} (")
         assert reason in str(caught.value)

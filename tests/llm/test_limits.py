@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import time
+from collections.abc import Coroutine, Iterable
+from typing import Any
 
 import pytest
 
@@ -11,10 +12,11 @@ from agentflow.llm.messages import Reply, Request, Usage
 from agentflow.llm.settings import LimitSettings
 from agentflow.llm.wrappers.limits import LimitedClient, Limiter
 from tests.llm.helpers import ask
+from tests.timing import JumpingLoop
 
 
 class Slow:
-    """Answers slowly and records how many calls overlap."""
+    """Answers slowly and records when calls begin and how many overlap."""
 
     name = "slow"
 
@@ -24,7 +26,7 @@ class Slow:
         self.begun: list[float] = []
 
     async def complete(self, _request: Request) -> Reply:
-        self.begun.append(time.monotonic())
+        self.begun.append(asyncio.get_running_loop().time())
         self.now += 1
         self.most = max(self.most, self.now)
         await asyncio.sleep(self.seconds)
@@ -35,58 +37,64 @@ class Slow:
         """Nothing to release."""
 
 
-async def run(inner: Slow, calls: int, settings: LimitSettings, period_s: float = 60.0) -> float:
-    client = LimitedClient(inner, Limiter(settings, period_s))
-    started = time.monotonic()
-    await asyncio.gather(*[client.complete(ask("12345678")) for _ in range(calls)])
-    await client.aclose()
-    return time.monotonic() - started
+def run(calls: Coroutine[Any, Any, object]) -> float:
+    """Seconds that calls take, in a clock that jumps to the next thing that happens."""
+    loop = JumpingLoop()
+    try:
+        loop.run_until_complete(calls)
+        return loop.now
+    finally:
+        loop.close()
 
 
-async def test_no_limits_no_waiting() -> None:
+async def together(clients: Iterable[LimitedClient], text: str = "12345678") -> None:
+    await asyncio.gather(*[client.complete(ask(text)) for client in clients])
+
+
+def limited(inner: Slow, period_s: float = 60.0, **settings: int) -> LimitedClient:
+    return LimitedClient(inner, Limiter(LimitSettings(**settings), period_s))
+
+
+def test_no_limits_no_waiting() -> None:
     inner = Slow()
-    assert await run(inner, 50, LimitSettings()) < 30
+    assert run(together([limited(inner)] * 50)) == pytest.approx(0.01)
     assert inner.most == 50
 
 
-async def test_concurrent() -> None:
+def test_concurrent() -> None:
     inner = Slow()
-    await run(inner, 12, LimitSettings(concurrent=3))
+    assert run(together([limited(inner, concurrent=3)] * 12)) == pytest.approx(0.04)
     assert inner.most == 3
 
 
-async def test_clients_of_one_endpoint_share_its_limits() -> None:
+def test_clients_of_one_endpoint_share_its_limits() -> None:
     inner, limiter = Slow(), Limiter(LimitSettings(concurrent=2))
-    clients = [LimitedClient(inner, limiter) for _ in range(4)]
-    await asyncio.gather(*[client.complete(ask()) for client in clients])
+    run(together(LimitedClient(inner, limiter) for _ in range(4)))
     assert inner.most == 2
 
 
-async def test_no_period_has_more_calls_than_allowed() -> None:
+def test_no_period_has_more_calls_than_allowed() -> None:
     inner = Slow(0)
-    assert 0.4 <= await run(inner, 12, LimitSettings(rpm=5), period_s=0.2) < 5
-    assert all(
-        later - first >= 0.199 for first, later in zip(inner.begun, inner.begun[5:], strict=False)
-    )
+    run(together([limited(inner, 0.2, rpm=5)] * 12))
+    assert inner.begun == pytest.approx([0.0] * 5 + [0.2] * 5 + [0.4] * 2)
 
 
-@pytest.mark.slow
-async def test_tokens_are_counted_as_used_not_as_estimated() -> None:
+def test_tokens_are_counted_as_used_not_as_estimated() -> None:
     # Each call is estimated at 3 tokens and uses 40: two calls fill a period of 50.
+    async def three() -> None:
+        client = limited(inner, 1.0, tpm=50)
+        for _ in range(3):
+            await client.complete(ask("12345678"))
+
     inner = Slow(0.01, tokens=40)
-    client = LimitedClient(inner, Limiter(LimitSettings(tpm=50), period_s=1.0))
-    for _ in range(3):
-        await client.complete(ask("12345678"))
-    assert inner.begun[1] - inner.begun[0] < 0.9
-    assert inner.begun[2] - inner.begun[0] >= 0.9
+    run(three())
+    assert inner.begun == pytest.approx([0.0, 0.01, 1.0])
 
 
-async def test_a_call_above_the_token_limit_runs_alone() -> None:
+def test_a_call_above_the_token_limit_runs_alone() -> None:
     inner = Slow(0, tokens=1)
-    client = LimitedClient(inner, Limiter(LimitSettings(tpm=1), period_s=0.1))
-    await client.complete(ask("x" * 4000))
-    await client.complete(ask("x" * 4000))
-    assert 0.09 < inner.begun[1] - inner.begun[0] < 5
+    run(together([limited(inner, 0.1, tpm=1)] * 2, "x" * 4000))
+    assert inner.begun == pytest.approx([0.0, 0.1])
 
 
 async def test_a_cancelled_call_frees_its_slot() -> None:

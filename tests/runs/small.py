@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import os
 import random
 from pathlib import Path
 
 from agentflow.agents.base import AskContext
 from agentflow.llm.build import wrap
+from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget
@@ -38,15 +40,29 @@ class Asked:
         return self.author(request)
 
 
-def begin(folder: Path, log: Path, chance: int) -> Path:
-    """Carry out a new run in a folder."""
-    return _carry_out(RunDirectory.create(folder, "run", {"config": {}}), log, chance)
+class Stalling(ClientWrapper):
+    """Answers a number of requests and lets the others wait for ever."""
+
+    def __init__(self, inner: Client, most: float) -> None:
+        super().__init__(inner)
+        self.left = most
+
+    async def complete(self, request: Request) -> Reply:
+        self.left -= 1
+        if self.left < 0:
+            await asyncio.Event().wait()
+        return await self._inner.complete(request)
 
 
-def begin_slowly(folder: Path, log: Path, chance: int) -> None:
+def begin(folder: Path, log: Path, chance: int, most: float = math.inf) -> Path:
+    """Carry out a new run in a folder, up to a number of calls."""
+    return _carry_out(RunDirectory.create(folder, "run", {"config": {}}), log, chance, most)
+
+
+def begin_to_be_killed(folder: Path, log: Path, chance: int, most: float) -> None:
     """The same, in a process that will be killed."""
     (folder / "started").write_text("")
-    begin(folder, log, chance)
+    begin(folder, log, chance, most)
 
 
 def go_on(path: Path, log: Path, chance: int) -> Path:
@@ -54,10 +70,10 @@ def go_on(path: Path, log: Path, chance: int) -> Path:
     return _carry_out(RunDirectory.resume(path), log, chance)
 
 
-def _carry_out(run: RunDirectory, log: Path, seed: int) -> Path:
+def _carry_out(run: RunDirectory, log: Path, seed: int, most: float = math.inf) -> Path:
     chance = random.Random(seed)
     with Tape(run.tape, lambda _line: None) as tape:
-        inner = Delayed(ScriptedClient(Asked(log)), chance)
+        inner = Stalling(Delayed(ScriptedClient(Asked(log)), chance), most)
         context = AskContext(wrap(inner, tape=tape, budget=Budget()), PROMPTS, max_retry=3)
         result = asyncio.run(
             HIERARCHICAL(BRIEF, lambda _role: context, Shelf(delays=chance), SETTINGS, run, 0)

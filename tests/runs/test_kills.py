@@ -11,23 +11,30 @@ import pytest
 
 from agentflow.errors import RunError
 from agentflow.runs import read_events, read_result, state_of
-from tests.runs.small import begin, begin_slowly, contents, go_on
+from tests.runs.small import begin, begin_to_be_killed, contents, go_on
 
 KILLS = 40
+LATE = 5
+"""Calls that a run may make after the moment of its kill, however late the kill comes."""
 
 
-def killed(folder: Path, log: Path, chance: random.Random, seconds: float) -> Path:
-    """A run whose process was killed at a random moment."""
+def killed(folder: Path, log: Path, chance: random.Random, moment: int) -> Path:
+    """A run whose process was killed after so many calls: at once, or a moment later."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tests.runs.small"])
-    process = context.Process(target=begin_slowly, args=(folder, log, chance.randrange(1000)))
+    arguments = (folder, log, chance.randrange(1000), moment + LATE)
+    process = context.Process(target=begin_to_be_killed, args=arguments)
     process.start()
-    while not (folder / "started").exists():
-        time.sleep(0.001)
-    time.sleep(chance.uniform(0.0, seconds))
+    while not (folder / "started").exists() or lines(log) < moment:
+        time.sleep(0.0005)
+    time.sleep(chance.uniform(0.0, 0.005))
     process.kill()
     process.join()
     return folder / "run"
+
+
+def lines(path: Path) -> int:
+    return path.read_bytes().count(b"\n") if path.exists() else 0
 
 
 def torn(path: Path, chance: random.Random) -> bytes:
@@ -46,9 +53,7 @@ def whole(data: bytes) -> bytes:
 
 @pytest.mark.slow
 def test_a_run_killed_at_any_of_forty_moments_gives_the_same_result(tmp_path: Path) -> None:
-    began = time.monotonic()
     undisturbed = begin(tmp_path / "undisturbed", tmp_path / "log", 0)
-    seconds = time.monotonic() - began
     expected, labels = contents(undisturbed), (tmp_path / "log").read_text().split()
     assert len(labels) == len(set(labels)) > 40
     chance = random.Random(11)
@@ -56,7 +61,7 @@ def test_a_run_killed_at_any_of_forty_moments_gives_the_same_result(tmp_path: Pa
     for number in range(KILLS):
         folder = tmp_path / str(number)
         folder.mkdir()
-        path = killed(folder, folder / "asked", chance, seconds)
+        path = killed(folder, folder / "asked", chance, chance.randrange(-3, len(labels) + 1))
         if not (path / "run.yaml").exists():
             continue  # killed before there was a run
         assert state_of(path) in ("stopped", "done")

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import re
-import selectors
 from collections import defaultdict
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
@@ -15,31 +13,11 @@ from agentflow.llm.messages import Reply, Request
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.search.registry import STRATEGIES
+from tests.timing import JumpingLoop
 from tests.workflows.world import Author, Run, Shelf
 
 LATENCY, ROLLOUT, WORKERS = 1.0, 0.15, 2
 """Seconds per reply, seconds per simulation, simulations at a time."""
-
-
-class JumpingLoop(asyncio.SelectorEventLoop):
-    """An event loop whose clock jumps ahead whenever there is nothing to do but wait."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-        super().__init__(_Jump(self))
-
-    def time(self) -> float:
-        return self.now
-
-
-class _Jump(selectors.SelectSelector):
-    def __init__(self, loop: JumpingLoop) -> None:
-        super().__init__()
-        self._loop = loop
-
-    def select(self, timeout: float | None = None) -> list[Any]:
-        self._loop.now += timeout or 0.0
-        return super().select(0)
 
 
 class Slow:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections import deque
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
@@ -39,19 +38,19 @@ class SlidingWindow:
         async with self._turn:
             while (wait := self._wait_s(amount)) > 0:
                 await asyncio.sleep(wait)
-            booking = _Booking(time.monotonic(), amount)
+            booking = _Booking(_now_s(), amount)
             self._bookings.append(booking)
             self._sum += amount
             return booking
 
     def correct(self, booking: _Booking, amount: int) -> None:
         """Replace a booked amount by the actual one."""
-        if booking.time_s > time.monotonic() - self._period_s:
+        if booking.time_s > _now_s() - self._period_s:
             self._sum += amount - booking.amount
             booking.amount = amount
 
     def _wait_s(self, amount: int) -> float:
-        now = time.monotonic()
+        now = _now_s()
         while self._bookings and self._bookings[0].time_s <= now - self._period_s:
             self._sum -= self._bookings.popleft().amount
         if not self._bookings or self._sum + amount <= self._limit:
@@ -97,3 +96,7 @@ class LimitedClient(ClientWrapper):
 
 def _estimate(request: Request) -> int:
     return request.estimated_tokens + (request.sampling.max_tokens or 0) + 1
+
+
+def _now_s() -> float:
+    return asyncio.get_running_loop().time()

@@ -333,7 +333,7 @@ def test_a_sweep_can_be_resumed_after_ctrl_c(tmp_path: Path) -> None:
         assert process.poll() is None
         time.sleep(0.05)
     os.kill(process.pid, signal.SIGINT)
-    out, told = process.communicate(timeout=30)
+    out, told = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, "")
     assert told.splitlines()[-1] == (
         f"agentflow: interrupted; 0 of 4 runs are done; continue with: agentflow sweep "
