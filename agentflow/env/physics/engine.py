@@ -49,9 +49,10 @@ class World(Protocol):
         """(J, 6) force (N) and torque (N m, about the pivot) that part `a` exerts on part `b`
         through each joint, mean over the last step.
 
-        0 for joints in none of the spanning trees of `spanning_tree.skeleton`, except moving joints
-        that close a loop. Axes: those of the child part in the tree, which at rest are those of the
-        game frame; for a loop closure those of the game frame itself.
+        0 for joints in none of the spanning trees of `spanning_tree.skeleton`, except those of its
+        `loops`. A joint in the tree bears what those parallel to it bear as well, which includes
+        the torque of their motors; for other joints that is left out. Axes: those of the child part
+        in the tree, for loops those of part `b`; at rest they are those of the game frame.
         """
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:

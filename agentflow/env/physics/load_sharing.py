@@ -4,7 +4,7 @@ Engines measure reactions in spanning trees, in which connections that close loo
 The real loads are statically indeterminate: here parts are rigid and connections elastic, each as
 stiff as the square of its strength, so the loads are those of least strain energy (least sum of
 squared load over strength). They are linear in the reactions of the tree, by a matrix computed once
-per spanning tree.
+per spanning tree. What a motor exerts along the free axis of its joint is no load on that joint.
 
 All arithmetic is elementwise in a fixed order, without BLAS, so the bits do not depend on the
 processor. Axes are in the order x, z, y of a right-handed frame; another order of summation would
@@ -13,7 +13,7 @@ change the last digits of recorded loads.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,11 @@ from agentflow.machine.geometry.vectors import subtract
 Indices = NDArray[np.intp]
 RIGID = Strength(1e8, 1e8)
 """Of connections that never break: they are far stiffer than all others."""
+SOFT = 0.05
+"""Flexibility along a free axis times what the drive exerts (N m, or N/m of a spring). With it, the
+strongest motor of 2,800 N m is a thousand times as flexible as a connection of 7,500 N m."""
+IDLE = 1e-3
+"""N m, stands for the drive of a joint that has none."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,16 @@ def load_loops(joints: Sequence[Joint], plan: Skeleton) -> tuple[LoadLoop, ...]:
         plan: The spanning trees for which reactions are measured.
     """
     up = {link.part: link for link in plan.links}
-    paths = {i: _path(joints[i], up) for i in sorted((*plan.redundant, *plan.locked))}
+    inside = {*plan.redundant, *plan.locked, *plan.jammed} - {link.joint for link in plan.links}
+    found = {i: _path(joints[i], up) for i in inside}
+    for link in plan.links:
+        found |= {other.joint: _path(joints[other.joint], up) for other in link.parallel}
+    for loop in plan.loops:
+        found |= {
+            other.joint: _path_over(joints, other.joint, loop.joint, plan.cluster, up)
+            for other in loop.parallel
+        }
+    paths = dict(sorted(found.items()))
     groups: list[list[int]] = []
     for closing, path in paths.items():
         merged = [closing]
@@ -64,7 +78,7 @@ def load_loops(joints: Sequence[Joint], plan: Skeleton) -> tuple[LoadLoop, ...]:
             merged = group + merged
         groups.append(merged)
     return tuple(
-        _load_loop(joints, [paths[i] for i in group], group)
+        _load_loop(joints, [paths[i] for i in group], group, inside)
         for group in sorted(sorted(group) for group in groups)
     )
 
@@ -88,20 +102,43 @@ def _path(closing: Joint, up: Mapping[int, Link]) -> dict[int, float]:
     }
 
 
+def _path_over(
+    joints: Sequence[Joint],
+    closing: int,
+    loop: int,
+    cluster: Sequence[int],
+    up: Mapping[int, Link],
+) -> dict[int, float]:
+    """The same for a joint parallel to one that closes a loop: it relieves that joint, and those of
+    the tree that lie between the two."""
+    alike = cluster[joints[closing].a] == cluster[joints[loop].a]
+    sign = 1.0 if alike else -1.0
+    change = dict(_path(joints[closing], up))
+    for joint, way in _path(joints[loop], up).items():
+        change[joint] = change.get(joint, 0.0) - sign * way
+    return {joint: way for joint, way in change.items() if way} | {loop: sign}
+
+
 def _load_loop(
-    joints: Sequence[Joint], paths: Sequence[Mapping[int, float]], closing: Sequence[int]
+    joints: Sequence[Joint],
+    paths: Sequence[Mapping[int, float]],
+    closing: Sequence[int],
+    inside: Collection[int],
 ) -> LoadLoop:
     """Solve for the loads on the closing joints and those left on the tree.
 
     Minimises (r - C x)^T F (r - C x) + x^T F x, with the reactions r of the tree, the loads x on
-    the closing joints, their transfer C to the joints of the tree, and the flexibility F.
+    the closing joints, their transfer C to the joints of the tree, and the flexibility F. Joints
+    `inside` a rigid cluster bear nothing along their free axes.
     """
     carrying = sorted({joint for path in paths for joint in path})
     transfer = _transfer(joints, paths, closing, carrying)
     flexible = np.concatenate([_flexibility(joints[i]) for i in carrying])
-    kept = np.concatenate(
-        [np.flatnonzero(_transmits(joints[i])) + 6 * k for k, i in enumerate(closing)]
-    )
+    bears = [
+        np.logical_not(_is_free(joints[i])) if i in inside else np.ones(6, dtype=bool)
+        for i in closing
+    ]
+    kept = np.flatnonzero(np.concatenate(bears))
     transfer = transfer[:, kept]
     weighted = np.ascontiguousarray((flexible[:, None] * transfer).T)
     system = product(weighted, transfer)
@@ -112,6 +149,7 @@ def _load_loop(
     matrix = np.zeros((6 * (count + len(closing)), 6 * count))
     matrix[: 6 * count] = np.eye(6 * count) - product(transfer, solved)
     matrix[6 * count + kept] = solved
+    matrix[np.concatenate([_is_free(joints[i]) for i in (*carrying, *closing)])] = 0.0
     sources = 6 * np.repeat(carrying, 6) + np.tile(WRENCH_ORDER, count)
     columns = 6 * np.repeat(np.arange(count + len(closing)), 6) + np.tile(
         WRENCH_ORDER, count + len(closing)
@@ -143,21 +181,27 @@ def _transfer(
 
 
 def _flexibility(joint: Joint) -> Array:
-    """(6,) displacement under unit load, in arbitrary units."""
-    strength = joint.strength or RIGID
-    return np.repeat([1.0 / strength.force**2, 1.0 / strength.torque**2], 3)
+    """(6,) displacement under unit load, in arbitrary units.
+
+    Along its free axes a joint yields in inverse proportion to what its drive exerts, so parallel
+    joints share the torque of their motors as they produce it.
+    """
+    strength, drive = joint.strength or RIGID, joint.drive
+    stiff = np.repeat([1.0 / strength.force**2, 1.0 / strength.torque**2], 3)
+    capacity = drive.stiffness or drive.torque or drive.friction
+    return np.where(_is_free(joint), SOFT / max(capacity, IDLE), stiff)
 
 
-def _transmits(joint: Joint) -> Array:
-    """(6,) which forces and torques a joint transmits: not those along its free axis."""
+def _is_free(joint: Joint) -> Array:
+    """(6,) along which forces and torques a joint is free to move."""
     along = np.abs(swap(joint.axis)) > 0.5
-    mask = np.ones(6, dtype=bool)
+    mask = np.zeros(6, dtype=bool)
     if joint.kind == "prismatic":
-        mask[:3] = ~along
+        mask[:3] = along
     elif joint.kind == "revolute":
-        mask[3:] = ~along
+        mask[3:] = along
     elif joint.kind == "spherical":
-        mask[3:] = False
+        mask[3:] = True
     return mask
 
 

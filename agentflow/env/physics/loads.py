@@ -11,7 +11,7 @@ import numpy as np
 from agentflow.env.physics.frames import WRENCH_ORDER
 from agentflow.env.physics.load_sharing import LoadLoop, load_loops
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.spanning_tree import Link, skeleton
+from agentflow.env.physics.spanning_tree import Link, Skeleton, skeleton
 from agentflow.env.rollout import Array
 
 SAFE = 0.333
@@ -26,7 +26,7 @@ class _Plan(NamedTuple):
     """The link of each part that hangs on another."""
     group: Sequence[int]
     """Joints that share load with each joint, named by the first of them."""
-    locked: tuple[int, ...]
+    skeleton: Skeleton
 
 
 class Loads:
@@ -79,12 +79,16 @@ class Loads:
             for joint in loop.joints.tolist():
                 group[joint] = int(loop.joints[0])
         up = {link.part: link for link in plan.links}
-        return _Plan(loops, up, group, plan.locked)
+        return _Plan(loops, up, group, plan)
 
     @property
-    def locked(self) -> tuple[int, ...]:
-        """Moving joints that cannot move because rigid connections bridge them."""
-        return self._plan.locked
+    def locked(self) -> dict[int, str]:
+        """Moving joints that cannot move, and why."""
+        plan = self._plan.skeleton
+        return {
+            **dict.fromkeys(plan.locked, "rigid parts bridge it"),
+            **dict.fromkeys(plan.jammed, "a joint with another axis holds the same parts"),
+        }
 
     def update(self, reactions: Array) -> dict[int, float]:
         """Filter one step's loads and find the joints that break.

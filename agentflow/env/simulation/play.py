@@ -105,9 +105,9 @@ class Play:
     def _start(self) -> None:
         """t = 0: start the referee and take the first sample."""
         self._start_step = self._steps
-        for i in self._loads.locked:
+        for i, reason in self._loads.locked.items():
             joint = self._assembly.joints[i]
-            text = f"the moving joint of block {joint.block} cannot move: rigid parts bridge it"
+            text = f"the moving joint of block {joint.block} cannot move: {reason}"
             self._events.append(RolloutEvent(0.0, "locked", (joint.block,), text))
         self._referee.start(self._view)
         self._world.switch("gusts", 1.0)

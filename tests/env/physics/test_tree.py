@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.physics.model import Joint
-from agentflow.env.physics.spanning_tree import Link, Piece, skeleton
+from agentflow.env.physics.model import Joint, JointKind
+from agentflow.env.physics.spanning_tree import Link, Loop, Parallel, Piece, skeleton
+from agentflow.machine.geometry.vectors import Vec3
 
 
 def fixed(a: int, b: int) -> Joint:
@@ -45,7 +49,7 @@ def test_rigid_bridges_lock_a_moving_joint() -> None:
 
 def test_a_second_way_through_moving_joints_is_a_loop() -> None:
     plan = skeleton(3, [hinge(0, 1), hinge(1, 2), hinge(0, 2)])
-    assert plan.loops == (2,)
+    assert plan.loops == (Loop(2),)
     assert plan.locked == ()
 
 
@@ -74,7 +78,11 @@ def test_every_part_is_in_one_body_and_every_joint_has_one_role(
     parts = [b.root for b in plan.pieces] + [k.part for b in plan.pieces for k in b.links]
     assert sorted(parts) == list(range(count))
     used = [link.joint for body in plan.pieces for link in body.links]
-    roles = sorted([*used, *plan.locked, *plan.loops, *plan.redundant])
+    closing = [loop.joint for loop in plan.loops] + [other.joint for other in plan.parallel]
+    rigid = {link.joint for link in plan.links if link.rigid}
+    assert rigid <= set(plan.jammed)
+    held = [*plan.locked, *(set(plan.jammed) - rigid)]
+    roles = sorted([*used, *held, *closing, *plan.redundant])
     assert roles == [i for i in range(len(joints)) if i not in broken]
     for body in plan.pieces:
         seen = {body.root}
@@ -82,3 +90,65 @@ def test_every_part_is_in_one_body_and_every_joint_has_one_role(
             assert link.parent in seen
             seen.add(link.part)
         assert body.root == min(seen)
+
+
+def moving(kind: JointKind, *pivot: float, axis: Vec3 = (0.0, 0.0, 1.0), a: int = 0) -> Joint:
+    return Joint(1, 0, a, 1 - a, kind, pivot, axis)  # type: ignore[arg-type]
+
+
+HINGE = moving("revolute", 0.0, 0.0, 0.0)
+BALL = moving("spherical", 0.0, 0.0, 2.0)
+SLIDE = moving("prismatic", 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("joints", "lead", "parallel"),
+    [
+        ([HINGE, moving("revolute", 0.0, 0.0, 3.0)], 0, {1: 1.0}),
+        ([HINGE, moving("revolute", 0.0, 0.0, 3.0, axis=(0.0, 0.0, -1.0))], 0, {1: -1.0}),
+        ([HINGE, moving("revolute", 0.0, 0.0, 3.0, a=1)], 0, {1: -1.0}),
+        ([BALL, HINGE], 1, {0: 1.0}),
+        ([BALL, BALL, HINGE], 2, {0: 1.0, 1: 1.0}),
+        ([BALL, BALL], 0, {1: 1.0}),
+        ([SLIDE, moving("prismatic", 5.0, 1.0, 0.0)], 0, {1: 1.0}),
+    ],
+)
+def test_joints_that_allow_the_same_motion_are_parallel(
+    joints: list[Joint], lead: int, parallel: dict[int, float]
+) -> None:
+    plan = skeleton(2, joints)
+    (link,) = plan.links
+    assert (link.joint, link.rigid, plan.loops) == (lead, False, ())
+    assert {other.joint: other.sign for other in link.parallel} == parallel
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        moving("revolute", 1.0, 0.0, 0.0),
+        moving("revolute", 0.0, 0.0, 0.0, axis=(0.0, 1.0, 0.0)),
+        moving("spherical", 1.0, 0.0, 0.0),
+        SLIDE,
+    ],
+)
+def test_joints_with_no_common_motion_jam(other: Joint) -> None:
+    plan = skeleton(3, [HINGE, other, fixed(1, 2)])
+    assert plan.cluster == (0, 0, 0)
+    assert (plan.jammed, plan.locked, plan.loops) == ((0, 1), (), ())
+    assert [(link.joint, link.rigid) for link in plan.links] == [(0, True), (2, False)]
+    assert skeleton(3, [HINGE, other, fixed(1, 2)], {1}).jammed == ()
+
+
+def test_what_two_jammed_joints_unite_may_jam_others() -> None:
+    """Parts 1 and 2 hang on two hinges out of line; each has a hinge in line with part 0's."""
+    joints = [HINGE, replace(HINGE, b=2), hinge(1, 2), replace(hinge(1, 2), pivot=(1.0, 0.0, 0.0))]
+    plan = skeleton(3, joints)
+    assert plan.cluster == (0, 1, 1)
+    assert [link.joint for link in plan.links] == [0, 2]
+    assert list(plan.parallel) == [Parallel(1, 1.0)]
+
+
+def test_two_balls_apart_leave_a_hinge_and_three_none() -> None:
+    balls = [moving("spherical", x, y, 0.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (2.0, 0.0))]
+    assert [loop.joint for loop in skeleton(2, balls).loops] == [1, 2]
+    assert skeleton(2, [*balls, moving("spherical", 0.0, 1.0, 0.0)]).jammed == (0, 1, 2, 3)

@@ -9,13 +9,14 @@ from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_mot
 from agentflow.env.physics.laws.tension import opposite_forces
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row
+from agentflow.env.physics.spanning_tree import Loop
 from agentflow.machine.geometry.vectors import Vec3, add, dot, rotate_vector, scale, subtract
 
 
 class StrutForce:
     """Forces of all sprung joints that close loops."""
 
-    def __init__(self, assembly: Assembly, loops: Sequence[int], locations: PartLocations) -> None:
+    def __init__(self, assembly: Assembly, loops: Sequence[Loop], locations: PartLocations) -> None:
         """Pick the sprung joints among `loops`, the joints that close loops."""
 
         def place(part: int, pivot: Vec3) -> tuple[int, Vec3]:
@@ -24,7 +25,7 @@ class StrutForce:
 
         self._struts = [
             (joint, place(joint.a, joint.pivot), place(joint.b, joint.pivot), swap(joint.axis))
-            for joint in (assembly.joints[i] for i in loops)
+            for joint in (assembly.joints[loop.joint] for loop in loops)
             if joint.drive.stiffness
         ]
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
 
 from agentflow.env.constants import Constants
+from agentflow.env.physics.drives import merge_drives
 from agentflow.env.physics.engine import TooLargeError
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.model import Joint, Part, Shape
@@ -120,7 +121,9 @@ class BodyBuilder:
             ],
             linkInertialFrameOrientations=[IDENTITY] * len(piece.links),
             linkParentIndices=[order[link.parent] for link in piece.links],
-            linkJointTypes=[_KINDS[joints[link.joint].kind] for link in piece.links],
+            linkJointTypes=[
+                _KINDS["fixed" if link.rigid else joints[link.joint].kind] for link in piece.links
+            ],
             linkJointAxis=[_axis(joints[link.joint], link) for link in piece.links],
             flags=pybullet.URDF_USE_SELF_COLLISION
             | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT,
@@ -131,7 +134,7 @@ class BodyBuilder:
         for part in order:
             self._dynamics(uid, built.index[part], parts[part])
         for link in piece.links:
-            self._joint(built, link, joints[link.joint])
+            self._joint(built, link, joints)
         return built
 
     def _indices(self, uid: int, piece: Piece) -> dict[int, int]:
@@ -175,12 +178,13 @@ class BodyBuilder:
             physicsClientId=self.client,
         )
 
-    def _joint(self, built: Built, link: Link, joint: Joint) -> None:
+    def _joint(self, built: Built, link: Link, joints: Sequence[Joint]) -> None:
         """Set sensors and stops."""
         index = built.index[link.part]
         pybullet.enableJointForceTorqueSensor(built.uid, index, True, physicsClientId=self.client)
-        if joint.drive.stops is not None:
-            low, high = joint.drive.stops
+        stops = merge_drives(joints, link.joint, link.parallel).stops
+        if stops is not None and not link.rigid:
+            low, high = stops
             pybullet.changeDynamics(
                 built.uid,
                 index,

@@ -14,6 +14,7 @@ from agentflow.machine.geometry.vectors import (
     Vec3,
     add,
     cross,
+    inverse,
     length,
     rotate_vector,
     scale,
@@ -35,7 +36,8 @@ class Couplings:
         self._client = client
         self._ids: list[int] = []
         self._apart: list[tuple[Handle, Handle]] = []
-        """Links joined by a loop; like the links of any joint, they do not collide."""
+        """Links joined by a joint that is not in the tree; like those of any joint, they do not
+        collide."""
         self._loops: list[tuple[int, Joint, list[int]]] = []
         """Joint index, joint and constraints of each loop."""
 
@@ -45,10 +47,17 @@ class Couplings:
         for pair in self._apart:
             set_collision(self._client, *pair, True)
         self._ids, self._apart, self._loops = [], [], []
-        for i in plan.loops:
-            joint = assembly.joints[i]
-            self._loops.append((i, joint, self._loop(assembly, joint, handles)))
-        carried = {link.joint: handles[link.part] for link in plan.links}
+        for loop in plan.loops:
+            joint = assembly.joints[loop.joint]
+            self._loops.append((loop.joint, joint, self._loop(assembly, joint, handles)))
+        for joint in (assembly.joints[parallel.joint] for parallel in plan.parallel):
+            self._part(handles[joint.a], handles[joint.b])
+        carried = {link.joint: (handles[link.part], 1.0) for link in plan.links}
+        carried |= {
+            parallel.joint: (handles[link.part], parallel.sign)
+            for link in plan.links
+            for parallel in link.parallel
+        }
         for mesh in assembly.devices.cog_meshes:
             one, other = assembly.joints[mesh.a], assembly.joints[mesh.b]
             if (
@@ -56,11 +65,12 @@ class Couplings:
                 and mesh.b in carried
                 and plan.cluster[one.a] == plan.cluster[other.a]
             ):
-                self._couple_cogs(carried[mesh.a], carried[mesh.b], mesh.ratio)
+                (at, sign), (at_other, sign_other) = carried[mesh.a], carried[mesh.b]
+                self._couple_cogs(at, at_other, sign * sign_other * mesh.ratio)
 
     def loads(self, rotation: Callable[[int], Quat]) -> list[tuple[int, list[float]]]:
-        """Joint and load (6,) of each loop in the last step, game frame; without the spring force
-        of sliding joints.
+        """Joint and load (6,) of each loop in the last step, in the axes of its part `b`; without
+        what its drive exerts.
 
         Args:
             rotation: Of a part, in the engine's frame.
@@ -68,7 +78,7 @@ class Couplings:
         found = []
         for i, joint, made in self._loops:
             states = [pybullet.getConstraintState(each, self._client) for each in made]
-            turn = rotation(joint.a)
+            turn, back = rotation(joint.a), inverse(rotation(joint.b))
             if joint.kind == "prismatic":
                 load = _slider_load(states[0], swap(joint.axis), turn)
             elif joint.kind == "revolute":
@@ -76,7 +86,9 @@ class Couplings:
                 load = [*add(*states), *cross(arm, subtract(*states))]
             else:
                 load = [*states[0], 0.0, 0.0, 0.0]
-            found.append((i, [*swap(load[:3]), *swap_turn(load[3:])]))
+            fx, fy, fz, tx, ty, tz = load
+            force, torque = rotate_vector(back, (fx, fy, fz)), rotate_vector(back, (tx, ty, tz))
+            found.append((i, [*swap(force), *swap_turn(torque)]))
         return found
 
     def _loop(self, assembly: Assembly, joint: Joint, handles: Mapping[int, Handle]) -> list[int]:
@@ -89,8 +101,7 @@ class Couplings:
             points = (add(joint.pivot, half), subtract(joint.pivot, half))
         elif joint.kind == "prismatic":
             kind = pybullet.JOINT_PRISMATIC
-        self._apart.append((one, other))
-        set_collision(self._client, one, other, False)
+        self._part(one, other)
         return [
             self._bind(
                 kind,
@@ -102,6 +113,11 @@ class Couplings:
             )
             for point in points
         ]
+
+    def _part(self, one: Handle, other: Handle) -> None:
+        """Let two links that a joint connects pass through each other."""
+        self._apart.append((one, other))
+        set_collision(self._client, one, other, False)
 
     def _couple_cogs(self, one: Handle, other: Handle, ratio: float) -> None:
         """Couple the rotation of two cogs on one carrier."""

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from agentflow.env.physics.model import Drive, Joint
+from agentflow.env.physics.drives import JointDrive, merge_drives
+from agentflow.env.physics.model import Joint
 from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.machine.geometry.vectors import IDENTITY
 
-Handled = tuple[int, int, Drive]
+Handled = tuple[int, int, JointDrive]
 """Body number, link number and drive of the joint."""
 
 
@@ -31,30 +32,24 @@ class Motors:
         found: dict[str, list[Handled]] = {"revolute": [], "prismatic": [], "spherical": []}
         for body in built:
             for link in body.piece.links:
-                joint = joints[link.joint]
-                if joint.kind in found:
-                    found[joint.kind].append((body.uid, body.index[link.part], joint.drive))
+                kind = joints[link.joint].kind
+                if kind in found and not link.rigid:
+                    drive = merge_drives(joints, link.joint, link.parallel)
+                    found[kind].append((body.uid, body.index[link.part], drive))
         self._sliding = found["prismatic"]
         self._single = [*found["revolute"], *self._sliding]
+        self._mixed = [handled for handled in self._single if handled[2].mixed]
         self._balls = found["spherical"]
         self.set()
 
     def are_started_by(self, entry: str) -> bool:
         """Whether a schedule entry starts any motor."""
-        return any(drive.torque and drive.starts == entry for _, _, drive in self._single)
+        return any(drive.is_started_by(entry) for _, _, drive in self._single)
 
     def set(self) -> None:
         """Set every motor; joints without one turn freely except for their friction."""
-        client = self._client
-        for uid, index, drive in self._single:
-            pybullet.setJointMotorControl2(
-                uid,
-                index,
-                pybullet.VELOCITY_CONTROL,
-                targetVelocity=drive.speed * self._levels.get(drive.starts, 0.0),
-                force=drive.torque or drive.friction,
-                physicsClientId=client,
-            )
+        for handled in self._single:
+            self._set_single(*handled, 0.0)
         for uid, index, drive in self._balls:
             pybullet.setJointMotorControlMultiDof(
                 uid,
@@ -64,14 +59,30 @@ class Motors:
                 targetVelocity=(0.0, 0.0, 0.0),
                 positionGain=0.0,
                 velocityGain=1.0,
-                force=(drive.friction,) * 3,
-                physicsClientId=client,
+                force=(drive.command(self._levels).limit,) * 3,
+                physicsClientId=self._client,
             )
 
-    def set_suspensions(self) -> None:
-        """Apply the suspensions for one step. The dampers are brakes of limited force, which cannot
-        make light blocks oscillate."""
+    def _set_single(self, uid: int, index: int, drive: JointDrive, speed: float) -> float:
+        """Set the motor of one joint that has this speed; returns the torque to apply besides."""
+        command = drive.command(self._levels, speed)
+        pybullet.setJointMotorControl2(
+            uid,
+            index,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocity=command.target,
+            force=command.limit,
+            physicsClientId=self._client,
+        )
+        return command.push
+
+    def set_for_step(self) -> None:
+        """Apply suspensions, and motors that differ, for one step. The dampers are brakes of
+        limited force, which cannot make light blocks oscillate."""
         client = self._client
+        for uid, index, drive in self._mixed:
+            speed = pybullet.getJointState(uid, index, client)[1]
+            self._push(uid, index, self._set_single(uid, index, drive, speed))
         for uid, index, drive in self._sliding:
             position, velocity = pybullet.getJointState(uid, index, client)[:2]
             pybullet.setJointMotorControl2(
@@ -82,10 +93,10 @@ class Motors:
                 force=drive.damping * abs(velocity),
                 physicsClientId=client,
             )
-            pybullet.setJointMotorControl2(
-                uid,
-                index,
-                pybullet.TORQUE_CONTROL,
-                force=-drive.stiffness * position,
-                physicsClientId=client,
-            )
+            self._push(uid, index, -drive.stiffness * position)
+
+    def _push(self, uid: int, index: int, force: float) -> None:
+        """Apply a force or torque along the axis of a joint for one step."""
+        pybullet.setJointMotorControl2(
+            uid, index, pybullet.TORQUE_CONTROL, force=force, physicsClientId=self._client
+        )

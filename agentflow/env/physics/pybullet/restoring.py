@@ -37,7 +37,8 @@ def restore(
 ) -> None:
     """Give a rebuilt body the positions and velocities of its parts, whose `rows` are (P, 13).
 
-    `motions` are position and velocity of the joints that were in trees, by joint.
+    `motions` are position and velocity of the joints that were in trees or parallel to those, by
+    joint.
     """
     uid, root = built.uid, rows[built.piece.root]
     pybullet.resetBasePositionAndOrientation(
@@ -47,6 +48,8 @@ def restore(
     for link in built.piece.links:
         joint = assembly.joints[link.joint]
         index = built.index[link.part]
+        if link.rigid:
+            continue
         if joint.kind == "spherical":
             rotation, spin = relative_motion(rows[link.parent], rows[link.part])
             pybullet.resetJointStateMultiDof(uid, index, rotation, spin, physicsClientId=client)

@@ -11,6 +11,7 @@ import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
 from agentflow.env.physics.layout import RowLayout
+from agentflow.env.physics.model import Joint
 from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
@@ -94,8 +95,8 @@ class Rows:
 class Sensors:
     """Sensors of the joints in the current trees."""
 
-    def __init__(self, client: int, built: Sequence[Built], count: int) -> None:
-        """Plan the reading of `count` joints, in trees or not."""
+    def __init__(self, client: int, built: Sequence[Built], joints: Sequence[Joint]) -> None:
+        """Plan the reading of all joints, in trees or not."""
         self._client = client
         self._bodies: list[tuple[int, list[int]]] = []
         links: list[Link] = []
@@ -104,14 +105,21 @@ class Sensors:
                 own = sorted(body.piece.links, key=lambda link: link.joint)
                 self._bodies.append((body.uid, [body.index[link.part] for link in own]))
                 links += own
-        self._joints = [link.joint for link in links]
+        self._links = links
+        self._motors = [
+            (row, link.joint, _wrench_of_motor(joints[link.joint]))
+            for row, link in enumerate(links)
+            if link.parallel
+        ]
+        """Row, joint and wrench (6,) per unit of its motor of each joint that others are parallel
+        to. PyBullet's sensors leave out what motors exert."""
         self._read = np.zeros(6 * len(links) + 1)
         """Force and torque of each joint from PyBullet, then a 0 for joints that are in no tree."""
         self._pack = Struct(f"{6 * len(links)}d").pack_into
         """Twice as fast as any conversion to an array."""
-        self._source = np.full((count, 6), 6 * len(links), dtype=np.intp)
+        self._source = np.full((len(joints), 6), 6 * len(links), dtype=np.intp)
         """Where in `_read` each number of the reactions is, and its sign."""
-        self._sign = np.tile(WRENCH_SIGNS, (count, 1))
+        self._sign = np.tile(WRENCH_SIGNS, (len(joints), 1))
         for row, link in enumerate(links):
             self._source[link.joint] = 6 * row + WRENCH_ORDER
             if link.reversed:
@@ -132,12 +140,31 @@ class Sensors:
         self._pack(self._read.data, 0, *chain.from_iterable(map(_FORCES, states)))
         self._read.take(self._source, out=reactions, mode="clip")  # "raise" would copy
         np.multiply(reactions, self._sign, out=reactions)
+        for row, joint, wrench in self._motors:
+            reactions[joint] += states[row][3] * wrench
 
     def motions(self) -> dict[int, tuple[float, float]]:
-        """Position and velocity of every joint with one degree of freedom."""
+        """Position and velocity of every joint in the trees that has one degree of freedom, and of
+        those parallel to it."""
         states = [
             state[:2]
             for uid, links in self._bodies
             for state in pybullet.getJointStates(uid, links, self._client)
         ]
-        return dict(zip(self._joints, states, strict=True))
+        found = {}
+        for link, (position, velocity) in zip(self._links, states, strict=True):
+            if not link.rigid:
+                found[link.joint] = position, velocity
+                for other in link.parallel:
+                    found[other.joint] = other.sign * position, other.sign * velocity
+        return found
+
+
+def _wrench_of_motor(joint: Joint) -> Array:
+    """(6,) what a motor of force or torque 1 exerts on part `b`, game frame."""
+    wrench = np.zeros(6)
+    if joint.kind == "prismatic":
+        wrench[:3] = joint.axis
+    elif joint.kind == "revolute":
+        wrench[3:] = joint.axis
+    return wrench

@@ -208,7 +208,7 @@ class PyBulletWorld:
             layout,
             readings=Readings(assembly, layout),
             contacts=Contacts(client, assembly, handles, self._ground, self.things),
-            sensors=Sensors(client, built, len(assembly.joints)),
+            sensors=Sensors(client, built, assembly.joints),
             forces=AppliedForces(
                 client, assembly, plan, built, handles, layout, rows, self.things, laws
             ),
@@ -220,7 +220,7 @@ class PyBulletWorld:
         """Apply forces, step, read."""
         now = self._now
         now.forces()
-        now.motors.set_suspensions()
+        now.motors.set_for_step()
         pybullet.stepSimulation(self.client)
         self._read()
         if self._grips:

@@ -13,7 +13,6 @@ from agentflow.env.scene import Scene, Thing
 from agentflow.machine.geometry.placement import place
 from tests.env.machines import machine
 from tests.env.physics.rig import RATE
-from tests.env.physics.test_couplings import doors
 
 ROOT = (0, -1, -1)
 GRAVITY = 32.81
@@ -21,14 +20,15 @@ GRAVITY = 32.81
 
 def test_loops_are_bound_once_after_every_split() -> None:
     """Splits far from a loop leave its body standing; its constraints are made anew, not added."""
-    engine, tree = PyBulletEngine(), doors()
-    rows = [(s.type, s.parent, s.face_id) for s in tree]
-    longer = machine(*rows, (15, 0, 0), (15, 8, 0))
-    assembly = assemble(longer, place(longer), constants())
+    engine = PyBulletEngine()
+    beam = (ROOT, (15, 0, 2), (15, 1, 0), (15, 2, 0))
+    arms = ((5, 0, 4), (5, 3, 3), (15, 4, 0), (15, 5, 0), (19, 6, 1), (15, 8, 0))
+    tree = machine(*beam, *arms, (15, 0, 0), (15, 10, 0))
+    assembly = assemble(tree, place(tree), constants())
     world = engine.build(assembly, Scene(), RATE)
     before = pybullet.getNumConstraints(engine.client)
     assert before == 2
-    world.split([i for i, joint in enumerate(assembly.joints) if joint.block == 9])
+    world.split([i for i, joint in enumerate(assembly.joints) if joint.block == 11])
     assert pybullet.getNumConstraints(engine.client) == before
     assert assembly.devices == Devices()
     engine.close()

@@ -1,0 +1,105 @@
+"""What drives a joint of an engine: its own drive together with those of joints parallel to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from agentflow.env.physics.model import Joint
+from agentflow.env.physics.spanning_tree import Parallel
+
+
+class Motor(NamedTuple):
+    """A motor of limited torque, or dry friction, which is one that always aims at speed 0."""
+
+    speed: float
+    """rad/s of the joint at level 1."""
+    torque: float
+    """Greatest torque, N m."""
+    starts: str
+    """The schedule entry that gives its level."""
+
+
+class Command(NamedTuple):
+    """What an engine's velocity motor does in one step."""
+
+    target: float
+    """rad/s."""
+    limit: float
+    """Greatest torque towards the target, N m."""
+    push: float = 0.0
+    """Constant torque besides, N m."""
+
+
+@dataclass(frozen=True)
+class JointDrive:
+    """Motors, spring-damper and stops that act on one joint."""
+
+    motors: tuple[Motor, ...]
+    stiffness: float
+    """N/m, of a prismatic joint."""
+    damping: float
+    """N s/m, of a prismatic joint."""
+    stops: tuple[float, float] | None
+    """Lowest and highest joint position."""
+
+    @property
+    def mixed(self) -> bool:
+        """Whether its motors may aim at different speeds at once."""
+        return len({motor[::2] for motor in self.motors}) > 1
+
+    def is_started_by(self, entry: str) -> bool:
+        """Whether a schedule entry gives any of its motors a speed."""
+        return any(motor.torque and motor.speed and motor.starts == entry for motor in self.motors)
+
+    def command(self, levels: Mapping[str, float], speed: float = 0.0) -> Command:
+        """The motors as one, at a speed of the joint.
+
+        Together they exert a torque that falls by twice the torque of a motor where the joint
+        passes that motor's target. The result aims at the weighted median of the targets, at which
+        no other motors overcome those that aim there. Motors that the joint passes on the way to it
+        help to get there, the others push constantly.
+        """
+        limits: dict[float, float] = {}
+        for motor in self.motors:
+            target = motor.speed * levels.get(motor.starts, 0.0)
+            limits[target] = limits.get(target, 0.0) + motor.torque
+        if len(limits) == 1:
+            return Command(*limits.popitem())
+
+        def push(target: float, others: Mapping[float, float]) -> float:
+            return sum(torque if aim > target else -torque for aim, torque in others.items())
+
+        rest = {aim: {k: v for k, v in limits.items() if k != aim} for aim in limits}
+        medians = [aim for aim in limits if abs(push(aim, rest[aim])) <= limits[aim] * (1.0 + 1e-9)]
+        target = min(medians, key=lambda aim: abs(aim - speed))
+        low, high = sorted((speed, target))
+        passed = {aim for aim in rest[target] if low < aim < high}
+        beside = {aim: torque for aim, torque in rest[target].items() if aim not in passed}
+        limit = limits[target] + sum(limits[aim] for aim in passed)
+        return Command(target, limit, push(target, beside))
+
+
+def merge_drives(joints: Sequence[Joint], joint: int, parallel: Sequence[Parallel]) -> JointDrive:
+    """The drive of a joint and of those parallel to it."""
+    members = [(joints[joint].drive, 1.0)]
+    members += [(joints[other.joint].drive, other.sign) for other in parallel]
+    motors = [
+        Motor(sign * drive.speed, drive.torque, drive.starts)
+        if drive.torque
+        else Motor(0.0, drive.friction, drive.starts)
+        for drive, sign in members
+    ]
+    acting = tuple(motor for motor in motors if motor.torque) or (motors[0],)
+    stops = [
+        drive.stops if sign > 0.0 else (-drive.stops[1], -drive.stops[0])
+        for drive, sign in members
+        if drive.stops is not None
+    ]
+    return JointDrive(
+        acting,
+        sum(drive.stiffness for drive, _ in members),
+        sum(drive.damping for drive, _ in members),
+        (max(low for low, _ in stops), min(high for _, high in stops)) if stops else None,
+    )
