@@ -353,11 +353,13 @@ def _prepare(
 
 def _check(machine: MachineLike, brief: Brief | None) -> Report:
     from agentflow.app.machines.files import machine_text
+    from agentflow.env.physics.engines import default_limits
 
+    limits = default_limits() if brief is None else brief.limits
     if isinstance(machine, Machine):
-        return check_machine(machine, brief)
+        return check_machine(machine, brief, limits)
     source = machine_text(str(machine)) if isinstance(machine, Path) else machine
-    report = check_machine(read_for(brief, source), brief)
+    report = check_machine(read_for(brief, source), brief, limits)
     if report.machine is None and isinstance(source, str) and _is_file_name(source):
         first, *others = report.problems
         message = f"{first.message}; this is the name of a file: pass Path({source!r})"

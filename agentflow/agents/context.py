@@ -34,7 +34,9 @@ class RoleInput:
 
     def context(self, machine: Machine | None) -> dict[str, object]:
         """Template variables of the task and of a machine."""
-        shown = machine_context(machine, spatial=self.spatial, representation=self.representation)
+        shown = machine_context(
+            machine, spatial=self.spatial, representation=self.representation, brief=self.brief
+        )
         return {**task_context(self.brief), **shown}
 
 
@@ -43,12 +45,15 @@ def task_context(brief: Brief) -> dict[str, object]:
     kinds = [library()[kind] for kind in brief.blocks]
     linear = [kind for kind in kinds if kind.linear]
     plain = [kind.type for kind in kinds if not kind.linear and kind.type != ROOT_TYPE]
-    x, y, z = (f"{limit:g}" for limit in brief.size_limit)
+    x, y, z = (f"{limit:g}" for limit in brief.limits.size)
     return {
         "task": {
             "name": brief.name,
             "objective": brief.objective,
-            "required": [_required_text(kind, n) for kind, n in sorted(brief.required.items())],
+            "required": [
+                *(_required_text(kind, n) for kind, n in sorted(brief.required.items())),
+                *([f"at most {brief.most_blocks}"] if brief.most_blocks else []),
+            ],
             "scene": brief.scene,
             "schedule": brief.schedule,
             "score": brief.score,
@@ -64,17 +69,22 @@ def task_context(brief: Brief) -> dict[str, object]:
 
 
 def machine_context(
-    machine: Machine | None, *, spatial: bool, representation: Representation = "tree"
+    machine: Machine | None,
+    *,
+    spatial: bool,
+    representation: Representation = "tree",
+    brief: Brief | None = None,
 ) -> dict[str, object]:
     """The machine as JSON text and, if `spatial`, its 3D information; "" without a machine.
 
     `geometry_short` is the 3D information without building points and positions of faces.
     """
+    shown = machine if spatial else None
     return {
         "representation": representation,
         "machine": machine_text(machine, representation) if machine else "",
-        "geometry": describe_text(machine) if machine and spatial else "",
-        "geometry_short": describe_text(machine, short=True) if machine and spatial else "",
+        "geometry": describe_text(shown, brief) if shown else "",
+        "geometry_short": describe_text(shown, brief, short=True) if shown else "",
     }
 
 

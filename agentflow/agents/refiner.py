@@ -25,7 +25,9 @@ MAX_LINES = 30
 """Maximum number of verdicts shown for a failing script."""
 MAX_WIDTH = 200
 """Maximum number of characters shown of a line of a script."""
-GEOMETRIC = frozenset({"face_occupied", "overlap", "size_limit"})
+GEOMETRIC = frozenset(
+    {"face_occupied", "overlap", "size_limit", "duplicate_connection", "too_many_parts"}
+)
 """Codes of failing edits that are about geometry, not about format or ids."""
 
 

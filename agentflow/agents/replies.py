@@ -12,14 +12,12 @@ from agentflow.agents.base import Parsed
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
 from agentflow.machine.formats.parse import read_machine
-from agentflow.machine.problems import Problem
+from agentflow.machine.problems import REQUIRED_COUNT, Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import Report, check
 
 Representation = Literal["tree", "coordinates"]
 """How machines are written: construction tree, or absolute positions and rotations."""
-REQUIRED_COUNT = "required_count"
-"""Code of a machine with a wrong number of blocks of a required type."""
 MAX_PROBLEMS = 8
 """Maximum number of problems listed; the first usually cause the others."""
 _TAG = re.compile(r"<(/?)([^<>\n]{1,80})>")
@@ -82,8 +80,7 @@ def rejection(
     A complete machine must be task-valid. An incomplete one must still not have more blocks of a
     type than the task requires, because later steps cannot remove them.
     """
-    if not report.machine_valid or (complete and not report.task_valid):
-        problems = [item for item in report.problems if complete or item.code != REQUIRED_COUNT]
+    if problems := report.problems if complete else report.lasting_problems:
         return problems[0].code, "The machine is not valid:\n" + problem_list(problems)
     for kind, most in sorted(brief.required.items()):
         if machine.count(kind) > most:

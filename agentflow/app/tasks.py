@@ -45,6 +45,7 @@ def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:
         "blocks": list(brief.blocks),
         "block_names": [f"{kind} {library()[kind].name}" for kind in brief.blocks],
         "required": {str(kind): count for kind, count in brief.required.items()},
+        "most_blocks": brief.limits.blocks,
         "given": [] if brief.given == LONE_ROOT else brief.given.to_json(),
         "good": file.good,
         "note": file.note,

@@ -16,6 +16,18 @@ SIZE_LIMIT = (17.0, 9.5, 17.0)
 
 
 @dataclass(frozen=True)
+class Limits:
+    """How large a machine may be."""
+
+    size: tuple[float, float, float] = SIZE_LIMIT
+    """Maximum extent along x, y, z in metres."""
+    blocks: int | None = None
+    """Most blocks, as `Brief.count_blocks` counts them; None: any number."""
+    parts: int | None = None
+    """Most parts in one piece that the physics engine can hold; None: any number."""
+
+
+@dataclass(frozen=True)
 class Brief:
     """A task as its designers see it. Sentences are complete and self-contained."""
 
@@ -33,7 +45,30 @@ class Brief:
     """Allowed block types, ascending."""
     required: Mapping[int, int] = field(default_factory=dict)
     """Block type -> exact number of such blocks in a complete machine."""
-    size_limit: tuple[float, float, float] = SIZE_LIMIT
-    """Maximum extent of the machine along x, y, z in metres."""
+    limits: Limits = Limits()
+    """How large a machine may be."""
     given: Machine = LONE_ROOT
     """The unchanged beginning of every machine; may use types that `blocks` does not allow."""
+
+    @property
+    def uncounted(self) -> int:
+        """Number of given blocks that do not count: a lone root counts, a given structure not."""
+        return 0 if self.given == LONE_ROOT else len(self.given)
+
+    def count_blocks(self, total: int) -> int:
+        """Blocks of a machine that count, of `total` blocks."""
+        return total - self.uncounted
+
+    def budget_json(self, machine: Machine | None) -> dict[str, int | None]:
+        """`blocks` of a machine that count and `most_blocks`, None for what there is not."""
+        count = None if machine is None else self.count_blocks(len(machine))
+        return {"blocks": count, "most_blocks": self.limits.blocks}
+
+    @property
+    def most_blocks(self) -> str:
+        """The most blocks of a machine in words; "" if there is no limit."""
+        if self.limits.blocks is None:
+            return ""
+        noun = "block" if self.limits.blocks == 1 else "blocks"
+        given = f"besides the {self.uncounted} given" if self.uncounted else "root included"
+        return f"{self.limits.blocks} {noun} ({given})"

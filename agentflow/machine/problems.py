@@ -25,6 +25,12 @@ class Problem:
         return {"code": self.code, "blocks": list(self.blocks), "message": self.message}
 
 
+REQUIRED_COUNT = "required_count"
+"""Code of a machine with a wrong number of blocks of a required type."""
+LATER_RULES = frozenset({"too_many_blocks", "duplicate_connection"})
+"""Codes of rules that did not exist when older runs were recorded; their machines may break them.
+"""
+
 _short = reprlib.Repr()
 _short.maxstring = _short.maxother = 40
 _short.maxlevel = 2
@@ -40,6 +46,15 @@ def short_repr(value: object) -> str:
 def comma_list(items: Iterable[object]) -> str:
     """Items separated by commas; "none" if there are none."""
     return ", ".join(str(item) for item in items) or "none"
+
+
+def size_of_piece(parts: int, most: int) -> Problem:
+    """The problem of a machine with more parts in one piece than the physics engine can hold."""
+    message = (
+        f"the machine has {parts} parts in one piece; the physics engine holds at most {most}: "
+        "remove blocks (a two-ended block has 2 parts)"
+    )
+    return Problem("too_many_parts", (), message)
 
 
 def block_label(block_id: int, block_type: int) -> str:

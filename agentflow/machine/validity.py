@@ -7,17 +7,20 @@ from dataclasses import dataclass
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
-from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
 from agentflow.machine.formats.parse import Reading, file_problems, read_machine
 from agentflow.machine.geometry.locks import locked_joints
+from agentflow.machine.geometry.pieces import largest_piece
 from agentflow.machine.geometry.placement import Geometry, bounds, overlap_of, place
-from agentflow.machine.geometry.pose import to_metres
+from agentflow.machine.geometry.pose import Placed, to_metres
 from agentflow.machine.geometry.vectors import Vec3
-from agentflow.machine.problems import Problem, comma_list
+from agentflow.machine.problems import REQUIRED_COUNT, Problem, comma_list, size_of_piece
 from agentflow.machine.tree import Machine
 
 MAX_FACES = 24
 """Maximum number of free faces to list; plates have hundreds."""
+ANYWHERE = Limits()
+"""Limits without a task or an engine: the standard building volume."""
 MAX_OVERLAP_PROBLEMS = 200
 """Maximum number of overlaps reported as problems; `Report.overlaps` has them all."""
 
@@ -34,7 +37,7 @@ class Report:
     repaired: bool
     """Whether the JSON had to be repaired."""
     problems: tuple[Problem, ...]
-    """All problems: of the file, of space, and of the task (`required_count`)."""
+    """All problems: of the file, of space, and of the task (`task_problems`)."""
     overlaps: tuple[tuple[int, int], ...] = ()
     """Sorted id pairs of blocks whose boxes intersect."""
     size: Vec3 | None = None
@@ -45,6 +48,11 @@ class Report:
     """The machine that was checked; None if not file-valid."""
     notes: tuple[str, ...] = ()
     """Harmless irregularities that the reader tolerated."""
+
+    @property
+    def lasting_problems(self) -> tuple[Problem, ...]:
+        """The problems that more blocks cannot solve: all but those of required blocks."""
+        return tuple(item for item in self.problems if item.code != REQUIRED_COUNT)
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
@@ -67,14 +75,19 @@ class Report:
         }
 
 
-def check(source: Machine | Reading | str | Sequence[object], brief: Brief | None = None) -> Report:
+def check(
+    source: Machine | Reading | str | Sequence[object],
+    brief: Brief | None = None,
+    limits: Limits | None = None,
+) -> Report:
     """Check a machine, a reading, text, or JSON data. Never raises.
 
     Args:
         source: what to check. Text and JSON data are read as a construction tree; a reading must
             have been made with the task's block list.
-        brief: the task, for its block list, size limit and required blocks; the core types and
-            the standard building volume if None.
+        brief: the task, for its block list, limits and required blocks; the core types if None.
+        limits: how large the machine may be; the brief's limits, or else the standard building
+            volume, if None.
     """
     blocks, given = (None, None) if brief is None else (brief.blocks, brief.given)
     if isinstance(source, Machine):
@@ -85,8 +98,8 @@ def check(source: Machine | Reading | str | Sequence[object], brief: Brief | Non
         problems = (*reading.problems, *reading.loose)
         return Report(False, None, False, reading.repaired, problems, notes=reading.notes)
     geometry = Geometry(reading.blocks) if reading.blocks else place(reading.machine)
-    limit = SIZE_LIMIT if brief is None else brief.size_limit
-    spatial = (*reading.loose, *spatial_problems(geometry, limit))
+    limits = limits or (ANYWHERE if brief is None else brief.limits)
+    spatial = (*reading.loose, *spatial_problems(geometry, limits))
     demanded = () if brief is None else tuple(task_problems(geometry, brief))
     return Report(
         file_valid=True,
@@ -103,28 +116,40 @@ def check(source: Machine | Reading | str | Sequence[object], brief: Brief | Non
 
 
 def task_problems(geometry: Geometry, brief: Brief) -> list[Problem]:
-    """Block types with more or fewer blocks than the task requires (`required_count`)."""
-    problems = []
+    """Too many blocks (`too_many_blocks`), and types with more or fewer blocks than the task
+    requires (`required_count`)."""
+    problems = budget_problems(len(geometry.blocks), brief)
     for kind, count in brief.required.items():
         found = tuple(placed.id for placed in geometry.blocks if placed.type == kind)
         if len(found) != count:
             need = f"exactly {count} block{'' if count == 1 else 's'} of type"
             message = f"the task requires {need} {library()[kind].label}; there are {len(found)}"
-            problems.append(Problem("required_count", found, message))
+            problems.append(Problem(REQUIRED_COUNT, found, message))
     return problems
 
 
-def spatial_problems(
-    geometry: Geometry, size_limit: tuple[float, float, float] = SIZE_LIMIT
-) -> list[Problem]:
-    """Everything that makes a file-valid machine spatially invalid."""
-    problems = _shared_faces(geometry)
+def budget_problems(total: int, brief: Brief) -> list[Problem]:
+    """The problem of a machine of `total` blocks that has more than the task allows, if so."""
+    count, most = brief.count_blocks(total), brief.limits.blocks
+    if most is None or count <= most:
+        return []
+    besides = f" besides the {brief.uncounted} given" if brief.uncounted else ""
+    message = (
+        f"the machine has {count} blocks{besides}; this task allows at most {most}: "
+        f"remove at least {count - most}"
+    )
+    return [Problem("too_many_blocks", (), message)]
+
+
+def spatial_problems(geometry: Geometry, limits: Limits = ANYWHERE) -> list[Problem]:
+    """Everything that makes a file-valid machine invalid without regard to the task."""
+    problems = _shared_faces(geometry) + _duplicate_connections(geometry)
     for a, b in geometry.overlaps[:MAX_OVERLAP_PROBLEMS]:
         problems.append(Problem("overlap", (a, b), overlap_message(geometry, a, b)))
     left = len(geometry.overlaps) - MAX_OVERLAP_PROBLEMS
     if left > 0:
         problems.append(Problem("overlap", (), f"{left} more pairs of blocks overlap"))
-    return problems + size_problems(geometry, size_limit)
+    return problems + size_problems(geometry, limits.size) + _piece_problems(geometry, limits.parts)
 
 
 def _shared_faces(geometry: Geometry) -> list[Problem]:
@@ -155,6 +180,37 @@ def _points(geometry: Geometry) -> list[Problem]:
         for placed in geometry.blocks
         if placed.two_ended and placed.at == placed.far
     ]
+
+
+def _duplicate_connections(geometry: Geometry) -> list[Problem]:
+    """Two-ended blocks of one type that join the same two faces, in either order."""
+    joining: dict[tuple[int, frozenset[tuple[int, int]]], list[Placed]] = {}
+    for placed in geometry.blocks:
+        if placed.two_ended:
+            joined = placed.type, frozenset(placed.step.attachments)
+            joining.setdefault(joined, []).append(placed)
+    problems = []
+    for same in joining.values():
+        if len(same) > 1:
+            ids = tuple(placed.id for placed in same)
+            faces = " and ".join(
+                f"face {face} of {geometry[parent].label}"
+                for parent, face in same[0].step.attachments
+            )
+            message = (
+                f"blocks {comma_list(ids)} ({same[0].name}) join the same two faces, {faces}; one "
+                "block of a type may join two faces: attach the others to other faces"
+            )
+            problems.append(Problem("duplicate_connection", ids, message))
+    return problems
+
+
+def _piece_problems(geometry: Geometry, most: int | None) -> list[Problem]:
+    total = sum(library()[placed.type].parts for placed in geometry.blocks)
+    if most is None or total <= most:
+        return []
+    parts = largest_piece(geometry)
+    return [size_of_piece(parts, most)] if parts > most else []
 
 
 def overlap_message(geometry: Geometry, a: int, b: int) -> str:

@@ -86,7 +86,8 @@ ATTACHMENT = FailureKind(
     "wrong attachment",
     "construction",
     "a block is attached to a parent or face that does not exist, is occupied or "
-    "comes later; a block has an impossible rotation; or a two-ended block has only one parent",
+    "comes later; a block has an impossible rotation; or a two-ended block has only one parent, or "
+    "joins the same two faces as another of its type",
     frozenset(
         {
             "face_not_found",
@@ -96,6 +97,7 @@ ATTACHMENT = FailureKind(
             "no_parent",
             "rotation",
             "two_ended",
+            "duplicate_connection",
         }
     ),
 )
@@ -111,8 +113,17 @@ BREAKAGE = FailureKind(
 OTHER = FailureKind(
     "other",
     "construction",
-    "anything else, such as the machine's size or the order of its ids",
-    frozenset({"size_limit", "id_sequence", "root", "starting_block", "too_many_blocks"}),
+    "anything else, such as the machine's size, its number of blocks or the order of its ids",
+    frozenset(
+        {
+            "size_limit",
+            "id_sequence",
+            "root",
+            "starting_block",
+            "too_many_blocks",
+            "too_many_parts",
+        }
+    ),
 )
 KINDS = (
     UNPARSABLE,

@@ -21,7 +21,7 @@ from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.agents.replies import machine_text
 from agentflow.env.tasks.registry import get_task, task_names
 from agentflow.machine.blocks.library import library
-from agentflow.machine.brief import LONE_ROOT, Brief
+from agentflow.machine.brief import LONE_ROOT, Brief, Limits
 from agentflow.machine.formats.coordinates import read_coordinates
 from agentflow.prompts.registry import PROMPT_SETS
 from agentflow.prompts.render import PromptSet
@@ -306,7 +306,8 @@ def test_rules_mention_only_what_the_task_allows() -> None:
 
 
 def test_size_limit_is_the_task_s() -> None:
-    system, _ = _render(Designer(), DesignerInput(replace(THROWING, size_limit=(5.0, 4.0, 6.5))))
+    small = replace(THROWING, limits=Limits((5.0, 4.0, 6.5)))
+    system, _ = _render(Designer(), DesignerInput(small))
     assert (
         "- The whole machine must fit within 5 m along x, 4 m along y and 6.5 m along z.\n"
         in system

@@ -215,7 +215,7 @@ def test_a_rollout_ends_when_everything_rests() -> None:
 def test_what_is_switched_on_late_gets_the_time_to_move_what_rests() -> None:
     """Springs that have to break a connection first do not move anything in their first step."""
     task = get_task("jumping", {"walls.first": 50, "window": 1.5})
-    rollout = simulate(shipped("jumping/slingshot"), replace(task, trial=1))
+    rollout = simulate(shipped("jumping/slingshot"), replace(task, trial=1), recorded=True)
     assert rollout.sim_seconds == pytest.approx(1.5)
     assert 1.0 < rollout.broken[0].time < 1.1
 
@@ -230,10 +230,11 @@ def test_a_machine_too_large_for_the_engine_is_invalid() -> None:
         for face in (3, 4):
             rows.append((15, beam, face))
             rows += [(15, len(rows) - 1 + i, 0) for i in range(3)]
-    rollout = simulate(machine(*rows), get_task("movement"))
+    rollout = simulate(machine(*rows), get_task("movement", {"blocks.max": 0}))
     assert [problem["code"] for problem in rollout.problems] == ["too_many_parts"]
     assert rollout.problems[0]["message"] == (
-        "the machine has 145 parts in one piece; the engine holds at most 128"
+        "the machine has 145 parts in one piece; the physics engine holds at most 128: "
+        "remove blocks (a two-ended block has 2 parts)"
     )
 
 

@@ -1,10 +1,11 @@
 import pytest
 
 from agentflow.machine import Brief, Machine, StepVerdict, apply_script, check
+from agentflow.machine.brief import Limits
 from agentflow.machine.edits.commands import Add, Command, Move, Remove, read_command, script_lines
 from tests.machine.builders import CAR, CATAPULT, PUBLISHED_OVERLAP, build
 
-CAGE = Brief("cage", "Move.", (), (), (), (0, 1, 15), {}, (17.0, 2.0, 6.0))
+CAGE = Brief("cage", "Move.", (), (), (), (0, 1, 15), {}, Limits((17.0, 2.0, 6.0)))
 
 
 def failure(machine: Machine, script: str, brief: Brief | None = None) -> tuple[str, str]:

@@ -3,6 +3,7 @@ from dataclasses import replace
 import pytest
 
 from agentflow.machine import Brief, Machine, Step, check, read_machine
+from agentflow.machine.brief import Limits
 from tests.machine.builders import CAR, CATAPULT, Spec, build
 
 BRIEF = Brief("throwing", "Throw.", (), (), (), (0, 1, 15, 22, 30, 36, 63), {36: 1})
@@ -126,7 +127,7 @@ def test_the_height_limit() -> None:
 
 
 def test_a_tasks_own_size_limit_counts() -> None:
-    small = replace(BRIEF, size_limit=(1.0, 1.0, 2.0), required={})
+    small = replace(BRIEF, limits=Limits((1.0, 1.0, 2.0)), required={})
     assert check(build((15, 0, 0)), small).machine_valid
     assert not check(build((1, 0, 0)), small).machine_valid
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from agentflow.machine.brief import Limits
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 from agentflow.workflows.base import WorkflowResult
@@ -113,7 +114,7 @@ async def test_completion_order_changes_nothing() -> None:
 @pytest.mark.slow
 async def test_a_task_that_no_random_machine_meets_is_a_result() -> None:
     numbers = WorkflowSettings(trajectories=1)
-    task = replace(TASK, size_limit=(1.0, 1.0, 1.0))
+    task = replace(TASK, limits=Limits((1.0, 1.0, 1.0)))
     result = await WORKFLOWS["random-dsl"](task, lambda _: None, Shelf(), numbers, Notes())  # type: ignore
     assert result.best is None
     assert result.reason == (

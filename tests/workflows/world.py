@@ -234,7 +234,9 @@ class Run:
         client: Client | None = None,
         max_retry: int = 3,
         seed: int = 0,
+        brief: Brief = BRIEF,
     ) -> None:
+        self.brief = brief
         self.client = ScriptedClient(replies)
         self.shelf = shelf or Shelf()
         self.notes = Notes()
@@ -246,7 +248,7 @@ class Run:
 
     async def __call__(self, name: str = "hierarchical") -> WorkflowResult:
         return await WORKFLOWS[name](
-            BRIEF, self.context, self.shelf, self.settings, self.notes, self.seed
+            self.brief, self.context, self.shelf, self.settings, self.notes, self.seed
         )
 
     def context(self, role: str) -> AskContext:

@@ -56,6 +56,7 @@ def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:
         "score": best.score if best else None,
         "valid": best is not None,
         "machine": machine.to_json() if machine else None,
+        **plan.task.brief.budget_json(machine),
         "best_stage": result.best_stage,
         "stages": [stage_row(stage) for stage in result.stages],
         "rollouts": len(execution.laboratory.rollouts),

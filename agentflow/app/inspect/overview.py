@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,11 @@ from typing import Any
 from agentflow.app.design.models import cost_function
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
-from agentflow.config.run import build_config
+from agentflow.app.inspect.reading import later_problems
+from agentflow.config.run import DesignConfig, build_config
+from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
+from agentflow.machine import Machine, library, read_machine
 from agentflow.metrics.usage import bill
 from agentflow.runs import find_runs, read_calls, read_document, state_of
 from agentflow.runs.events import read_typed_events
@@ -61,20 +65,22 @@ def _result_so_far(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
 def run_details(path: Path) -> dict[str, Any]:
     """One run in detail.
 
-    The keys of `run_list` and `blocks`, `best_stage`, `stages` (rows of the stage table),
-    `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role), `failures` (see
+    The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `stages` (rows of the stage
+    table), `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role), `failures` (see
     `count_failures`), `remarks`, `config`, and the rest of run.yaml.
     """
     document = read_document(path)
     summary = _summary(path)
     result = read_finished(path) if summary["state"] == "done" else {}
     record = RunRecord.of(read_typed_events(path))
-    spent = bill(read_calls(path), cost_function(build_config(document.get("config")).model))
-    machine = result.get("machine")
+    config = build_config(document.get("config"))
+    spent = bill(read_calls(path), cost_function(config.model))
+    machine = read_machine(result.get("machine"), library()).machine
     return {
         **{key: value for key, value in document.items() if key != "schema"},
         **summary,
-        "blocks": len(machine) if machine else None,
+        "blocks": result.get("blocks", len(machine) if machine else None),
+        "most_blocks": result.get("most_blocks"),
         "best_stage": result.get("best_stage"),
         "stages": [stage.data for stage in record.stages],
         "stopped": result.get("stopped"),
@@ -84,5 +90,14 @@ def run_details(path: Path) -> dict[str, Any]:
             for role, item in {"total": spent.total, **spent.roles}.items()
         },
         "failures": count_failures(path),
-        "remarks": record.remarks,
+        "remarks": [*record.remarks, *_later_problems(machine, config)],
     }
+
+
+def _later_problems(machine: Machine | None, config: DesignConfig) -> list[str]:
+    """Why the best machine would now be refused; nothing if its task is not installed."""
+    with suppress(UsageError):
+        if machine is not None:
+            task = get_task(config.task, config.knobs)
+            return [f"the best machine {note}" for note in later_problems(machine, task.brief)]
+    return []

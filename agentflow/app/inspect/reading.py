@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from agentflow.errors import RunError
-from agentflow.machine import Machine, library, read_machine
+from agentflow.machine import Brief, Machine, check, library, read_machine
+from agentflow.machine.problems import LATER_RULES
 
 
 def recorded_machine(path: Path, digest: str) -> Machine:
@@ -19,3 +20,9 @@ def recorded_machine(path: Path, digest: str) -> Machine:
     if machine is None or machine.digest != digest:
         raise RunError(f"{file} is damaged: its machine does not match its name")
     return machine
+
+
+def later_problems(machine: Machine, brief: Brief) -> list[str]:
+    """Why a recorded machine would now be refused, by rules that came after its run."""
+    found = check(machine, brief).problems
+    return [f"would now be refused: {item.message}" for item in found if item.code in LATER_RULES]

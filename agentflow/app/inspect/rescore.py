@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.plan import RunPlan, level_note
-from agentflow.app.inspect.reading import recorded_machine
+from agentflow.app.inspect.reading import later_problems, recorded_machine
 from agentflow.env.constants import constants
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.runs import read_document
@@ -25,8 +25,8 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
         `run`, `task`, `note` (whether its level has changed), `constants` and `engine` (`recorded`
         and `now`), `identical` (number of machines with a bit-for-bit identical rollout), and
         `machines`: each with `machine`, `place` (where it was first simulated), `recorded` and
-        `now` (status and score), `difference` of the scores (None if one is missing) and
-        `identical`.
+        `now` (status and score), `difference` of the scores (None if one is missing),
+        `identical`, and `notes`: later rules that it breaks, which do not change its score.
     """
     document = read_document(path)
     plan = RunPlan.of_run(path, document)
@@ -41,7 +41,7 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
 
     async def again(digest: str, pool: RolloutPool) -> dict[str, Any]:
         machine, evaluation = recorded_machine(path, digest), evaluations[digest]
-        rollout = await pool.run(machine, plan.task, seed=plan.config.seed)
+        rollout = await pool.run(machine, plan.task, seed=plan.config.seed, recorded=True)
         old, new = evaluation.score, rollout.score
         return {
             "machine": digest,
@@ -50,6 +50,7 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
             "now": {"status": rollout.status, "score": new},
             "difference": None if old is None or new is None else new - old,
             "identical": rollout.digest == evaluation.rollout and old == new,
+            "notes": later_problems(machine, plan.task.brief),
         }
 
     machines = asyncio.run(compare())

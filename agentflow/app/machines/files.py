@@ -9,8 +9,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, AnyStr, TextIO
 
+from agentflow.env.physics.engines import default_limits
 from agentflow.errors import RunError, UsageError
-from agentflow.machine import BlockType, Brief, Machine, library, place
+from agentflow.machine import BlockType, Brief, Machine, Report, library, place
 from agentflow.machine import check as check_machine
 from agentflow.machine.formats.detect import Form, read_any, read_for
 
@@ -105,7 +106,7 @@ def check(
     source: object, brief: Brief | None, geometry: bool, form: Form = "auto"
 ) -> dict[str, Any]:
     """The validity report and the warnings as data; `source` is text or JSON data."""
-    report = check_machine(read_for(brief, source, form), brief)
+    report = _report(source, brief, form)
     warnings = [warning.to_json() for warning in report.warnings]
     answer: dict[str, Any] = {**report.to_json(), "warnings": warnings}
     if geometry:
@@ -117,6 +118,12 @@ def check(
 def is_flawless(report: Mapping[str, Any]) -> bool:
     """Whether a report of `check` has no problem, no warning and no repaired text."""
     return not (report["problems"] or report["warnings"] or report["repaired"])
+
+
+def _report(source: object, brief: Brief | None, form: Form) -> Report:
+    """The report on text or JSON data; without a task, by the limits of the default engine."""
+    limits = default_limits() if brief is None else brief.limits
+    return check_machine(read_for(brief, source, form), brief, limits)
 
 
 def check_lines(

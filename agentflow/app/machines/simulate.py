@@ -38,10 +38,11 @@ def simulate_text(
     """
     parsed = [_parse_query(item) for item in queries]
     report = check(read_for(task.brief, text), task.brief)
+    budget = task.brief.budget_json(report.machine)
     if report.machine is None:
-        return rollout_json(invalid_rollout(report.problems))
+        return rollout_json(invalid_rollout(report.problems)) | budget
     rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate)
-    result = rollout_json(rollout)
+    result = rollout_json(rollout) | budget
     if parsed:
         result["answers"] = answer_queries(report.machine, rollout, parsed).data
     if save is not None and rollout.trace is not None:
@@ -66,10 +67,11 @@ async def simulate_lines(
 
     async def result(line: str) -> dict[str, Any]:
         report = check(read_for(task.brief, parse_line(line)), task.brief)
+        budget = task.brief.budget_json(report.machine)
         if report.machine is None:
-            return rollout_json(invalid_rollout(report.problems))
+            return rollout_json(invalid_rollout(report.problems)) | budget
         rollout = await pool.run(report.machine, task, seed=seed, power=power, rate=rate)
-        return rollout_json(rollout)
+        return rollout_json(rollout) | budget
 
     ahead: asyncio.Queue[asyncio.Task[dict[str, Any]] | Exception | None] = asyncio.Queue(
         2 * workers

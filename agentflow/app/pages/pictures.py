@@ -70,7 +70,7 @@ def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> No
 
 
 def _simulate(machine: Machine, task: Task, seed: int, interval: float) -> Rollout:
-    rollout = simulate(machine, task, seed=seed, interval=interval)
+    rollout = simulate(machine, task, seed=seed, interval=interval, recorded=True)
     if rollout.trace is None:
         why = "; ".join(str(problem["message"]) for problem in rollout.problems)
         raise UsageError(f"nothing to film: the rollout ended with status {rollout.status} ({why})")

@@ -18,7 +18,7 @@ from agentflow.app.design.plan import (
 )
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
-from agentflow.app.inspect.reading import recorded_machine
+from agentflow.app.inspect.reading import later_problems, recorded_machine
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.env.archive import load_npz
@@ -148,8 +148,12 @@ async def film_machines(
             done += 1
             say(done, len(filmed))
         trials = played if item.interval == FINE else ()
-        given, remark = item.task.brief.given, _remark(item, rollout)
-        return key, machine_data(item.machine, rollout, shapes, remark, given=given, played=trials)
+        brief = item.task.brief
+        remarks = (_remark(item, rollout), *map(_sentence, later_problems(item.machine, brief)))
+        remark = " ".join(filter(None, remarks))
+        return key, machine_data(
+            item.machine, rollout, shapes, remark, given=brief.given, played=trials
+        )
 
     async with RolloutPool(max(1, min(workers, len(filmed)))) as pool:
         found = dict(await asyncio.gather(*(film(key, item) for key, item in chosen.items())))
@@ -178,7 +182,8 @@ async def simulate_trials(item: ReportedMachine, pool: RolloutPool) -> Sequence[
         return ()
     trials = item.task.trials(item.seed)
     runs = (
-        pool.run(item.machine, trial, seed=item.seed, interval=item.interval) for trial in trials
+        pool.run(item.machine, trial, seed=item.seed, interval=item.interval, recorded=True)
+        for trial in trials
     )
     return await asyncio.gather(*runs)
 
@@ -213,6 +218,10 @@ def _remark(item: ReportedMachine, rollout: Rollout | None) -> str:
             f"the recorded score is {item.score:.2f}."
         )
     return " ".join(notes)
+
+
+def _sentence(problem: str) -> str:
+    return f"The machine {problem}."
 
 
 def _describe_trial(rollout: Rollout) -> str:

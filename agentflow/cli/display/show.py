@@ -10,7 +10,7 @@ from typing import Any
 from rich.text import Text
 
 from agentflow.cli.display.output import columns, output
-from agentflow.cli.display.text import number
+from agentflow.cli.display.text import block_count, number
 
 Data = Mapping[str, Any]
 VALID = ("valid at once", "after retries")
@@ -21,9 +21,11 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     """Print the result of a design run: score, stages, model, cost, paths."""
     console = output()
     if result["valid"]:
+        count = result.get("blocks") or len(result["machine"])  # older results lack the count
+        blocks = block_count(count, result.get("most_blocks"))
         console.print(
             f"best score {number(result['score'])} ({result['task']}), "
-            f"{len(result['machine'])} blocks, found in stage {result['best_stage']}"
+            f"{blocks}, found in stage {result['best_stage']}"
         )
     table = columns("stage", *VALID, "mean", "best")
     for row in result["stages"]:
@@ -128,7 +130,10 @@ def show_conversion(result: Data) -> None:
 def show_rollout(result: Data) -> None:
     """Print a rollout: status, score, feedback and query answers."""
     console = output()
-    console.print(f"{result['status']}, score {number(result['score'])}")
+    told = [result["status"], f"score {number(result['score'])}"]
+    if result["blocks"] is not None:
+        told.append(block_count(result["blocks"], result["most_blocks"]))
+    console.print(", ".join(told))
     for problem in result["problems"] or ():
         console.print(f"{problem['code']}: {problem['message']}")
     if result["feedback"]:
@@ -229,6 +234,8 @@ def show_task(task: Data) -> None:
     console.print(f"\nblocks: {', '.join(task['block_names'])}")
     for kind, count in task["required"].items():
         console.print(f"required: exactly {count} of type {kind}")
+    if task["most_blocks"] is not None:
+        console.print(f"most blocks: {task['most_blocks']}")
     console.print(f"good score: {task['good']:g}")
     if task["note"]:
         console.print(f"note: {task['note']}")

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from agentflow.cli.display.output import columns, output
 from agentflow.cli.display.show import VALID, Data
-from agentflow.cli.display.text import number
+from agentflow.cli.display.text import block_count, number
 
 LONG = 1000
 """Width in characters for tables of paths, so that no path is wrapped or cut."""
@@ -37,8 +37,11 @@ def show_run(run: Data) -> None:
     console.print(f"{run['task']}, {run['workflow']}, {run['model']}, seed {run['seed']}")
     if start := run["config"]["settings"].get("start"):
         console.print(f"started from a machine with {len(start)} blocks")
-    place = f", {run['blocks']} blocks, found in stage {run['best_stage']}" if run["blocks"] else ""
-    console.print(f"best score {number(run['score'])}{place}")
+    found = [f"best score {number(run['score'])}"]
+    if run["blocks"] is not None:
+        found.append(block_count(run["blocks"], run["most_blocks"]))
+        found.append(f"found in stage {run['best_stage']}")
+    console.print(", ".join(found))
     if run["stopped"] or run["reason"]:
         why = " ".join((run["reason"] or f"stopped: {run['stopped']} limit reached").split())
         console.print(why)
@@ -72,6 +75,9 @@ def show_rescored(found: Data) -> None:
         console.print(table)
     if found["note"]:
         console.print(found["note"])
+    for item in found["machines"]:
+        for note in item["notes"]:
+            console.print(f"notice: {item['machine']} {note}")
     for name in ("constants", "engine"):
         condition = found[name]
         if condition["recorded"] != condition["now"]:

@@ -13,6 +13,11 @@ def number(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
 
+def block_count(count: int, most: int | None) -> str:
+    """The blocks of a machine, and the most that its task allows: "23 of 40 blocks"."""
+    return f"{count} blocks" if most is None else f"{count} of {most} blocks"
+
+
 def escape_controls(text: str, kept: str = "") -> str:
     """Text with non-printable characters escaped, except those in `kept`."""
     return "".join(c if c.isprintable() or c in kept else repr(c)[1:-1] for c in text)

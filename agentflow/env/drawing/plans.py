@@ -63,7 +63,7 @@ def level_plans(task: Task) -> tuple[LevelPlan, LevelPlan]:
     """A level from above (z to the right, x downwards) and from the right (y upwards)."""
     scene, brief = task.scene(), task.brief
     things = (*scene.things, *_given(brief.given))
-    volume = _volume(scene.start, brief.size_limit)
+    volume = _volume(scene.start, brief.limits.size)
     low, high = _frame(things, volume)
     by_height = sorted(things, key=lambda thing: _points(thing)[:, 1].max())
     by_nearness = sorted(things, key=lambda thing: _points(thing)[:, 0].max())

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from agentflow.errors import UsageError
+from agentflow.machine.problems import size_of_piece
 
 if TYPE_CHECKING:  # an engine's identity needs no physics
     from agentflow.env.physics.model import Assembly, State
@@ -20,9 +21,7 @@ class TooLargeError(UsageError):
     """The machine has more parts in one piece than the engine can hold."""
 
     def __init__(self, parts: int, limit: int) -> None:
-        super().__init__(
-            f"the machine has {parts} parts in one piece; the engine holds at most {limit}"
-        )
+        super().__init__(size_of_piece(parts, limit).message)
         self.parts, self.limit = parts, limit
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from agentflow.env.physics.engine import Engine, EngineIdentity
 from agentflow.errors import ConfigError
+from agentflow.machine.brief import Limits
 from agentflow.registry import Registry, instance_of
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ class EngineSpec:
     factory: str
     """"module:attribute" of a callable that makes the engine from its constants (or None: those of
     `constants.json`)."""
+    most_parts: int | None = None
+    """Most parts that it can hold in one piece of a machine; None: any number."""
 
     @cached_property
     def identity(self) -> EngineIdentity:
@@ -72,3 +75,8 @@ def default_engine() -> EngineSpec:
             _ = spec.identity
             return spec
     raise ConfigError(f"no physics engine is installed; install one of: {', '.join(ENGINES)}")
+
+
+def default_limits() -> Limits:
+    """Limits of every machine: the standard building volume, what the default engine holds."""
+    return Limits(parts=default_engine().most_parts)

@@ -95,6 +95,7 @@ class RolloutPool:
         power: bool = True,
         interval: float | None = None,
         wall_limit: float = 60.0,
+        recorded: bool = False,
     ) -> Rollout:
         """Run `simulate` in the next free workers, one trial in each; same arguments.
 
@@ -106,7 +107,13 @@ class RolloutPool:
             UsageError: As `simulate` does.
             RuntimeError: `simulate` raised another error, which is a bug; includes the traceback.
         """
-        options = {"rate": rate, "power": power, "interval": interval, "wall_limit": wall_limit}
+        options = {
+            "rate": rate,
+            "power": power,
+            "interval": interval,
+            "wall_limit": wall_limit,
+            "recorded": recorded,
+        }
         jobs = (
             {"machine": machine, "task": trial, "seed": seed, **options}
             for trial in task.trials(seed)

@@ -12,7 +12,7 @@ from agentflow.env.simulation.play import Play
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
-from agentflow.machine.problems import Problem
+from agentflow.machine.problems import LATER_RULES, size_of_piece
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
@@ -32,6 +32,7 @@ def simulate(
     wall_limit: float = 60.0,
     engine: Engine | None = None,
     physics: Constants | None = None,
+    recorded: bool = False,
 ) -> Rollout:
     """Run all trials of a task with a machine. Never raises because of what the machine does.
 
@@ -47,6 +48,7 @@ def simulate(
         engine: Default: the default engine, of which each thread keeps one.
         physics: Constants other than those of `constants.json`, for fitting; make `engine` with
             the same ones.
+        recorded: The machine is from a record: rules that came later (`LATER_RULES`) do not count.
 
     Raises:
         UsageError: `rate` is not within 30 to 1000 Hz, or `interval` not above 0.
@@ -59,18 +61,18 @@ def simulate(
         raise UsageError(f"the rate is {rate:g} Hz; it must be from {low} to {high} Hz")
     if not interval > 0:
         raise UsageError(f"the interval is {interval:g} s; it must be above 0 s")
-    report = check(machine, task.brief)
-    if not report.task_valid:
-        return invalid_rollout(report.problems)
+    later = LATER_RULES if recorded else frozenset()
+    problems = [item for item in check(machine, task.brief).problems if item.code not in later]
+    if problems:
+        return invalid_rollout(problems)
     chosen = engine or _own_engine()
     played: list[Rollout] = []
     for trial in task.trials(seed):
         try:
             play = Play(machine, trial, chosen, rate, power, interval, wall_limit, value)
         except TooLargeError as error:
-            return invalid_rollout(
-                [Problem("too_many_parts", (), str(error))], str(chosen.identity)
-            )
+            problem = size_of_piece(error.parts, error.limit)
+            return invalid_rollout([problem], str(chosen.identity))
         played.append(play.run())
         if played[-1].status == "timeout":
             break

@@ -9,10 +9,13 @@ from dataclasses import dataclass, replace
 from math import cos, sin
 from typing import ClassVar
 
+from agentflow.env.physics.engines import default_limits
 from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
+from agentflow.machine.brief import Limits
+from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.vectors import Vec3, about_axis
 
 WOOD = (0.71, 0.53, 0.34, 1.0)
@@ -51,12 +54,21 @@ class StartTimes(Parameters):
     steering_hinges: float = knob(0, 0, 60, "s", "start time of steering hinges")
 
 
+class BlockBudget(Parameters):
+    """How many blocks a machine may have."""
+
+    max: int = knob(
+        40, 0, MAX_BLOCKS, "blocks", "most blocks of a machine, without given ones; 0: no limit"
+    )
+
+
 class CommonKnobs(Parameters):
     """Knobs that every family has."""
 
     window: float = knob(5, 1, 60, "s", "length of the scored window")
     schedule: StartTimes = StartTimes()
     wind: Wind = Wind()
+    blocks: BlockBudget = BlockBudget()
 
     @property
     def control_schedule(self) -> Schedule:
@@ -124,6 +136,11 @@ class Family(Task):
 
     knobs: ClassVar[type[CommonKnobs]]
     parameters: CommonKnobs
+
+    @property
+    def limits(self) -> Limits:
+        """How large a machine may be: by the level's budget of blocks and the default engine."""
+        return replace(default_limits(), blocks=self.parameters.blocks.max or None)
 
 
 @dataclass(frozen=True)

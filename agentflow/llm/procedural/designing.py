@@ -85,7 +85,7 @@ def _is_complete(builder: Builder, slots: list[list[int]], prompt: Prompt) -> bo
     has_parts = bool(new) and all((usable.intersection(slot) or new) & new for slot in slots)
     required = prompt.brief.required.items()
     has_required = all(machine.count(kind) == n for kind, n in required if kind in usable)
-    return has_required and has_parts and check(machine, prompt.brief).machine_valid
+    return has_required and has_parts and not check(machine, prompt.brief).lasting_problems
 
 
 def _draw_dimension(name: str, own: tuple[int, int], guidance: str, rng: random.Random) -> int:

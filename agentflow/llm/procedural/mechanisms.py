@@ -93,15 +93,21 @@ class Builder:
 
     def add(self, kind: int | None, *ends: tuple[int, int]) -> int | None:
         """Attach a block to (block, face), or between two of them; its id, None if invalid."""
-        full = kind is None or self.machine.count(kind) == self._brief.required.get(kind)
-        if kind is None or full or len(ends) != 1 + library()[kind].linear:
+        if kind is None or not self._has_room(kind) or len(ends) != 1 + library()[kind].linear:
             return None
         step = Step(len(self.machine), kind, *(part for end in ends for part in end))
         geometry = place(Machine((*self.machine.steps, step)))
-        if spatial_problems(geometry, self._brief.size_limit) or has_locked_joint(geometry):
+        if spatial_problems(geometry, self._brief.limits) or has_locked_joint(geometry):
             return None
         self.machine, self.geometry = Machine((*self.machine.steps, step)), geometry
         return step.id
+
+    def _has_room(self, kind: int) -> bool:
+        """Whether the task allows one more block of a type, and then all those it requires."""
+        most = self._brief.limits.blocks
+        lacking = {k: n - self.machine.count(k) for k, n in self._brief.required.items()}
+        left = sum(n for k, n in lacking.items() if k != kind)
+        return lacking.get(kind, 1) > 0 and (most is None or len(self.machine) + left < most)
 
     def chain(self, kind: int | None, at: int, towards: str, count: int = 1, skip: int = 0) -> int:
         """Attach blocks in a row, each `skip` faces before its parent's far end; the last id."""

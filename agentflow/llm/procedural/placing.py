@@ -29,9 +29,9 @@ def place_cogs(prompt: Prompt, rng: random.Random) -> str:
     wanted = {i: sense for i, sense in targets.items() if 1 < i < len(given)}
     cogs = prompt.types - {given[1].type}
     kinds = sorted(kind for kind in cogs if library()[kind].pitch_radius)
-    done, machine = False, given
+    done, machine, most = False, given, min(MAX_COGS, prompt.brief.limits.blocks or MAX_COGS)
     for _ in range(ATTEMPTS if kinds else 0):
-        done, machine = _try_chain(given, wanted, kinds, rng)
+        done, machine = _try_chain(given, wanted, kinds, most, rng)
         if done:
             break
     centres = [cog.center for cog in place(machine).blocks[len(given) :]]
@@ -41,15 +41,19 @@ def place_cogs(prompt: Prompt, rng: random.Random) -> str:
 
 
 def _try_chain(
-    given: Machine, wanted: Mapping[int, int], kinds: Sequence[int], rng: random.Random
+    given: Machine, wanted: Mapping[int, int], kinds: Sequence[int], most: int, rng: random.Random
 ) -> tuple[bool, Machine]:
-    """Add cogs beside driven cogs, preferably towards a target; whether all targets turn."""
+    """Add at most `most` cogs beside driven cogs, preferably towards a target.
+
+    Returns:
+        Whether all targets turn, and the machine.
+    """
     machine = given
     for _ in range(10 * MAX_COGS):
         geometry = place(machine)
         speeds = _cog_speeds(geometry)
         left = [i for i in wanted if i not in speeds]
-        if not left or len(machine) - len(given) >= MAX_COGS:
+        if not left or len(machine) - len(given) >= most:
             return not left, machine
         to_x, _, to_z = geometry[rng.choice(left)].center
         driven = [geometry[i] for i in speeds if i not in wanted]

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 from agentflow.llm.messages import Message
 from agentflow.machine import Brief, Machine, library, read_machine
-from agentflow.machine.brief import LONE_ROOT
+from agentflow.machine.brief import LONE_ROOT, Limits
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
 
 _HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
 _ROW = re.compile(r"^\| *([0-9]{1,6}) *\|", re.MULTILINE)
 _REQUIRED = re.compile(r"exactly (\w{1,9}) [^()\n]*\(type (\d{1,6})\)")
+_MOST_BLOCKS = re.compile(r"at most (\d{1,3}) blocks? \(")
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six")
 
 
@@ -64,8 +65,11 @@ def value_of(text: str, key: str) -> str:
 
 
 def _read_brief(task: str, types: frozenset[int]) -> Brief:
-    """Read the task's name, objective and required blocks; size limits are the default ones."""
+    """Read the task's name, objective, required blocks and most blocks; the size is the default."""
+    most = _MOST_BLOCKS.search(task)
+    limits = Limits(blocks=int(most[1]) if most else None)
     found = [(int(kind), count) for count, kind in _REQUIRED.findall(task) if count in _COUNTS]
     required = {kind: _COUNTS.index(count) for kind, count in found if kind in types}
     objective = task.partition("Task:")[2].partition("\n")[2].partition("\n")[0]
-    return Brief(value_of(task, "Task"), objective, (), (), (), (0, *sorted(types - {0})), required)
+    blocks = (0, *sorted(types - {0}))
+    return Brief(value_of(task, "Task"), objective, (), (), (), blocks, required, limits)

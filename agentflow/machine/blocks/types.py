@@ -140,6 +140,12 @@ class BlockType:
         return self.connector is not None
 
     @property
+    def parts(self) -> int:
+        """Rigid bodies that physics makes of it: the ends of a two-ended block, the fork and wheel
+        of a caster."""
+        return 2 if self.linear or self.shape == "caster" else 1
+
+    @property
     def root(self) -> bool:
         """Whether machines are built on it; it is never attached to anything."""
         return self.category in ROOTS

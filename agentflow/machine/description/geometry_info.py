@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from agentflow.machine.blocks.library import library
+from agentflow.machine.brief import Brief
 from agentflow.machine.description.rounding import GroundFrame, span_of
 from agentflow.machine.geometry.balance import mass, on_ground, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry, place
@@ -105,16 +106,18 @@ def _pull(placed: Placed) -> dict[str, object]:
     }
 
 
-def describe_text(machine: Machine, *, short: bool = False) -> str:
+def describe_text(machine: Machine, brief: Brief | None = None, *, short: bool = False) -> str:
     """The 3D information as compact text, one line per block.
 
     Args:
         machine: a file-valid machine.
+        brief: the task, for its limit of blocks.
         short: leave out building points, children, and the positions of free faces.
     """
     geometry = place(machine)
     frame = GroundFrame(geometry.lo[1])
-    lines = [_legend(short=short), *_summary_lines(geometry, frame)]
+    lines = [_legend(short=short), *_budget_lines(machine, brief)]
+    lines += _summary_lines(geometry, frame)
     lines += [_block_line(geometry, frame, placed, short=short) for placed in geometry.blocks]
     return "\n".join(lines)
 
@@ -125,6 +128,12 @@ def _legend(*, short: bool) -> str:
         "x, y, z in m, y from the lowest corner. 'on 4.2 Left': on block 4, face 2, which is a "
         f"Left face. Free faces: {free}."
     )
+
+
+def _budget_lines(machine: Machine, brief: Brief | None) -> list[str]:
+    if brief is None or brief.limits.blocks is None:
+        return []
+    return [f"{brief.count_blocks(len(machine))} of {brief.most_blocks}."]
 
 
 def _summary_lines(geometry: Geometry, frame: GroundFrame) -> list[str]:

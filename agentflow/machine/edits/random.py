@@ -26,15 +26,16 @@ def random_machine(
 ) -> Machine:
     """Grow a random valid machine, with the blocks that the task requires, block by block.
 
-    The number of blocks is uniform over `size`. Each step draws a legal (type, free face) pair
-    uniformly; two-ended types may use any face, and their second end is uniform over the faces of
-    all other blocks. Steps that exceed a required number of blocks are not legal. Machines that end
-    with too few required blocks, or cannot grow further, are discarded.
+    The number of blocks is uniform over `size`, cut to what the task allows. Each step draws a
+    legal (type, free face) pair uniformly; two-ended types may use any face, and their second end
+    is uniform over the faces of all other blocks. Steps that exceed a required number of blocks are
+    not legal. Machines that end with too few required blocks, or cannot grow further, are
+    discarded.
 
     Args:
         rng: random generator.
-        brief: the task, for its block list, size limit and required blocks; the core types and
-            the standard building volume if None.
+        brief: the task, for its block list, limits and required blocks; the core types and the
+            standard building volume if None.
         size: minimum and maximum number of blocks, including the Starting Block.
 
     Raises:
@@ -42,7 +43,7 @@ def random_machine(
     """
     types = _allowed_types(brief)
     for _ in range(MAX_TRIES):
-        machine = _grow(rng, types, brief, rng.randint(*size))
+        machine = _grow(rng, types, brief, rng.randint(*_allowed_size(size, brief)))
         if machine is not None and _has_required_blocks(machine, brief):
             return machine
     raise UsageError(
@@ -96,7 +97,9 @@ def _grow(rng: Random, types: Sequence[int], brief: Brief | None, count: int) ->
 def _apply_if_valid(rng: Random, brief: Brief | None, move: Move) -> Machine | None:
     """The machine that a move makes; None if it is invalid."""
     edited = move(rng)
-    return edited if edited is not None and check(edited, brief).machine_valid else None
+    if edited is None or check(edited, brief).lasting_problems:
+        return None
+    return edited
 
 
 def _draw_first_success(
@@ -119,6 +122,14 @@ def _draw_first_success(
 def _allowed_types(brief: Brief | None) -> tuple[int, ...]:
     allowed = library().core if brief is None else brief.blocks
     return tuple(sorted(set(allowed) - {STARTING_BLOCK}))
+
+
+def _allowed_size(size: tuple[int, int], brief: Brief | None) -> tuple[int, int]:
+    """The part of a range of sizes that the task allows; its largest machine if there is none."""
+    if brief is None or brief.limits.blocks is None:
+        return size
+    most = brief.limits.blocks + brief.uncounted
+    return min(size[0], most), min(size[1], most)
 
 
 def _has_required_blocks(machine: Machine, brief: Brief | None) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.brief import SIZE_LIMIT, Brief
+from agentflow.machine.brief import Brief
 from agentflow.machine.edits.commands import (
     GRAMMAR,
     Add,
@@ -21,7 +21,7 @@ from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.problems import block_label, comma_list, face_problem, type_problem
 from agentflow.machine.tree import Machine, Step, renumber
-from agentflow.machine.validity import spatial_problems
+from agentflow.machine.validity import ANYWHERE, budget_problems, spatial_problems
 
 _BAD_FORMAT = "not a command; the commands are: " + "; ".join(GRAMMAR)
 _EMPTY = "the script has no commands; the commands are: " + "; ".join(GRAMMAR)
@@ -75,7 +75,7 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
     Args:
         machine: machine to edit.
         script: one command per line; ids are those of `machine` throughout.
-        brief: the task, for its block list and size limit; the core types and the standard
+        brief: the task, for its block list and limits; the core types and the standard
             building volume if None.
     """
     same: dict[int, int | None] = {step.id: step.id for step in machine}
@@ -109,9 +109,10 @@ class _Draft:
         self.original = len(machine)
         self.steps = {step.id: step for step in machine}
         self.next_id = self.original
+        self.brief = brief
         self.given = 1 if brief is None else len(brief.given)
         self.allowed: Collection[int] = library().core if brief is None else brief.blocks
-        self.size_limit = SIZE_LIMIT if brief is None else brief.size_limit
+        self.limits = ANYWHERE if brief is None else brief.limits
 
     def apply(self, command: Command | None) -> None:
         """Apply one command; raise `_Refused` if that is impossible."""
@@ -138,8 +139,7 @@ class _Draft:
             self._require_face(parent, face)
         if not two_ended:
             self._require_free(*command.ends[0])
-        if len(self.steps) >= MAX_BLOCKS:
-            raise _Refused("size_limit", f"a machine can have at most {MAX_BLOCKS} blocks")
+        self._require_budget(len(self.steps) + 1)
         added = Step(self.next_id, command.type, *(part for end in command.ends for part in end))
         self.next_id += 1
         self._put(added, f"with {library()[command.type].name} as new block {added.id}: ")
@@ -207,9 +207,16 @@ class _Draft:
                 )
                 raise _Refused("face_occupied", reason)
 
+    def _require_budget(self, total: int) -> None:
+        """Refuse a machine of `total` blocks if they are too many."""
+        if total > MAX_BLOCKS:
+            raise _Refused("too_many_blocks", f"a machine can have at most {MAX_BLOCKS} blocks")
+        for problem in budget_problems(total, self.brief) if self.brief else ():
+            raise _Refused(problem.code, f"with this block {problem.message} in an earlier line")
+
     def _require_space(self, prefix: str) -> None:
         """Refuse if the current machine is spatially invalid."""
-        for problem in spatial_problems(self._geometry(), self.size_limit)[:1]:
+        for problem in spatial_problems(self._geometry(), self.limits)[:1]:
             raise _Refused(problem.code, prefix + problem.message)
 
     def _geometry(self) -> Geometry:

@@ -59,6 +59,7 @@ class Pushing(Family):
                 "t = 0 to its position at the end of the window; at least 0.",
             ),
             blocks=BLOCKS,
+            limits=self.limits,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002

@@ -169,9 +169,9 @@ def test_a_cone_stands_beyond_the_place_of_the_turn_also_where_nothing_turns() -
 
 
 def test_no_machine_may_begin_within_the_beam() -> None:
-    assert get_task("delivery").brief.size_limit == (17.0, 9.5, 17.0)
-    assert get_task("delivery/3").brief.size_limit == (17.0, 9.5, 15.0)
-    assert get_task("delivery/3", {"beam.at": 20}).brief.size_limit == (17.0, 9.5, 17.0)
+    assert get_task("delivery").brief.limits.size == (17.0, 9.5, 17.0)
+    assert get_task("delivery/3").brief.limits.size == (17.0, 9.5, 15.0)
+    assert get_task("delivery/3", {"beam.at": 20}).brief.limits.size == (17.0, 9.5, 17.0)
 
 
 def test_only_the_cargo_moves_in_the_scene() -> None:

@@ -51,7 +51,7 @@ def effect(task: Task) -> tuple[object, ...]:
         brief.given.steps,
         dict(brief.required),
         brief.blocks,
-        brief.size_limit,
+        brief.limits.size,
     )
 
 

@@ -3,5 +3,8 @@
 from agentflow.env.physics.engines import EngineSpec
 
 PYBULLET = EngineSpec(
-    "pybullet", ("pybullet",), "agentflow.env.physics.pybullet.engine:PyBulletEngine"
+    "pybullet",
+    ("pybullet",),
+    "agentflow.env.physics.pybullet.engine:PyBulletEngine",
+    most_parts=128,
 )

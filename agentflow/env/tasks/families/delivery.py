@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot
 from typing import ClassVar
 
@@ -126,7 +126,7 @@ class Delivery(Family):
                 "touch after t = 0 counts; a cargo that the machine never touches scores 0.",
             ),
             blocks=BLOCKS,
-            size_limit=self._size_limit,
+            limits=replace(self.limits, size=self._size_limit),
         )
 
     @property

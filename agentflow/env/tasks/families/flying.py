@@ -111,6 +111,7 @@ class Flying(Family):
                 "Sideways motion and motion before t = 0 do not count.",
             ),
             blocks=blocks,
+            limits=self.limits,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002

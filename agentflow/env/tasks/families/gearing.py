@@ -147,6 +147,7 @@ class Gearing(Family):
                 "Speeds are measured relative to the plate, every 0.1 s.",
             ),
             blocks=BLOCKS,
+            limits=self.limits,
             given=self.given,
         )
 

@@ -135,6 +135,7 @@ class Jumping(TrialFamily):
                 "before t = 0 fails the trial.",
             ),
             blocks=BLOCKS,
+            limits=self.limits,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002

@@ -132,6 +132,7 @@ class Lifting(TrialFamily):
                 f"end; it must have touched the machine within the last {LOOSE:g} s.",
             ),
             blocks=BLOCKS,
+            limits=self.limits,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:

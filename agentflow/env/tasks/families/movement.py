@@ -94,6 +94,7 @@ class Movement(Family):
                 "Sideways, backward and upward motion, and motion before t = 0, do not count.",
             ),
             blocks=tuple(sorted(blocks)),
+            limits=self.limits,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002

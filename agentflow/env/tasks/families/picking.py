@@ -119,6 +119,7 @@ class Picking(Family):
                 "over the opening.",
             ),
             blocks=BLOCKS,
+            limits=self.limits,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same

@@ -106,6 +106,7 @@ class Throwing(Family):
                 *RULES,
             ),
             blocks=BLOCKS,
+            limits=self.limits,
             required={BOULDER: knobs.reload},
         )
 
