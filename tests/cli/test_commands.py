@@ -86,6 +86,8 @@ def test_simulate_gives_exactly_the_documented_keys(
         "wall_seconds",
         "constants",
         "engine",
+        "blocks",
+        "most_blocks",
     ]
     assert result["status"] == "ok"
     assert 40 <= result["score"] <= 50
