@@ -14,6 +14,7 @@ from agentflow.errors import ConfigError, EndpointError
 from agentflow.llm.endpoint import faults, wire
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.connections import ConnectionPool
+from agentflow.llm.endpoint.decoding import ACCEPTED, UndecodableError, decoded_pieces
 from agentflow.llm.endpoint.sse import EventDecoder
 from agentflow.llm.endpoint.unsupported import UnsupportedParameters
 from agentflow.llm.messages import Reply, Request
@@ -21,6 +22,7 @@ from agentflow.llm.settings import HttpSettings
 
 _MAX_ANSWER_BYTES = 64 * 2**20
 _MAX_ERROR_BYTES = 2**16
+_HEADERS = {"Accept-Encoding": ACCEPTED}
 _DRAIN_S = 1.0
 """Maximum wait for a stream to end after `[DONE]`; its connection can then be reused."""
 
@@ -86,7 +88,7 @@ class OpenAIClient:
             raise faults.unreachable(self._endpoint, reason) from None
         except httpx.RequestError as problem:
             raise self._unreachable(problem) from None
-        except wire.TruncatedAnswerError as problem:
+        except (wire.TruncatedAnswerError, UndecodableError) as problem:
             raise faults.unreachable(self._endpoint, str(problem)) from None
         except wire.NotACompletionError as problem:
             raise faults.not_a_completion(self._endpoint, str(problem)) from None
@@ -115,10 +117,10 @@ class OpenAIClient:
     async def _exchange(self, body: dict[str, object]) -> Reply | faults.ErrorResponse:
         async with (
             self._connections.acquire() as http,
-            http.stream("POST", self._endpoint.url, json=body) as response,
+            http.stream("POST", self._endpoint.url, json=body, headers=_HEADERS) as response,
         ):
             if not response.is_success:
-                start = await _read_at_most(response.aiter_bytes(), _MAX_ERROR_BYTES)
+                start = await _read_at_most(decoded_pieces(response), _MAX_ERROR_BYTES)
                 return faults.read_error_response(response.status_code, response.headers, start)
             try:
                 return (await self._read_answer(response)).reply()
@@ -128,14 +130,16 @@ class OpenAIClient:
     async def _read_answer(self, response: httpx.Response) -> wire.ReplyBuilder:
         """Read an answer to its end, streamed or not."""
         decoder, builder, size = EventDecoder(), wire.ReplyBuilder(), 0
-        async with aclosing(response.aiter_bytes()) as chunks:  # type: ignore[type-var]
+        async with aclosing(decoded_pieces(response)) as chunks:  # type: ignore[type-var]
             async for chunk in chunks:
                 size += len(chunk)
                 if size > _MAX_ANSWER_BYTES:
                     raise wire.NotACompletionError(f"more than {_MAX_ANSWER_BYTES // 2**20} MB")
                 if _add_events(decoder.feed(chunk), builder):
                     self.streams = True
-                    with suppress(asyncio.TimeoutError, httpx.RequestError):  # the reply is whole
+                    with suppress(
+                        asyncio.TimeoutError, httpx.RequestError, UndecodableError
+                    ):  # the reply is whole
                         await asyncio.wait_for(_read_at_most(chunks, _MAX_ANSWER_BYTES), _DRAIN_S)
                     return builder
         done = _add_events(decoder.end(), builder)

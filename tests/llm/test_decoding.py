@@ -1,0 +1,111 @@
+"""Compressed answers are decoded in bounded memory and within the time-out."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import subprocess
+import sys
+import time
+import zlib
+from pathlib import Path
+
+import pytest
+
+from agentflow.llm.endpoint.faults import TransientFault
+from tests.app.test_doctor import threaded
+from tests.llm.helpers import once
+from tests.llm.hostile import Answer, completion, raw, serving
+
+ROOT = Path(__file__).parents[2]
+OKAY = json.dumps(completion("okay")).encode()
+GIGABYTES = 7 * 2**30
+
+
+def encoded(data: bytes, *encodings: str) -> Answer:
+    head = f"HTTP/1.1 200 X\r\nContent-Encoding: {', '.join(encodings)}\r\n"
+    return raw(f"{head}Content-Length: {len(data)}\r\n\r\n".encode() + data)
+
+
+def nested(fill: bytes) -> bytes:
+    """Gzip within gzip, a few kilobytes that hold 7 GB of the same byte; its check sum is missing.
+
+    One compressed stretch of 64 MB is repeated, because compressing 7 GB takes minutes.
+    """
+    stretch = 2**26
+    deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    part = deflate.compress(fill * stretch) + deflate.flush(zlib.Z_FULL_FLUSH)
+    return gzip.compress(gzip.compress(b"")[:10] + part * (GIGABYTES // stretch))
+
+
+@pytest.mark.parametrize("fill", [b"\0", b"\n", b" "])
+@pytest.mark.slow
+def test_ten_kilobytes_that_hold_seven_gigabytes(fill: bytes) -> None:
+    bomb = nested(fill)
+    assert len(bomb) < 30_000
+    code = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_AS, (6 * 2**30,) * 2)
+from agentflow.cli import main
+status = main(sys.argv[1:])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
+sys.exit(status)
+"""
+    environ = {"PYTHONPATH": os.fspath(ROOT), "PATH": os.environ["PATH"]}
+    with threaded(encoded(bomb, "gzip", "gzip")) as server:
+        command = ["doctor", "--model", "m", "--base-url", server.base_url]
+        done = subprocess.run(
+            [sys.executable, "-c", code, *command],
+            env=environ,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    error, kilobytes = done.stderr.splitlines()
+    assert done.returncode == 4
+    assert error.startswith(f"agentflow: {server.base_url} did not return a chat completion (more")
+    assert int(kilobytes) * 1024 < 300e6 / (1 if sys.platform == "linux" else 1024)
+
+
+@pytest.mark.parametrize(
+    ("data", "encodings"),
+    [
+        (OKAY, ["identity"]),
+        (gzip.compress(OKAY), ["gzip"]),
+        (zlib.compress(OKAY), ["deflate"]),
+        (gzip.compress(OKAY[:50]) + gzip.compress(OKAY[50:]), ["GZIP"]),
+        (gzip.compress(zlib.compress(OKAY)), ["deflate", "x-gzip"]),
+    ],
+)
+async def test_known_encodings(data: bytes, encodings: list[str]) -> None:
+    async with serving(encoded(data, *encodings)) as server:
+        assert (await once(server.base_url)).text == "okay"
+        assert server.asked[0].headers["accept-encoding"] == "gzip, deflate"
+
+
+@pytest.mark.parametrize(
+    ("data", "encoding", "problem"),
+    [
+        (OKAY, "br", "unknown Content-Encoding 'br'"),
+        (OKAY, "gzip", "damaged gzip data: .*incorrect header check"),
+        (gzip.compress(OKAY)[:-30], "gzip", "JSON is incomplete"),
+    ],
+)
+async def test_what_cannot_be_decoded_may_be_retried(
+    data: bytes, encoding: str, problem: str
+) -> None:
+    async with serving(encoded(data, encoding)) as server:
+        with pytest.raises(TransientFault, match=problem):
+            await once(server.base_url)
+
+
+async def test_the_time_out_also_ends_decoding() -> None:
+    """Two megabytes that decompress for minutes to two gigabytes of gzip, which hold nothing."""
+    empty = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS).flush(zlib.Z_FULL_FLUSH)
+    inner = gzip.compress(b"")[:10] + empty * (2**27 // len(empty))
+    async with serving(encoded(gzip.compress(inner, 1), "gzip", "gzip")) as server:
+        started = time.process_time()
+        with pytest.raises(TransientFault, match=r"no complete reply within 0\.2 s"):
+            await once(server.base_url, total_s=0.2)
+        assert time.process_time() - started < 5
