@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.design.plan import task_of_run
 from agentflow.app.machines.files import read_one
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.runs import (
@@ -17,12 +18,11 @@ from agentflow.app.pages.runs import (
     simulate_trials,
     write_page,
 )
-from agentflow.config.run import DesignConfig, build_config
+from agentflow.config.run import build_config
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.machine import Brief, Geometry, Machine, library, place
 from agentflow.machine.geometry.pose import Placed
@@ -56,13 +56,14 @@ def compare(
             without a task.
     """
     machines = [read_one(source) for source in sources]
-    configs = [_config_of(source) for source in sources if Path(source).is_dir()]
-    level = task or _common_task(configs)
+    runs = {path: read_document(path) for path in map(Path, sources) if path.is_dir()}
+    level = task or _common_task([task_of_run(*run) for run in runs.items()])
     if out is not None:
         require_writable(out)
         if level is None:
             raise UsageError("the films need a task; name it with --task")
-    number = seed if seed is not None else configs[0].seed if configs else 0
+    seeds = [build_config(document.get("config")).seed for document in runs.values()]
+    number = seed if seed is not None else next(iter(seeds), 0)
     played: list[Played] = [(), ()]
     if level is not None:
         items = [ReportedMachine(m, level, number, None, FINE, None, "") for m in machines]
@@ -99,13 +100,8 @@ async def _play(items: Sequence[ReportedMachine], workers: int) -> list[Played]:
         return list(await asyncio.gather(*(simulate_trials(item, pool) for item in items)))
 
 
-def _config_of(run: str) -> DesignConfig:
-    return build_config(read_document(Path(run)).get("config"))
-
-
-def _common_task(configs: Sequence[DesignConfig]) -> Task | None:
+def _common_task(tasks: Sequence[Task]) -> Task | None:
     """The task of all runs; None without runs."""
-    tasks = [get_task(config.task, config.knobs) for config in configs]
     if any(task != tasks[0] for task in tasks):
         names = " and ".join(task.name for task in tasks)
         raise UsageError(f"the runs are of different tasks ({names}); name one with --task")

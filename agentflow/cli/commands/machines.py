@@ -235,13 +235,25 @@ def render(
 @commands.command(epilog="Example: agentflow blocks 63")
 def blocks(
     name: Annotated[str | None, typer.Argument(help="A block's type id or name.")] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            help="Draw the block with numbered faces and axes to this .png file; without a block, "
+            "draw all blocks to this directory."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """List all blocks, or show one block and its faces."""
     from agentflow.app.machines.files import find_block, list_blocks
     from agentflow.cli.display.show import show_block, show_blocks
 
-    if name is None:
+    if picture is not None:
+        from agentflow.app.pages.blocks import draw_all, draw_named
+
+        for path in draw_all(picture) if name is None else [draw_named(name, picture)]:
+            print(path)
+    elif name is None:
         print_result(list_blocks(), as_json, show_blocks)
     else:
         print_result(find_block(name), as_json, show_block)

@@ -60,6 +60,7 @@ def test_ids_and_the_order_of_ends_do_not_matter(capsys: Captured) -> None:
     assert (found["same"], found["only"], found["types"]) == (4, [[], []], [])
 
 
+@pytest.mark.slow
 def test_scores_are_those_of_simulate(capsys: Captured) -> None:
     Path("lame.json").write_text(Machine(CAR.steps[:-1]).to_text())
     found = compared(capsys, "car.json", "lame.json", *SHORT)

@@ -1,0 +1,139 @@
+"""Pictures of block types with numbered faces and axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from agentflow.env.drawing.cameras import Camera, View, camera_at, fit, project
+from agentflow.env.drawing.raster import corners_of, draw
+from agentflow.env.drawing.solids import MachineSolids
+from agentflow.env.drawing.stills import INK, SMOOTH, caption
+from agentflow.env.rollout import Array
+from agentflow.env.scene import Thing
+from agentflow.errors import UsageError
+from agentflow.files import write_output
+from agentflow.machine import ROOT, BlockType, Machine, Step, library, place
+from agentflow.machine.geometry.pose import Placed
+from agentflow.machine.geometry.vectors import add
+
+TILE = (320, 300)
+"""Width and height of one view, in pixels."""
+VIEWS = {
+    "front, right, above": (0.72, 0.5, 0.62),
+    "back, left, below": (-0.72, -0.5, -0.62),
+}
+"""Directions to the eye, opposite to each other: every face is seen in one of them."""
+AXES = {"x": (190, 40, 40), "y": (30, 120, 50), "z": (40, 70, 180)}
+REACH = 0.35
+"""How far the axes extend beyond the block, m."""
+DOT = 9
+"""Radius of the circle around a face's number, in pixels."""
+ALOFT = (0.0, 10.0, 0.0)
+"""Keeps blocks above the ground, which hides what is below it, m."""
+PAPER = (255, 255, 255)
+COLOURS = 48
+
+
+def draw_block(block: BlockType, file: Path) -> Path:
+    """Draw a block from two opposite sides, with the numbers of its faces and its axes.
+
+    The axes begin at the building point; z is the direction that the block faces. The ends of
+    two-ended blocks are labelled a and b.
+    """
+    if file.suffix.lower() != ".png":
+        raise UsageError(f"the picture must be a .png file, not {file.name!r}")
+    machine = _example(block)
+    solids, placed = MachineSolids(machine), place(machine).blocks[-1]
+    shown = [
+        replace(solid, position=add(solid.position, ALOFT))
+        for solid in solids.things(solids.rest)
+        if solid.name == f"block {placed.id}"
+    ]
+    lift = np.subtract(solids.rest.centre[0], place(machine).blocks[0].center) + ALOFT
+    picture = Image.new("RGB", (len(VIEWS) * TILE[0], TILE[1]), PAPER)
+    for column, name in enumerate(VIEWS):
+        picture.paste(_tile(placed, shown, lift, name), (column * TILE[0], 0))
+    with write_output(file) as part:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        few = picture.quantize(COLOURS, dither=Image.Dither.NONE)
+        few.save(part, "PNG", optimize=True)
+    return file
+
+
+def draw_named(name: str, file: Path) -> Path:
+    """Draw a block type given by id or name; see `draw_block`."""
+    return draw_block(library().find(name), file)
+
+
+def draw_all(folder: Path) -> list[Path]:
+    """Draw every block of the library into a folder, named by type: 63.png."""
+    return [draw_block(block, folder / f"{block.type}.png") for block in library().values()]
+
+
+def _example(block: BlockType) -> Machine:
+    """A machine whose last block is of this type, unrotated if it has one parent."""
+    if block.type == ROOT.type:
+        return Machine((ROOT,))
+    if block.linear:  # from the back of the root to its front
+        return Machine((ROOT, Step(1, block.type, 0, 1, 0, 0)))
+    return Machine((ROOT, Step(1, block.type, 0, 0)))
+
+
+def _tile(placed: Placed, solids: Sequence[Thing], lift: Array, name: str) -> Image.Image:
+    """One view; `lift` moves the machine frame to the world, where the machine stands."""
+    corners = np.concatenate([corners_of(solid) for solid in solids])
+    origin = np.add(placed.origin, lift)
+    tips = {
+        axis: origin + np.eye(3)[i] * (max(corners[:, i].max() - origin[i], 0.0) + REACH)
+        for i, axis in enumerate("" if placed.two_ended else "xyz")
+    }
+    points = np.concatenate([corners, np.reshape([*tips.values()], (-1, 3))])
+    view = View(back=VIEWS[name], size=(SMOOTH * TILE[0], SMOOTH * TILE[1]), fill=0.78)
+    camera = camera_at(*fit(points, view, nearest=1.0), view)
+    paper = Image.new("RGBA", view.size, PAPER)
+    tile = draw(camera, solids, paper).reduce(SMOOTH).convert("RGB")
+    pen = ImageDraw.Draw(tile)
+    _draw_axes(pen, camera, origin, tips)
+    if placed.end_a is not None and placed.end_b is not None:
+        marks = [("a", np.add(placed.end_a, lift)), ("b", np.add(placed.end_b, lift))]
+    else:
+        marks = _seen_faces(placed, camera, lift)
+    for text, point in marks:
+        x, y = _pixel(point, camera)
+        pen.ellipse((x - DOT, y - DOT, x + DOT, y + DOT), fill=PAPER, outline=INK)
+        pen.text((x, y), text, fill=INK, font=ImageFont.load_default(size=12), anchor="mm")
+    caption(tile, name)
+    return tile
+
+
+def _seen_faces(placed: Placed, camera: Camera, lift: Array) -> list[tuple[str, Array]]:
+    """Number and position of each face that is turned towards the eye."""
+    found = []
+    for face in placed.faces:
+        point = np.add(face.position, lift)
+        normal = np.eye(3)["xyz".index(face.facing[0])] * (1.0 if face.facing[1] == "+" else -1.0)
+        if normal @ np.subtract(camera.eye, point) > 0:
+            found.append((str(face.face_id), point))
+    return found
+
+
+def _draw_axes(
+    pen: ImageDraw.ImageDraw, camera: Camera, origin: Array, tips: dict[str, Array]
+) -> None:
+    start = _pixel(origin, camera)
+    for axis, tip in tips.items():
+        end = _pixel(tip, camera)
+        pen.line((*start, *end), fill=AXES[axis], width=2)
+        font = ImageFont.load_default(size=15)
+        pen.text(end, axis, AXES[axis], font, "mm", stroke_width=3, stroke_fill=PAPER)
+
+
+def _pixel(point: Array, camera: Camera) -> tuple[float, float]:
+    """Position in the finished tile, which is smaller than the camera's picture."""
+    x, y = project(point[None], camera)[0] / SMOOTH
+    return float(x), float(y)
