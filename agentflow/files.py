@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from agentflow.errors import UsageError
+from agentflow.errors import RunError, UsageError
 
 
 @contextmanager
@@ -38,6 +38,29 @@ def write_output(path: Path, error_type: type[UsageError] = UsageError) -> Itera
             yield part
     except OSError as error:
         raise error_type(f"cannot write {path}: {error.strerror}") from None
+
+
+def require_plain_files(folder: Path) -> None:
+    """Refuse a folder that holds links, pipes or devices, at any depth.
+
+    Reading or writing a received folder then touches nothing outside it, and never waits.
+
+    Raises:
+        RunError: It does; or it cannot be read.
+    """
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    require_plain_files(Path(entry.path))
+                elif not entry.is_file(follow_symlinks=False):
+                    kind = "link" if entry.is_symlink() else "pipe or device"
+                    raise RunError(
+                        f"{entry.path} is a {kind}, but runs and sweeps hold only files and "
+                        "directories; remove it"
+                    )
+    except OSError as error:
+        raise RunError(f"cannot read {folder}: {error.strerror}") from None
 
 
 def remove_partial_files(folder: Path) -> None:

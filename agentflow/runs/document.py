@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from agentflow.errors import RunError
+from agentflow.files import require_plain_files
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """Both read the same data; libyaml, if installed, is seven times as fast."""
@@ -39,9 +40,11 @@ def read_document(path: Path) -> dict[str, Any]:
     """The content of a run's run.yaml, without its seal.
 
     Raises:
-        RunError: It is missing, damaged or edited, or has another schema.
+        RunError: It is missing, damaged or edited, or has another schema; or the run holds links.
     """
     file = path / FILE_NAME
+    if path.is_dir():
+        require_plain_files(path)
     try:
         document = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
     except OSError:

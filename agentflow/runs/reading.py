@@ -111,9 +111,11 @@ def state_of(path: Path) -> State:
     try:
         if (path / RESULT).exists():
             return "done"
-        file = (path / FILE_NAME).open("rb")
+        file = (path / FILE_NAME).open("rb") if (path / FILE_NAME).is_file() else None
     except OSError:
-        raise RunError(f"{path} is not a run directory: it has no readable {FILE_NAME}") from None
+        file = None
+    if file is None:
+        raise RunError(f"{path} is not a run directory: it has no readable {FILE_NAME}")
     with file:
         try:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

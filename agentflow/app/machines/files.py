@@ -82,8 +82,9 @@ def machine_text(source: str) -> str:
 
 
 def _best_machine(run: Path) -> str:
-    from agentflow.runs import read_result  # not needed to check a file
+    from agentflow.runs import read_document, read_result  # not needed to check a file
 
+    read_document(run)  # refuses edited runs and links
     machine = read_result(run).get("machine")
     if machine is None:
         raise RunError(f"{run} has no valid machine")

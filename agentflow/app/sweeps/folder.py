@@ -27,7 +27,7 @@ from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.config.sweep import SweepConfig, read_sweep
 from agentflow.config.yaml import NOT_YAML
 from agentflow.errors import RunError
-from agentflow.files import whole_lines, write_atomically
+from agentflow.files import require_plain_files, whole_lines, write_atomically
 
 SCHEMA = 1
 NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"
@@ -48,8 +48,10 @@ def read_folder(path: Path) -> tuple[dict[str, Any], SweepConfig]:
     """The content of sweep.yaml, and the sweep in it.
 
     Raises:
-        RunError: The file is missing or damaged, or has another schema.
+        RunError: The file is missing or damaged, or has another schema; or the sweep holds links.
     """
+    if path.is_dir():
+        require_plain_files(path)
     try:
         document = yaml.safe_load((path / NAME).read_text(encoding="utf-8"))
     except OSError:
