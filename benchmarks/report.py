@@ -106,7 +106,7 @@ def make_run(folder: Path) -> Path:
 
 def large_machine(folder: Path) -> Path:
     """Write a page with one large random machine."""
-    task, chance = get_task("movement"), random.Random(4)
+    task, chance = get_task("movement", {"blocks.max": 0}), random.Random(4)
     machine = random_machine(chance, task.brief, size=(BLOCKS, BLOCKS))
     shapes = Shapes()
     shown = {"0": ReportedMachine(machine, task, 0, None, FINE)}

@@ -24,7 +24,7 @@ from benchmarks.stress import cases, faults
 from tests.env.machines import BALLASTED, CAR, machine
 from tests.env.pool.test_pool import alive
 
-SHORT = get_task("movement", {"window": 1})
+SHORT = get_task("movement", {"window": 1, "blocks.max": 0})
 
 
 def heap(count: int) -> Machine:
@@ -100,7 +100,8 @@ def test_a_piece_may_have_127_links_and_not_one_more() -> None:
     assert simulate(heap(128), SHORT).status == "ok"
     rollout = simulate(heap(129), SHORT)
     assert [problem["message"] for problem in rollout.problems] == [
-        "the machine has 129 parts in one piece; the engine holds at most 128"
+        "the machine has 129 parts in one piece; the physics engine holds at most 128: "
+        "remove blocks (a two-ended block has 2 parts)"
     ]
 
 
