@@ -14,8 +14,9 @@ from agentflow.machine.formats.json_text import extract_json
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.geometry.placement import AutoConnection, Geometry, place
 from agentflow.machine.problems import Problem
+from agentflow.machine.space import spatial_problems
 from agentflow.machine.tree import ROOT, Machine, Step
-from agentflow.machine.validity import Report, check, spatial_problems
+from agentflow.machine.validity import Report, check
 
 __all__ = [
     "ROOT",

@@ -20,8 +20,9 @@ from agentflow.machine.edits.commands import (
 from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.problems import block_label, comma_list, face_problem, type_problem
+from agentflow.machine.space import ANYWHERE, spatial_problems
 from agentflow.machine.tree import Machine, Step, renumber
-from agentflow.machine.validity import ANYWHERE, budget_problems, spatial_problems
+from agentflow.machine.validity import budget_problems
 
 _BAD_FORMAT = "not a command; the commands are: " + "; ".join(GRAMMAR)
 _EMPTY = "the script has no commands; the commands are: " + "; ".join(GRAMMAR)
