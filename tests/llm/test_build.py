@@ -142,11 +142,11 @@ async def test_no_server() -> None:
 
 @pytest.mark.slow
 async def test_a_slow_server_is_not_a_stalled_one(stub_url: str) -> None:
-    impatient = EndpointSettings.model_validate({"http": {"idle_s": 1}, "retry": {"attempts": 1}})
+    impatient = EndpointSettings.model_validate({"http": {"idle_s": 3}, "retry": {"attempts": 1}})
     async with opened(stub_url, settings=impatient) as client:
         reply = await client.complete(ask("take your time"))
         assert (reply.text, reply.latency_s > 0.2) == ("a slow but steady reply", True)
-        with pytest.raises(UnreachableError, match=r"no data for 1 s"):
+        with pytest.raises(UnreachableError, match=r"no data for 3 s"):
             await client.complete(ask("stall"))
 
 
