@@ -7,9 +7,11 @@ from collections.abc import Iterable
 import pytest
 
 from agentflow.env.rollout import Verdict
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Body, Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.tree import ROOT, Machine, Step
+from benchmarks.shelf import load
 from tests.env.fakes import BOULDER, THROWER, FakeWorld, make_trace
 
 STEP = 1 / 120
@@ -59,6 +61,7 @@ def test_a_throw_scores_its_distance_along_z() -> None:
         "reach": 12.0,
         "rl": 0.0,
         "thrown": True,
+        "in_air": False,
         "left_holder": pytest.approx(0.5 - STEP),
         "landing": 0.9,
         "landing_index": 5,
@@ -130,7 +133,60 @@ def test_a_boulder_carried_to_the_end_scores_nothing() -> None:
     verdict = judge(moments(STEP, 5.0, 0.0, 40.0, HELD), root_z=40.0)
     assert verdict.score == 0.0
     assert verdict.terms["left_holder"] is None
-    assert verdict.terms["result"] == ("not thrown: the boulder never landed free of the machine")
+    assert verdict.terms["result"] == (
+        "not thrown: at the end of the window the boulder had not been free of the machine for "
+        "0.2 s"
+    )
+
+
+def test_a_boulder_still_in_the_air_counts_with_its_distance_by_then() -> None:
+    script = [*moments(STEP, 3.0, 0.0, 1.0, HELD), *moments(3.0, 5.0, 1.0, 43.1, FREE)]
+    script.append((5.0, 2.0, 43.1, FREE))
+    verdict = judge(script)
+    assert verdict.score == 43.1
+    assert (verdict.terms["in_air"], verdict.terms["thrown"]) == (True, True)
+    assert (verdict.terms["landing"], verdict.terms["landed_on"]) == (None, None)
+    assert verdict.terms["result"] == (
+        "thrown: the boulder left block 1 (Container) at 2.99 s and was still in the air at the "
+        "end of the window (5.00 s), 43.10 m along z+ so far"
+    )
+    assert [event.kind for event in verdict.events] == ["left_holder"]
+    text = get_task("throwing").feedback(THROWER, make_trace(len(THROWER)), (), verdict).text
+    assert "greatest height 2.00 m, still in the air\n" in text
+
+
+@pytest.mark.parametrize(
+    ("script", "root_z", "driven"),
+    [
+        ([*moments(STEP, 4.9, 0.0, 40.0, HELD), (5.0, 2.0, 40.0, FREE)], 0.0, "free for 0.1 s"),
+        ([*moments(STEP, 4.0, 0.0, 40.0, HELD), (5.0, 2.0, 41.0, FREE)], 38.0, "root below it"),
+        ([*moments(STEP, 4.0, 0.0, -1.0, HELD), (5.0, 2.0, -3.0, FREE)], 0.0, "backwards"),
+        (
+            [
+                *moments(STEP, 0.1, 0.0, 1.0, FREE),
+                (0.1, 1.0, 1.0, DOWN),
+                *moments(0.2, 5.0, 1.0, 9.0, FREE),
+            ],
+            0.0,
+            "bounced off the ground",
+        ),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_in_the_air_at_the_end_is_no_way_round_the_rules(
+    script: list[Moment], root_z: float, driven: str
+) -> None:
+    assert judge(script, root_z=root_z).score == 0.0, driven
+
+
+def test_a_boulder_in_the_air_has_not_hit_a_target() -> None:
+    task = get_task("throwing", {"score": "accuracy", "target.at": 43})
+    verdict = judge([*moments(STEP, 5.0, 0.0, 43.0, FREE), (5.0, 2.0, 43.0, FREE)], task)
+    assert (verdict.score, verdict.terms["target_distance"]) == (0.0, None)
+
+
+def test_rings_passed_in_the_air_count() -> None:
+    assert judge(THROUGH[:-1], get_task("throwing/4")).score == 10.0
 
 
 def test_a_boulder_dropped_from_a_car_scores_nothing() -> None:
@@ -321,3 +377,30 @@ def test_feedback_on_rings_tells_how_close_it_came() -> None:
     verdict = judge(short, task)
     text = task.feedback(THROWER, make_trace(len(THROWER)), (), verdict).text
     assert "Rings: passed 0 of 1, closest distance to the next ring's centre 8.00 m" in text
+
+
+def test_a_window_that_ends_in_mid_flight_costs_only_what_is_left_of_it() -> None:
+    """The boulder leaves at 0.3 s and lands 21.7 m away at 1.6 s."""
+    thrower = load("throwing/spring_arm.json")
+    early, late = (simulate(thrower, get_task("throwing", {"window": w})) for w in (1.0, 2.0))
+    assert early.trace is not None
+    flown = early.trace.centre[:, int(early.feedback.data["boulder"]), 2]
+    assert 0.3 * late.score < early.score < 0.9 * late.score
+    assert early.score == pytest.approx(flown[-1] - flown[0])
+    assert str(early.terms["result"]).endswith("m along z+ so far")
+
+
+@pytest.mark.slow
+def test_a_thrower_throws_as_far_when_all_of_it_starts_later() -> None:
+    """A motor and springs swing its arm: springs alone half a second later pull a moved arm."""
+    thrower = load("throwing/wind_arm.json")
+    scores = [
+        simulate(thrower, get_task("throwing", {"blocks.max": 0, **starts})).score
+        for starts in (
+            {},
+            {"schedule.springs": 0.5, "schedule.motors": 0.5},
+            {"schedule.springs": 0.5},
+        )
+    ]
+    assert scores[1] == pytest.approx(scores[0], rel=0.01)
+    assert scores[2] < 0.5 * scores[0]

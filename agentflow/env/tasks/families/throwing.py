@@ -74,7 +74,7 @@ class ThrowingKnobs(CommonKnobs):
 @dataclass(frozen=True)
 class Throwing(Family):
     """Score: distance of the boulder's centre along z+ from its position at t = 0 to its landing,
-    m.
+    m. A boulder still in free flight at the end of the window counts with its distance by then.
 
     Other modes score 10 for each ring passed in order and up to 10 for coming close to the next
     one, or up to 10 for landing close to a target. Without a throw (see `flights.Flight`) the
@@ -133,7 +133,7 @@ class Throwing(Family):
             f"Result: {terms['result']}",
             f"Boulder: greatest horizontal distance {number(term_number(terms, 'reach'))} m, "
             f"greatest height {number(term_number(terms, 'height'))} m, "
-            f"{landing_text(terms['landing_index'])}",
+            + ("still in the air" if terms["in_air"] else landing_text(terms["landing_index"])),
             *_mode_lines(machine, terms),
         )
         path = series("Boulder position", trace.times, trace.centre[:, boulder])
@@ -160,6 +160,8 @@ class ThrowReferee:
 
     def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
         """Score, terms and events; the terms are those of the boulder with the best score."""
+        for flight in self._flights:
+            flight.finish()
         scores = [self._score(flight) for flight in self._flights]
         best = self._flights[scores.index(max(scores))]
         terms = best.terms()
@@ -232,7 +234,8 @@ def _ring_sentences(ring: Rings) -> tuple[str, ...]:
 def _distance(window: float) -> str:
     return (
         "the distance in metres along z+ from the boulder's position at t = 0 to where it first "
-        f"touches the ground or a wall after free flight, within {window:g} s"
+        "touches the ground or a wall after free flight, or to where it is if it is still in free "
+        f"flight after {window:g} s"
     )
 
 

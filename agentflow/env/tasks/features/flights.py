@@ -25,10 +25,14 @@ RL_HEIGHT = 3.0
 
 @dataclass(frozen=True)
 class Landing:
-    """The boulder's first touch of ground or wall after free flight; metres and seconds."""
+    """The end of a free flight: the first touch of ground or wall, or the end of the window.
+
+    Metres and seconds.
+    """
 
     time: float
-    surface: str
+    surface: str | None
+    """What the boulder touched; None if it was still in the air."""
     position: Vec3
     forward: float
     """Distance along z+ from the boulder's position at t = 0."""
@@ -60,9 +64,10 @@ class Flight:
     """Tracks a boulder's centre and contacts step by step until it lands.
 
     In a throw, the boulder leaves the machine, touches nothing for at least 0.2 s, and lands at
-    its first touch of ground or wall. The flight must start at the machine: a boulder that touched
-    ground or wall can only be thrown after the machine has lifted it off again. A throw counts 0
-    if, at the landing, the root's centre is horizontally (x, z) closer to the boulder's than a
+    its first touch of ground or wall. A boulder still in free flight when the window ends counts
+    as if it landed there. The flight must start at the machine: a boulder that touched ground or
+    wall can only be thrown after the machine has lifted it off again. A throw counts 0 if, at the
+    end of the flight, the root's centre is horizontally (x, z) closer to the boulder's than a
     quarter of the distance (carried), or if the root has moved farther along z+ than the boulder
     since it left (rolled off).
     """
@@ -96,6 +101,7 @@ class Flight:
 
     def start(self, world: WorldView) -> None:
         """Record where the boulder rests and what holds it."""
+        self._world = world
         self._origin = world.centre(self.boulder)
         self.watch(world)
 
@@ -121,12 +127,21 @@ class Flight:
         if blocks:
             self._holder, self._left, self._clean = min(blocks), world.time, not scene
             self._from = (world.centre(self.boulder)[2], world.centre(0)[2])
-        elif self._clean and world.time - (self._left or 0.0) >= FREE_FLIGHT - ROUNDING:
+        elif self._flies(world):
             self._land(world, scene[0])
         else:
             self._clean, self._rolled = False, True
 
-    def _land(self, world: WorldView, surface: str) -> None:
+    def finish(self) -> None:
+        """End of the window: a boulder in free flight counts from where it is."""
+        if self.landing is None and self._flies(self._world):
+            self._land(self._world, None)
+
+    def _flies(self, world: WorldView) -> bool:
+        """Whether the boulder has touched nothing for long enough since it left the machine."""
+        return self._clean and world.time - (self._left or 0.0) >= FREE_FLIGHT - ROUNDING
+
+    def _land(self, world: WorldView, surface: str | None) -> None:
         position = world.centre(self.boulder)
         x, _, z = position
         root = world.centre(0)
@@ -144,52 +159,59 @@ class Flight:
 
     def distance_from(self, x: float, z: float) -> float | None:
         """Horizontal distance of a valid throw's landing from a point, m; None without one."""
-        if self.landing is None or not self.distance:
+        if self.landing is None or self.landing.surface is None or not self.distance:
             return None
         return hypot(self.landing.position[0] - x, self.landing.position[2] - z)
 
     def terms(self) -> dict[str, float | bool | str | None]:
         """The flight as verdict terms; those that do not apply are None."""
-        landing = self.landing
+        end = self.landing
+        landing = end if end and end.surface else None
         return {
             "distance": self.distance,
-            "distance_any": landing.count_distance(landing.any) if landing else 0.0,
+            "distance_any": end.count_distance(end.any) if end else 0.0,
             "height": self.height,
             "height_time": self.height_time,
             "reach": self.reach,
             "rl": self.height * self.distance if self.height > RL_HEIGHT else 0.0,
             "thrown": self.distance > 0.0,
+            "in_air": end is not None and landing is None,
             "left_holder": self.left,
             "landing": landing.time if landing else None,
             "landing_index": sample_at(landing.time) if landing else None,
             "landed_on": landing.surface if landing else None,
-            "root_distance": landing.from_root if landing else None,
+            "root_distance": end.from_root if end else None,
             "result": self._result(),
         }
 
     def events(self) -> tuple[RolloutEvent, ...]:
-        """Events for leaving the machine and landing; () without a landing."""
+        """Events for leaving the machine and landing; () without a flight."""
         if self.landing is None or self._holder is None or self.left is None:
             return ()
         holder = block_name(self._machine, self._holder)
-        ground = f"the boulder lands on {thing_name(self.landing.surface)}"
         blocks = (self.boulder, self._holder)
-        return (
-            RolloutEvent(self.left, "left_holder", blocks, f"the boulder leaves {holder}"),
-            RolloutEvent(self.landing.time, "landing", (self.boulder,), ground),
-        )
+        left = RolloutEvent(self.left, "left_holder", blocks, f"the boulder leaves {holder}")
+        if self.landing.surface is None:
+            return (left,)
+        ground = f"the boulder lands on {thing_name(self.landing.surface)}"
+        return left, RolloutEvent(self.landing.time, "landing", (self.boulder,), ground)
 
     def _result(self) -> str:
         landing = self.landing
         if landing is None or self._left is None or self._holder is None:
             return _FAILURES[self._rolled, self._left is not None]
+        end = (
+            f"landed on {thing_name(landing.surface)} at {number(landing.time)} s"
+            if landing.surface
+            else f"was still in the air at the end of the window ({number(landing.time)} s)"
+        )
         flight = (
             f"the boulder left {block_name(self._machine, self._holder)} at "
-            f"{number(self._left)} s and landed on {thing_name(landing.surface)} at "
-            f"{number(landing.time)} s"
+            f"{number(self._left)} s and {end}"
         )
         if self.distance > 0.0:
-            return f"thrown: {flight}, {number(self.distance)} m along z+"
+            so_far = "" if landing.surface else " so far"
+            return f"thrown: {flight}, {number(self.distance)} m along z+{so_far}"
         if landing.forward <= 0.0:
             return f"thrown the wrong way: {flight}, {number(-landing.forward)} m along z-"
         if landing.rolled_off:
@@ -205,7 +227,8 @@ class Flight:
 
 _FAILURES = {
     (False, False): "not thrown: the boulder never touched the machine",
-    (False, True): "not thrown: the boulder never landed free of the machine",
+    (False, True): "not thrown: at the end of the window the boulder had not been free of the "
+    f"machine for {FREE_FLIGHT:g} s",
     (True, False): "not thrown: the machine never lifted the boulder off the ground",
     (True, True): f"not thrown: the boulder reached the ground without {FREE_FLIGHT:g} s of free "
     "flight (carried, dropped, pushed or rolled)",
@@ -216,7 +239,7 @@ RULES = (
     "All distances are measured to the centre of the boulder.",
     f"Free flight means no contact with the machine for {FREE_FLIGHT:g} s: a boulder that is "
     "carried, rolls, is pushed along or never leaves the machine scores 0.",
-    "The throw counts only if, when the boulder lands, the gap between it and the Starting Block "
+    "The throw counts only if, when the flight ends, the gap between it and the Starting Block "
     f"is at least {NEAR:.0%} of the distance and the Starting Block has not moved farther along z+ "
     "than the boulder since release: a boulder that rolls off while the machine drives on scores "
     "0.",
