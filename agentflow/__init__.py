@@ -1,7 +1,7 @@
 """Language models design machines; physics decides whether they work.
 
-The functions `design`, `simulate` and `check` match the commands of the same name and share their
-defaults; `reward` is for training. Every name is imported on first use.
+The functions `design`, `simulate`, `verify` and `check` match the commands of the same name and
+share their defaults; `reward` is for training. Every name is imported on first use.
 """
 
 from __future__ import annotations
@@ -19,9 +19,12 @@ if TYPE_CHECKING:
         resume_async,
         simulate,
         simulate_async,
+        verify,
+        verify_async,
     )
     from agentflow.env.pool.pool import RolloutPool
     from agentflow.env.rollout import Rollout
+    from agentflow.env.verification import Verification
     from agentflow.errors import AgentflowError
     from agentflow.llm.function import ModelFunction
     from agentflow.llm.messages import Message, Reply, Request, Usage
@@ -33,10 +36,11 @@ __version__ = "0.1.0"
 _MODULES = {
     "agentflow.api": (
         *("Design", "check", "design", "design_async", "resume", "resume_async"),
-        *("simulate", "simulate_async"),
+        *("simulate", "simulate_async", "verify", "verify_async"),
     ),
     "agentflow.env.pool.pool": ("RolloutPool",),
     "agentflow.env.rollout": ("Rollout",),
+    "agentflow.env.verification": ("Verification",),
     "agentflow.errors": ("AgentflowError",),
     "agentflow.llm.function": ("ModelFunction",),
     "agentflow.llm.messages": ("Message", "Reply", "Request", "Usage"),
@@ -60,6 +64,7 @@ __all__ = [
     "Rollout",
     "RolloutPool",
     "Usage",
+    "Verification",
     "__version__",
     "check",
     "design",
@@ -70,6 +75,8 @@ __all__ = [
     "reward_async",
     "simulate",
     "simulate_async",
+    "verify",
+    "verify_async",
 ]
 
 

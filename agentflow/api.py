@@ -9,6 +9,7 @@ import asyncio
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from agentflow.env.pool.pool import RolloutPool
     from agentflow.env.rollout import Rollout
     from agentflow.env.tasks.base import Task
+    from agentflow.env.verification import Verification
     from agentflow.llm.function import FunctionClient, ModelFunction
     from agentflow.runs import Listener, Notify
 
@@ -40,6 +42,9 @@ class Design:
     """Whether any valid machine was found."""
     score: float | None
     """Score of the best machine, in the task's unit; None without one."""
+    verified: float | None
+    """Verified score of the best machine; None without one, if verification is switched off, or if
+    one of its simulations failed."""
     machine: Machine | None
     """The best machine."""
     model: str
@@ -251,6 +256,49 @@ async def simulate_async(
     return built
 
 
+def verify(
+    machine: MachineLike,
+    task: str,
+    *,
+    knobs: Mapping[str, object] | None = None,
+    seed: int = 0,
+) -> Verification:
+    """Verify a machine's score: simulate it again under small variations of physics.
+
+    Args:
+        machine: The machine; an invalid one gives rollouts with status `invalid` and score 0.
+        task: Level, e.g. "throwing" or "movement/3".
+        knobs: Knobs of the level to change.
+        seed: Random seed.
+
+    Raises:
+        UsageError: The task, knob or file does not exist.
+    """
+    from agentflow.env import verification
+
+    level, report = _read(machine, task, knobs)
+    if report.machine is None:
+        return verification.Verification.invalid(report.problems)
+    return verification.verify(report.machine, level, seed=seed)
+
+
+async def verify_async(
+    machine: MachineLike,
+    task: str,
+    pool: RolloutPool,
+    *,
+    knobs: Mapping[str, object] | None = None,
+    seed: int = 0,
+) -> Verification:
+    """Like `verify`, with all simulations at once in the worker processes of a pool."""
+    from agentflow.env import verification
+
+    level, report = _read(machine, task, knobs)
+    if report.machine is None:
+        return verification.Verification.invalid(report.problems)
+    return await verification.verify_async(partial(pool.run, report.machine, level, seed=seed))
+
+
 def _config_keys(
     task: str | None,
     workflow: str | None,
@@ -319,6 +367,7 @@ def _to_design(result: Mapping[str, Any]) -> Design:
         run=Path(result["run"]),
         valid=result["valid"],
         score=result["score"],
+        verified=(result.get("verified") or {}).get("score"),
         machine=None if machine is None else read_machine(machine, tuple(library())).machine,
         model=result["model"],
         stages=tuple(result["stages"]),
@@ -344,11 +393,18 @@ def _prepare(
 ) -> tuple[Task, Machine | Rollout]:
     """The task, and the machine, or the rollout of an invalid one."""
     from agentflow.env.rollout import invalid_rollout
+
+    level, report = _read(machine, task, knobs)
+    return level, invalid_rollout(report.problems) if report.machine is None else report.machine
+
+
+def _read(
+    machine: MachineLike, task: str, knobs: Mapping[str, object] | None
+) -> tuple[Task, Report]:
     from agentflow.env.tasks.registry import get_task
 
     level = get_task(task, knobs)
-    report = _check(machine, level.brief)
-    return level, invalid_rollout(report.problems) if report.machine is None else report.machine
+    return level, _check(machine, level.brief)
 
 
 def _check(machine: MachineLike, brief: Brief | None) -> Report:

@@ -26,6 +26,7 @@ from agentflow.app.sweeps.run import run_sweep
 from agentflow.app.sweeps.views import view
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
+from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.llm.wrappers.budget import Budget
@@ -55,7 +56,14 @@ class StandIn:
         assert machine is not None
         self._rollout = simulate(machine, get_task("throwing"))
 
-    async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:  # noqa: ARG002
+    async def run(
+        self,
+        machine: Machine,  # noqa: ARG002
+        task: Task,  # noqa: ARG002
+        *,
+        seed: int = 0,  # noqa: ARG002
+        variation: Variation = DEFAULT,  # noqa: ARG002
+    ) -> Rollout:
         return self._rollout
 
 

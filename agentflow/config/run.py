@@ -86,6 +86,9 @@ class DesignConfig(BaseModel):
     )
     max_retry: int = Field(5, ge=1, description="attempts per request outside a search")
     settings: WorkflowSettings = Field(WorkflowSettings(), description="settings of the workflow")
+    verify: bool = Field(
+        True, description="simulate the best machine again under small variations of physics"
+    )
     keep_rollouts: Literal["winners", "all"] = Field(
         "winners", description="rollouts to save: of each stage's best machine, or all"
     )

@@ -82,6 +82,12 @@ def _passes(cell: Cell) -> Rate | None:
     return _unless_empty(Rate(sum(score >= 1 for score in scores.valid), len(scores.all)))
 
 
+def _verified(cell: Cell) -> float | None:
+    found = [run.record.verification for run in cell.runs]
+    scores = [item.score for item in found if item is not None and item.score is not None]
+    return statistics.fmean(scores) if scores else None
+
+
 def _unless_empty(rate: Rate) -> Rate | None:
     return rate if rate.of else None
 
@@ -99,6 +105,11 @@ METRICS: Registry[Metric] = Registry(
             lambda cell: cell.scores.mean_all, "mean score over all machines, invalid ones scored 0"
         ),
         "max": Metric(lambda cell: cell.scores.max, "best score"),
+        "verified": Metric(
+            _verified,
+            "mean over runs of the verified score of the run's best machine (of all stages), which "
+            "is its median under small variations of physics",
+        ),
         "std": Metric(
             lambda cell: cell.scores.std, "population standard deviation over valid machines"
         ),

@@ -76,6 +76,7 @@ class RunStory:
             "workflow": config.get("workflow", ""),
             "seed": config.get("seed", 0),
             "score": self.result["score"] if self.result else record.best,
+            "verified": (self.result or {}).get("verified"),
             "sentence": self._sentence(record.best is not None),
             "about": f"{model}: {record.calls} calls, {len(record.machines)} machines simulated",
             "prices": priced,

@@ -308,6 +308,31 @@ class ResultEvent(
 
 
 @dataclass(frozen=True)
+class VariedScore:
+    """The score of a machine under one variation of the simulation."""
+
+    variation: str
+    status: str
+    score: float | None
+    """None when the simulation crashed or timed out."""
+
+
+@dataclass(frozen=True)
+class VerificationEvent(RunEvent, kind="verification"):
+    """The best machine was simulated under small variations of the conditions.
+
+    Score (the median), low and high are None if any simulation crashed or timed out.
+    """
+
+    machine: str
+    score: float | None
+    low: float | None
+    high: float | None
+    scores: tuple[VariedScore, ...]
+    """The first is that under the default conditions."""
+
+
+@dataclass(frozen=True)
 class RemarkEvent(RunEvent, kind="remark"):
     """A notice for the user; the place is its number."""
 

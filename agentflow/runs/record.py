@@ -17,6 +17,7 @@ from agentflow.runs.events import (
     RunStartEvent,
     StageBeginEvent,
     StageEvent,
+    VerificationEvent,
 )
 from agentflow.runs.reading import Event
 
@@ -45,6 +46,8 @@ class RunRecord:
     nodes: list[NodeEvent] = field(default_factory=list)
     stages: list[StageEvent] = field(default_factory=list)
     """Finished stages."""
+    verification: VerificationEvent | None = None
+    """Of the best machine."""
     remarks: list[str] = field(default_factory=list)
 
     @classmethod
@@ -78,6 +81,8 @@ class RunRecord:
             self.stage = event
         elif isinstance(event, RunStartEvent):
             self.start = event
+        elif isinstance(event, VerificationEvent):
+            self.verification = event
         elif isinstance(event, RemarkEvent):
             self.remarks.append(event.text)
 

@@ -32,7 +32,10 @@ def test_runs_are_one_line_each_however_long_the_path(tmp_path: Path, capsys: Ca
     run = tmp_path / ("a" * 100) / "run"
     shutil.copytree(RECORDED, run)
     head, line = shown(capsys, "runs", str(tmp_path)).splitlines()
-    assert head.split() == ["run", "state", "task", "workflow", "model", "seed", "score", "cost"]
+    assert head.split() == [
+        *("run", "state", "task", "workflow", "model", "seed"),
+        *("score", "verified", "cost"),
+    ]
     assert line.split()[:4] == [str(run), "done", "throwing", "hierarchical"]
     (item,) = json.loads(shown(capsys, "runs", str(tmp_path), "--json"))
     assert (item["run"], item["state"]) == (str(run), "done")
@@ -49,7 +52,7 @@ def test_a_damaged_run_does_not_hide_the_others(tmp_path: Path, capsys: Captured
     (tmp_path / "bad" / "result.json").write_text("{")
     why, _, bad, good = shown(capsys, "runs", str(tmp_path)).splitlines()
     assert why == f"{tmp_path / 'bad' / 'result.json'} is damaged: expected a JSON object"
-    assert bad.split()[1:] == ["damaged", "-", "-", "-", "-", "-", "-"]
+    assert bad.split()[1:] == ["damaged", "-", "-", "-", "-", "-", "-", "-"]
     assert good.split()[1] == "done"
 
 

@@ -37,6 +37,7 @@ def test_a_finished_run() -> None:
         "workflow": "hierarchical",
         "seed": 0,
         "score": result["score"],
+        "verified": result.get("verified"),
         "sentence": "the best machine, found in the stage "
         + result["best_stage"].replace("_", " "),
         "about": f"procedural (no language model): {calls} calls, 8 machines simulated",

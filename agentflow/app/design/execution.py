@@ -11,7 +11,9 @@ from agentflow.app.design.models import Models
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import RolloutPool, Simulator
-from agentflow.runs.events import RunStartEvent
+from agentflow.env.verification import Verification
+from agentflow.machine.tree import Machine
+from agentflow.runs.events import RunStartEvent, VariedScore, VerificationEvent
 from agentflow.runs.places import Place
 from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
@@ -19,16 +21,18 @@ from agentflow.workflows.registry import WORKFLOWS
 
 @dataclass(frozen=True)
 class Execution:
-    """The result of a workflow, and the laboratory that simulated its machines."""
+    """The result of a workflow, and what its machines were simulated with."""
 
     result: WorkflowResult
     laboratory: PhysicsLaboratory
+    verification: Verification | None
+    """Of the best machine; None without one, or if `config.verify` is off."""
 
 
 async def execute(
     plan: RunPlan, models: Models, record: Record, pool: Simulator | None = None
 ) -> Execution:
-    """Run a workflow, then close the models.
+    """Run a workflow, close the models, and verify the best machine.
 
     Args:
         plan: What to do.
@@ -53,9 +57,21 @@ async def execute(
             result = await WORKFLOWS[config.workflow](
                 plan.task.brief, context_for, laboratory, config.settings, record, config.seed
             )
+            verification = None
+            if config.verify and result.best is not None and result.best.machine is not None:
+                verification = await laboratory.verify(result.best.machine)
+                event = verification_event(result.best.machine, verification)
+                record.event(event.kind, event.label, **event.data)
     finally:
         await models.aclose()
-    return Execution(result, laboratory)
+    return Execution(result, laboratory, verification)
+
+
+def verification_event(machine: Machine, verification: Verification) -> VerificationEvent:
+    """The event of the verification of a run's best machine."""
+    found = verification.to_json()
+    scores = tuple(VariedScore(**item) for item in found.pop("scores"))
+    return VerificationEvent(Place("best"), machine.digest, **found, scores=scores)
 
 
 def model_name(config: DesignConfig, models: Models) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from agentflow.env.pool.spool import Rollouts
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Trace
 from agentflow.env.tasks.base import Task
+from agentflow.env.verification import Verification, verify_async
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import SimulationSummary
@@ -52,6 +54,14 @@ class PhysicsLaboratory:
             moved=None if rollout.trace is None else farthest_move(rollout.trace),
         )
         return Evaluation(rollout.status != "invalid", rollout.score, summary)
+
+    async def verify(self, machine: Machine) -> Verification:
+        """Simulate an evaluated machine under every variation.
+
+        These simulations count neither as rollouts nor in the times of this laboratory.
+        """
+        run = partial(self._pool.run, machine, self._task, seed=self._seed)
+        return await verify_async(run, self.rollouts[machine.digest])
 
     async def query(self, machine: Machine, queries: Sequence[object]) -> str:
         """Answer queries on a machine that has been evaluated."""

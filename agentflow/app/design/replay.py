@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,8 @@ def replay(path: Path, notify: Notify) -> str | None:
     document = read_document(path)
     recorded = read_finished(path)
     plan = RunPlan.of_run(path, document)
+    verified = recorded.get("verified") is not None  # perhaps later, by `agentflow verify`
+    plan = replace(plan, config=plan.config.model_copy(update={"verify": verified}))
     if changes := plan.changes_since(document):
         notify(f"{path} was made with different {changes}; expect differences")
     if note := plan.engine_note(document):

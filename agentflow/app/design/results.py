@@ -14,7 +14,8 @@ from agentflow.env.archive import save_npz
 from agentflow.errors import RunError
 from agentflow.files import write_output
 from agentflow.metrics.intervals import wilson
-from agentflow.runs import read_result
+from agentflow.runs import Event, read_result
+from agentflow.runs.events import VerificationEvent, typed_event
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.statistics import count_passes, stage_row
@@ -48,12 +49,14 @@ def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:
     best = result.best
     machine = best.machine if best else None
     counts_passes = WORKFLOWS[result.workflow].counts_passes
+    verification = execution.verification
     attempts = {"attempts": _pass_rate(result)} if counts_passes else {}
     return {
         "task": plan.task.name,
         "workflow": result.workflow,
         "seed": plan.config.seed,
         "score": best.score if best else None,
+        "verified": verification.to_json() if verification else None,
         "valid": best is not None,
         "machine": machine.to_json() if machine else None,
         **plan.task.brief.budget_json(machine),
@@ -85,9 +88,22 @@ def read_finished(path: Path) -> dict[str, Any]:
         fault = f"it lacks {', '.join(missing)}"
     elif wrong := [key for key, kinds in KEYS.items() if type(result[key]) not in kinds]:
         fault = f"its {wrong[0]} is {str(result[wrong[0]])[:40]!r}"
+    elif not _is_verification(result.get("verified")):
+        fault = f"its verified is {str(result['verified'])[:40]!r}"
     if fault:
         raise RunError(f"{path / 'result.json'} is damaged: {fault}")
     return result
+
+
+def _is_verification(verified: Any) -> bool:
+    """Whether this is the data of a verification, or None."""
+    if verified is None:
+        return True
+    try:
+        event = typed_event(Event(VerificationEvent.kind, "best", {**verified, "machine": ""}))
+    except (TypeError, ValueError):
+        return False
+    return isinstance(event, VerificationEvent) and bool(event.scores)
 
 
 def save_rollouts(path: Path, config: DesignConfig, execution: Execution) -> None:

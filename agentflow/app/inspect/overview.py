@@ -26,7 +26,8 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
     """List the runs in a folder and its subfolders.
 
     Each is `run`, `state` (done, running, stopped, damaged), `task`, `workflow`, `model`, `seed`,
-    `score`, `calls`, `cost`, `problem` (why it is damaged, or empty).
+    `score`, `verified` (see `Verification.to_json`; None if the best machine was not verified),
+    `calls`, `cost`, `problem` (why it is damaged, or empty).
     """
     if not folder.is_dir():
         raise RunError(f"no such directory: {folder}")
@@ -38,7 +39,7 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
 
 
 def _row(path: Path, state: str, result: Mapping[str, Any], problem: str = "") -> dict[str, Any]:
-    keys = ("task", "workflow", "model", "seed", "score", "calls", "cost")
+    keys = ("task", "workflow", "model", "seed", "score", "verified", "calls", "cost")
     known = {key: result.get(key) for key in keys}
     return {"run": str(path), "state": state, **known, "problem": problem}
 

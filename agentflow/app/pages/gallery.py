@@ -89,6 +89,7 @@ def _read_run(path: Path) -> Run:
         "about": f"{config.workflow}, {result['model']}, seed {config.seed}",
         "run": path.name,
         "score": result["score"],
+        "verified": (result.get("verified") or {}).get("score"),
         "why": "" if best else str(result.get("reason") or "no valid machine was found"),
         "picture": picture,
     }

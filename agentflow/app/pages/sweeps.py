@@ -44,10 +44,11 @@ def _runs(result: SweepResult) -> list[dict[str, Any]]:
     """Every run of the sweep: finished with its best score, failed with its reason, or missing."""
     done = [
         {"name": run.planned.name, "state": "done", "score": read_result(run.path)["score"]}
+        | {"verified": (found := run.numbers.record.verification) and found.score}
         for run in result.finished
     ]
     return done + [
         {"name": name, "state": "failed" if name in result.failed else "missing", "score": None}
-        | {"why": result.failed.get(name, "")}
+        | {"verified": None, "why": result.failed.get(name, "")}
         for name in result.missing
     ]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import PROCEDURAL, DesignConfig
+from agentflow.env.simulation.variations import DEFAULT, VARIATIONS
 from agentflow.llm.messages import Usage
 from agentflow.workflows.registry import WORKFLOWS
 
@@ -29,8 +30,10 @@ class Estimate:
     money: float | None
     """None if a model has no price."""
     rollouts: int
+    verification: int
+    """Simulations to verify the best machines; not among the rollouts."""
     seconds: float
-    """Worker time for rollouts."""
+    """Worker time for all simulations."""
 
     def __add__(self, other: Estimate) -> Estimate:
         unknown = self.money is None or other.money is None
@@ -40,6 +43,7 @@ class Estimate:
             self.completion + other.completion,
             None if unknown else (self.money or 0.0) + (other.money or 0.0),
             self.rollouts + other.rollouts,
+            self.verification + other.verification,
             self.seconds + other.seconds,
         )
 
@@ -47,10 +51,11 @@ class Estimate:
         """Cost of this many runs."""
         whole = (self.calls * runs, self.prompt * runs, self.completion * runs)
         money = None if self.money is None else self.money * runs
-        return Estimate(*whole, money, self.rollouts * runs, self.seconds * runs)
+        simulations = (self.rollouts * runs, self.verification * runs)
+        return Estimate(*whole, money, *simulations, self.seconds * runs)
 
 
-NOTHING = Estimate(0, 0, 0, 0.0, 0, 0.0)
+NOTHING = Estimate(0, 0, 0, 0.0, 0, 0, 0.0)
 
 
 def estimate(plan: RunPlan) -> Estimate:
@@ -59,14 +64,16 @@ def estimate(plan: RunPlan) -> Estimate:
     workflow = WORKFLOWS[config.workflow]
     settings = workflow.adapt(config.settings)
     calls, rollouts = workflow.calls(settings), workflow.rollouts(settings)
-    task = plan.task
+    varied = [v.rate for v in VARIATIONS if v is not DEFAULT] if config.verify else []
+    seconds = len(plan.task.trials(config.seed)) * ROLLOUT_SECONDS * plan.task.window / WINDOW
     return Estimate(
         calls=sum(calls.values()),
         prompt=sum(count * ROLES[role].tokens[0] for role, count in calls.items()),
         completion=sum(count * ROLES[role].tokens[1] for role, count in calls.items()),
         money=_total_money(config, calls),
         rollouts=rollouts,
-        seconds=rollouts * len(task.trials(config.seed)) * ROLLOUT_SECONDS * task.window / WINDOW,
+        verification=len(varied),
+        seconds=(rollouts + sum(varied)) * seconds,
     )
 
 

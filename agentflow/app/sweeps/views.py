@@ -1,7 +1,8 @@
-"""Views of a sweep: scores with intervals, cost, players' scale, expansions."""
+"""Views of a sweep: scores with intervals, cost, players' scale, expansions, verified scores."""
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -35,6 +36,12 @@ CURVE = (0, 1, 2, 4, 8, 12, 16, 20, 30, 40)
 INTERVAL = "95 %"
 OWN_SCALE = (
     "Scores come from this simulator, the players' from the game, so the share is approximate."
+)
+
+VERIFIED = (
+    "Means over the best machines of the verified runs: their score, and the median (verified), "
+    "lowest and highest score in simulations with a finer time step and slightly different masses, "
+    "friction and motor torque."
 )
 
 
@@ -157,6 +164,31 @@ def expansions_table(result: SweepResult) -> Table:
     )
 
 
+def verified_table(result: SweepResult) -> Table:
+    """Recorded and verified scores of the best machines of the runs, by variant."""
+    rows = []
+    for key, runs in all_variants(result).items():
+        found = [run.numbers.record.verification for run in runs]
+        complete = [item for item in found if item is not None and item.score is not None]
+        scores = [item.scores[0].score for item in complete if item.scores]
+        verified = _mean(item.score for item in complete)
+        low, high = _mean(item.low for item in complete), _mean(item.high for item in complete)
+        share = Rate(len(complete), len(found))
+        rows.append(Row(key, (share, _mean(scores), verified, low, high)))
+    return Table(
+        f"{result.sweep.title}: verified scores",
+        ("task", "model", "variant"),
+        tuple(Column("", name) for name in ("verified runs", "score", "verified", "low", "high")),
+        tuple(rows),
+        notes=(*result.notes, VERIFIED),
+    )
+
+
+def _mean(scores: Iterable[float | None]) -> float | None:
+    known = [score for score in scores if score is not None]
+    return statistics.fmean(known) if known else None
+
+
 VIEWS: Mapping[str, Callable[[SweepResult], Table]] = MappingProxyType(
     {
         LAYOUT: layout_table,
@@ -164,6 +196,7 @@ VIEWS: Mapping[str, Callable[[SweepResult], Table]] = MappingProxyType(
         "usage": usage_table,
         PLAYERS: players_table,
         "expansions": expansions_table,
+        "verified": verified_table,
     }
 )
 """Name of a view -> function that makes its table."""

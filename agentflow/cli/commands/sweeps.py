@@ -92,12 +92,13 @@ def sweep(
 def table(
     sweep: Annotated[Path, typer.Argument(help="Sweep directory, finished or not.")],
     show: Annotated[
-        Literal["published", "scores", "usage", "players", "expansions"],
+        Literal["published", "scores", "usage", "players", "expansions", "verified"],
         typer.Option(
             help="View of the sweep. published: columns as in the table that the sweep is compared "
             "with; scores: means with intervals, and Best@N (expected best score of N machines); "
             "usage: calls, tokens, time; players: best score divided by the mean score of "
-            "experienced players; expansions: best score by number of new machines."
+            "experienced players; expansions: best score by number of new machines; "
+            "verified: scores of best machines and their verified scores."
         ),
     ] = "published",
     form: Annotated[
@@ -140,14 +141,14 @@ def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
         if not one_by_one:
             print(
                 f"{first.name} ... {stem}{plan.sweep.seeds[-1]}: {seeds} runs, {len(done)} done, "
-                f"{cost.calls} calls, {cost.rollouts} rollouts each"
+                f"{_cost_text(_estimate_json(cost))} each"
             )
     whole = _estimate_json(left)
     if as_json:
         print_json({"sweep": str(folder), "runs": runs, "left": whole})
         return
     for run in runs:
-        state = "done" if run["done"] else f"{run['calls']} calls, {run['rollouts']} rollouts"
+        state = "done" if run["done"] else _cost_text(run)
         print(f"{run['run']}: {state}")
     who = [one for first in plan.firsts for one in choose_models(first.config.model).values()]
     print(_remaining_text(whole, undone, all(one.procedural for one in who), base.workers))
@@ -160,8 +161,19 @@ def _estimate_json(cost: Estimate) -> dict[str, Any]:
         "completion_tokens": cost.completion,
         "money": cost.money,
         "rollouts": cost.rollouts,
+        "verification": cost.verification,
         "worker_seconds": round(cost.seconds, 1),
     }
+
+
+def _cost_text(cost: Mapping[str, Any]) -> str:
+    """Calls and simulations of one run."""
+    return f"{cost['calls']} calls, {_simulations_text(cost)}"
+
+
+def _simulations_text(cost: Mapping[str, Any]) -> str:
+    count = cost["verification"]
+    return f"{cost['rollouts']} rollouts" + f" and {count} for verification" * bool(count)
 
 
 def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, workers: int) -> str:
@@ -176,7 +188,7 @@ def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, worker
         answers = ", plus the time of the model calls"
     return (
         f"{runs} run{'s' if runs != 1 else ''} to do: about {cost['calls']} calls (excluding "
-        f"retries), at most {cost['rollouts']} rollouts, about {minutes:.1f} min with {workers} "
+        f"retries), at most {_simulations_text(cost)}, about {minutes:.1f} min with {workers} "
         f"worker{'s' if workers != 1 else ''}{answers}. {priced}."
     )
 

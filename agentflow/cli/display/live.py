@@ -22,10 +22,12 @@ from agentflow.runs.events import (
     ConstructionEndEvent,
     DrawingEvent,
     EvaluationEvent,
+    ResultEvent,
     RunEvent,
     RunStartEvent,
     StageBeginEvent,
     StageEvent,
+    VerificationEvent,
     typed_event,
 )
 from agentflow.runs.record import RunRecord
@@ -59,7 +61,8 @@ class Progress:
     """The live view of a run."""
 
     record: RunRecord = field(default_factory=RunRecord)
-    drawing: bool = False
+    ending: str = ""
+    """What is done after the workflow."""
     under_way: int = 0
     """Calls without an answer yet."""
     cost: float | None = 0.0
@@ -75,8 +78,10 @@ class Progress:
         self.record.add(item)
         if isinstance(item, CallsEvent):
             self.under_way, self.cost = item.under_way, item.cost
+        elif isinstance(item, ResultEvent) and item.machine is not None:
+            self.ending = "verifying the best machine"
         elif isinstance(item, DrawingEvent):
-            self.drawing = True
+            self.ending = "drawing pictures"
         elif isinstance(item, AttemptEvent) and not item.valid:
             self.failures.append(f"{item.label}: {_first_line(item.problem)}")
         elif isinstance(item, EvaluationEvent) and self.record.best is not None:
@@ -87,7 +92,7 @@ class Progress:
         run, start, stage = self.record, self.record.start, self.record.stage
         seconds = time.monotonic() - self.started
         head = f"{start.task} · {start.workflow} · {start.model}" if start else "starting"
-        name = "drawing pictures" if self.drawing else stage.place.name if stage else "waiting"
+        name = self.ending or (stage.place.name if stage else "waiting")
         trajectories = stage.trajectories if stage else 0
         rate = f", {run.valid_calls / run.calls:.0%} valid" if run.calls else ""
         best = "-" if run.best is None else f"{run.best:.2f}"
@@ -158,6 +163,8 @@ def _line(event: RunEvent | Event) -> str:
         )
     if isinstance(event, StageBeginEvent):
         return f"stage {event.label} begins, {event.trajectories} trajectories"
+    if isinstance(event, VerificationEvent):
+        return f"verified score {number(event.score)}"
     if isinstance(event, DrawingEvent):
         return "drawing pictures"
     if isinstance(event, RunStartEvent):

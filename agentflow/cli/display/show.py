@@ -27,6 +27,8 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
             f"best score {number(result['score'])} ({result['task']}), "
             f"{blocks}, found in stage {result['best_stage']}"
         )
+    if verified := result.get("verified"):
+        console.print(verified_line(verified))
     table = columns("stage", *VALID, "mean", "best")
     for row in result["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
@@ -46,6 +48,18 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     console.print(f"see every step in 3D: agentflow report {shlex.quote(result['run'])}")
     if ending := ending_of(result):
         console.print(ending)
+
+
+def verified_line(verified: Data) -> str:
+    """The verified score and its spread, or which simulations are missing, in one line."""
+    scores = verified["scores"]
+    if verified["score"] is None:
+        missing = (f"{s['variation']}: {s['status']}" for s in scores if s["score"] is None)
+        return f"no verified score, because simulations failed ({', '.join(missing)})"
+    return (
+        f"verified score {number(verified['score'])}, the median of {len(scores)} simulations "
+        f"that scored {number(verified['low'])} to {number(verified['high'])}"
+    )
 
 
 def _passes(attempts: Data) -> str:

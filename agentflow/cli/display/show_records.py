@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agentflow.cli.display.output import columns, output
-from agentflow.cli.display.show import VALID, Data
+from agentflow.cli.display.show import VALID, Data, verified_line
 from agentflow.cli.display.text import block_count, number
 
 LONG = 1000
@@ -15,11 +15,13 @@ LONG = 1000
 def show_runs(runs: Iterable[Data]) -> None:
     """Print a list of runs."""
     console = output()
-    table = columns("run", "state", "task", "workflow", "model", "seed", "score", "cost")
+    heads = ("run", "state", "task", "workflow", "model", "seed", "score", "verified", "cost")
+    table = columns(*heads)
     for item in runs:
         cells = [item[key] for key in ("run", "state", "task", "workflow", "model", "seed")]
         shown = ["-" if cell is None else str(cell) for cell in cells]
-        table.add_row(*shown, number(item["score"]), _money(item["cost"]))
+        verified = (item["verified"] or {}).get("score")
+        table.add_row(*shown, number(item["score"]), number(verified), _money(item["cost"]))
         if item["problem"]:
             console.print(item["problem"])
     if table.row_count:
@@ -42,6 +44,8 @@ def show_run(run: Data) -> None:
         found.append(block_count(run["blocks"], run["most_blocks"]))
         found.append(f"found in stage {run['best_stage']}")
     console.print(", ".join(found))
+    if run["verified"]:
+        console.print(verified_line(run["verified"]))
     if run["stopped"] or run["reason"]:
         why = " ".join((run["reason"] or f"stopped: {run['stopped']} limit reached").split())
         console.print(why)
@@ -68,7 +72,7 @@ def show_rescored(found: Data) -> None:
     if other:
         table = columns("machine", "first simulated as", "recorded", "now", "difference")
         for item in other:
-            then, now = (_outcome(item[key]) for key in ("recorded", "now"))
+            then, now = (outcome(item[key]) for key in ("recorded", "now"))
             change = item["difference"]
             shown = "-" if change is None else f"{change:+.3f}"
             table.add_row(item["machine"], item["place"], then, now, shown)
@@ -113,6 +117,7 @@ def _money(value: float | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def _outcome(item: Data) -> str:
+def outcome(item: Data) -> str:
+    """A score, with the status of its simulation unless that is ok."""
     status = "" if item["status"] == "ok" else f" ({item['status']})"
     return f"{number(item['score'])}{status}"

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 
 from agentflow.env.rollout import Feedback, Rollout, Status
 from agentflow.env.simulation.trials import combine_trials
+from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine.tree import Machine
@@ -38,8 +39,10 @@ _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 class Simulator(Protocol):
     """Runs rollouts: a pool of worker processes, or a store in front of one."""
 
-    async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:
-        """The rollout of a machine at a task."""
+    async def run(
+        self, machine: Machine, task: Task, *, seed: int = 0, variation: Variation = DEFAULT
+    ) -> Rollout:
+        """The rollout of a machine at a task, under the default conditions or a variation."""
 
 
 class RolloutPool:
@@ -91,6 +94,7 @@ class RolloutPool:
         task: Task,
         *,
         seed: int = 0,
+        variation: Variation = DEFAULT,
         rate: float | None = None,
         power: bool = True,
         interval: float | None = None,
@@ -115,7 +119,7 @@ class RolloutPool:
             "recorded": recorded,
         }
         jobs = (
-            {"machine": machine, "task": trial, "seed": seed, **options}
+            {"machine": machine, "task": trial, "seed": seed, "variation": variation, **options}
             for trial in task.trials(seed)
         )
         return combine_trials(await asyncio.gather(*map(self._run_trial, jobs)))

@@ -16,6 +16,7 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.engines import default_engine
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.rollout import Rollout
+from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.errors import RunError, UsageError
 from agentflow.files import write_atomically
@@ -23,12 +24,12 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
 
-def rollout_key(machine: Machine, task: Task, seed: int) -> str:
+def rollout_key(machine: Machine, task: Task, seed: int, variation: Variation = DEFAULT) -> str:
     """Hash of everything that determines a rollout: equal keys mean equal bits."""
-    return f"{machine.digest}-{_setting_key(task, seed)}"
+    return f"{machine.digest}-{_setting_key(task, seed, variation)}"
 
 
-def _setting_key(task: Task, seed: int) -> str:
+def _setting_key(task: Task, seed: int, variation: Variation = DEFAULT) -> str:
     setting = {
         "agentflow": __version__,
         "constants": constants().digest,
@@ -39,6 +40,7 @@ def _setting_key(task: Task, seed: int) -> str:
         "window": task.window,
         "schedule": asdict(task.schedule),
         "seed": seed,
+        "variation": asdict(variation),
     }
     text = json.dumps(setting, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -66,7 +68,9 @@ class Store:
         except OSError as error:
             raise RunError(f"cannot write to {path}: {error.strerror}") from None
 
-    async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:
+    async def run(
+        self, machine: Machine, task: Task, *, seed: int = 0, variation: Variation = DEFAULT
+    ) -> Rollout:
         """Load the rollout, or simulate and store it.
 
         Concurrent calls for one rollout simulate it once. Rollouts without a score, which failed
@@ -75,7 +79,7 @@ class Store:
         Raises:
             UsageError: The rollout cannot be written.
         """
-        key = rollout_key(machine, task, seed)
+        key = rollout_key(machine, task, seed, variation)
         async with self._busy.setdefault(key, asyncio.Lock()):
             path = self._rollouts / f"{key}.npz"
             if key in self._kept:
@@ -85,7 +89,7 @@ class Store:
                 with suppress(UsageError):
                     return load_npz(path)
                 self._kept.discard(key)
-            rollout = await self._pool.run(machine, task, seed=seed)
+            rollout = await self._pool.run(machine, task, seed=seed, variation=variation)
             if rollout.score is not None:
                 _save(rollout, path)
                 self._kept.add(key)

@@ -10,6 +10,7 @@ from agentflow.env.physics.engines import default_engine
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.play import Play
 from agentflow.env.simulation.trials import combine_trials
+from agentflow.env.simulation.variations import DEFAULT, Variation, VariedEngine
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine.problems import LATER_RULES, size_of_piece
@@ -33,6 +34,7 @@ def simulate(
     engine: Engine | None = None,
     physics: Constants | None = None,
     recorded: bool = False,
+    variation: Variation = DEFAULT,
 ) -> Rollout:
     """Run all trials of a task with a machine. Never raises because of what the machine does.
 
@@ -49,12 +51,13 @@ def simulate(
         physics: Constants other than those of `constants.json`, for fitting; make `engine` with
             the same ones.
         recorded: The machine is from a record: rules that came later (`LATER_RULES`) do not count.
+        variation: Changed conditions; its rate multiplies `rate`.
 
     Raises:
-        UsageError: `rate` is not within 30 to 1000 Hz, or `interval` not above 0.
+        UsageError: The rate is not within 30 to 1000 Hz, or `interval` not above 0.
     """
     value = physics or constants()
-    rate = value["step_rate"] if rate is None else rate
+    rate = (value["step_rate"] if rate is None else rate) * variation.rate
     interval = value["sample_interval"] if interval is None else interval
     low, high = RATES
     if not low <= rate <= high:
@@ -66,6 +69,8 @@ def simulate(
     if problems:
         return invalid_rollout(problems)
     chosen = engine or _own_engine()
+    if variation.varies_bodies:
+        chosen = VariedEngine(chosen, variation, value["friction"])
     played: list[Rollout] = []
     for trial in task.trials(seed):
         try:

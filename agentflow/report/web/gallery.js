@@ -30,4 +30,7 @@ export function galleryPage(data) {
   ];
 }
 
-const scoreText = (card) => (card.score === null ? "no score" : formatNumber(card.score));
+function scoreText({ score, verified }) {
+  if (score === null) return "no score";
+  return formatNumber(score) + (verified === null ? "" : ` (verified: ${formatNumber(verified)})`);
+}

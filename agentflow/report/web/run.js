@@ -46,8 +46,21 @@ function header(data) {
     el("h1", {}, run.task),
     el("p", { class: "kind" }, data.task.title),
     el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : formatNumber(run.score)), " ", run.sentence),
+    run.verified ? verification(run.verified) : null,
     el("p", { class: "lede" }, run.about),
     taskDetails(data.task));
+}
+
+/** The verified score, and the scores that it is the median of. */
+function verification({ score, low, high, scores }) {
+  const [first] = scores;
+  const change = (item) => (first.score && item.score !== null && item !== first ? `${formatNumber(100 * (item.score / first.score - 1), 1)} %` : "");
+  const summary = score === null ? "No verified score: some simulations failed"
+    : `Verified score ${formatNumber(score)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}`;
+  return el("details", {}, el("summary", {}, summary),
+    el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and motor torque. The verified score is the median."),
+    table("Scores of the best machine", ["Simulation", "Score", "Change", "Status"],
+      scores.map((item) => [item.variation, item.score, change(item), STATUS[item.status] ?? item.status])));
 }
 
 function heading(node) {

@@ -41,6 +41,7 @@ def test_the_list_tells_the_state_of_each(folder: Path) -> None:
         "model": "procedural (no language model)",
         "seed": 0,
         "score": result["score"],
+        "verified": result.get("verified"),
         "calls": result["calls"],
         "cost": 0.0,
         "problem": "",

@@ -88,12 +88,24 @@ def test_placers_are_priced_like_the_designers_model() -> None:
 
 
 def test_long_windows_and_trials_take_longer() -> None:
-    single = {"workflow": "single", "settings": {"trajectories": 1, "search": {"rounds": 0}}}
+    single: dict[str, Any] = {
+        "workflow": "single",
+        "verify": False,
+        "settings": {"trajectories": 1, "search": {"rounds": 0}},
+    }
     assert of(**single).seconds == pytest.approx(0.2)
     assert of(**single, task="delivery").seconds == pytest.approx(0.4)
     assert of(**single, task="lifting").seconds == pytest.approx(2.0)
 
 
+def test_verification_is_estimated_apart_from_the_rollouts() -> None:
+    found, without = of(), of(verify=False)
+    assert (found.rollouts, found.verification) == (176, 7)
+    assert (without.rollouts, without.verification) == (176, 0)
+    fine = 4  # one simulation has four times as many steps
+    assert found.seconds - without.seconds == pytest.approx((6 + fine) * 0.2)
+
+
 def test_estimates_are_added() -> None:
-    one = Estimate(1, 2, 3, 4.0, 5, 6.0)
-    assert one + one == NOTHING + one.times(2) == Estimate(2, 4, 6, 8.0, 10, 12.0)
+    one = Estimate(1, 2, 3, 4.0, 5, 6, 7.0)
+    assert one + one == NOTHING + one.times(2) == Estimate(2, 4, 6, 8.0, 10, 12, 14.0)

@@ -10,6 +10,7 @@ import pytest
 from agentflow.env.archive import save_npz
 from agentflow.env.pool.store import Store, rollout_key
 from agentflow.env.rollout import Feedback, Rollout
+from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError
@@ -39,7 +40,14 @@ class Counter:
         self.count = 0
         self._rollout = rollout
 
-    async def run(self, machine: Machine, task: Task, *, seed: int = 0) -> Rollout:  # noqa: ARG002
+    async def run(
+        self,
+        machine: Machine,  # noqa: ARG002
+        task: Task,  # noqa: ARG002
+        *,
+        seed: int = 0,  # noqa: ARG002
+        variation: Variation = DEFAULT,  # noqa: ARG002
+    ) -> Rollout:
         self.count += 1
         await asyncio.sleep(0)
         return self._rollout

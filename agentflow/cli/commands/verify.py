@@ -1,0 +1,58 @@
+"""The command that verifies scores. Importing this module registers it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agentflow.cli.commands.machines import Seed, Task
+from agentflow.cli.root import Json, Knobs, commands, print_result
+from agentflow.errors import UsageError
+
+
+@commands.command(epilog="Example: agentflow verify examples/car.json --task movement")
+def verify(
+    source: Annotated[
+        str, typer.Argument(help="Machine file, - for standard input, or run directory.")
+    ],
+    task: Task = None,
+    knobs: Knobs = None,
+    seed: Seed = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")] = 2,
+    as_json: Json = False,
+) -> None:
+    """Check whether a score holds when the simulation changes a little.
+
+    The machine is simulated with the default physics, with time steps a quarter as long, and with
+    masses, friction and motor torque changed by +2 % and -2 %, one at a time. The verified score is
+    the median of the eight scores.
+
+    A run stands for its best machine. Without --task, the run's own task, knobs and seed are used,
+    and the result is stored in the run unless it has one already.
+    """
+    from agentflow.cli.display.show_verified import show_verified
+
+    if task is None and Path(source).is_dir():
+        from agentflow.app.inspect.verify import verify_run
+
+        if knobs or seed:
+            raise UsageError(
+                "a run has its own task, knobs and seed; remove --set and --seed, or name another "
+                "task with --task"
+            )
+        found = verify_run(
+            Path(source), workers, lambda x: print(f"agentflow: {x}", file=sys.stderr)
+        )
+    else:
+        from agentflow.app.machines.files import machine_text
+        from agentflow.app.machines.verify import verify_text
+        from agentflow.app.tasks import find_task
+
+        if task is None:
+            raise UsageError("a machine is verified on a task; name the task with --task")
+        level = find_task(task, knobs or ())
+        found = verify_text(machine_text(source), level, seed=seed, workers=workers)
+    print_result(found, as_json, show_verified)

@@ -1,0 +1,94 @@
+"""Verified scores: a machine is simulated under small variations of the conditions."""
+
+from __future__ import annotations
+
+import asyncio
+import statistics
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from agentflow.env.rollout import Rollout, invalid_rollout
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.simulation.variations import DEFAULT, VARIATIONS, Variation
+from agentflow.env.tasks.base import Task
+from agentflow.machine.problems import Problem
+from agentflow.machine.tree import Machine
+
+
+@dataclass(frozen=True)
+class Verification:
+    """One machine under every variation.
+
+    It is incomplete if a simulation timed out or crashed, which says nothing about the machine:
+    `score`, `low` and `high` are then None.
+    """
+
+    rollouts: Mapping[str, Rollout] = field(repr=False)
+    """By name of the variation, the default conditions first."""
+
+    @classmethod
+    def invalid(cls, problems: Sequence[Problem]) -> Verification:
+        """The result of a machine that is not simulated because of these problems."""
+        return cls({v.name: invalid_rollout(problems) for v in VARIATIONS})
+
+    @property
+    def default(self) -> Rollout:
+        """The rollout under the default conditions; its score is the machine's plain score."""
+        return self.rollouts[DEFAULT.name]
+
+    @property
+    def score(self) -> float | None:
+        """The verified score: the median of all scores (of an even number, the mean of the middle
+        two)."""
+        return statistics.median(self._scores) if self._scores else None
+
+    @property
+    def low(self) -> float | None:
+        """The lowest score."""
+        return min(self._scores, default=None)
+
+    @property
+    def high(self) -> float | None:
+        """The highest score."""
+        return max(self._scores, default=None)
+
+    @property
+    def _scores(self) -> list[float]:
+        """All scores; none if any is missing."""
+        found = [rollout.score for rollout in self.rollouts.values()]
+        scores = [score for score in found if score is not None]
+        return scores if len(scores) == len(found) else []
+
+    def to_json(self) -> dict[str, Any]:
+        """`score`, `low`, `high`, and `scores`: name, status and score of each variation."""
+        scores = [
+            {"variation": name, "status": rollout.status, "score": rollout.score}
+            for name, rollout in self.rollouts.items()
+        ]
+        return {"score": self.score, "low": self.low, "high": self.high, "scores": scores}
+
+
+def verify(machine: Machine, task: Task, *, seed: int = 0) -> Verification:
+    """Simulate a machine under every variation, one after the other, in this process."""
+    return Verification(
+        {v.name: simulate(machine, task, seed=seed, variation=v) for v in VARIATIONS}
+    )
+
+
+async def verify_async(
+    run: Callable[..., Awaitable[Rollout]], default: Rollout | None = None
+) -> Verification:
+    """Like `verify`, with all simulations at once.
+
+    Args:
+        run: Simulates the machine under the variation that it gets as `variation`: the `run` of a
+            pool, with its other arguments bound.
+        default: The rollout under the default conditions, if there is one already.
+    """
+
+    async def rollout_of(variation: Variation) -> Rollout:
+        return default if default and variation is DEFAULT else await run(variation=variation)
+
+    rollouts = await asyncio.gather(*map(rollout_of, VARIATIONS))
+    return Verification({v.name: r for v, r in zip(VARIATIONS, rollouts, strict=True)})
