@@ -25,7 +25,7 @@ from agentflow.env.physics.pybullet.couplings import Couplings
 from agentflow.env.physics.pybullet.forces import AppliedForces
 from agentflow.env.physics.pybullet.grip import Grippers
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.pybullet.motors import Motors
+from agentflow.env.physics.pybullet.motors import Motors, inner_iterations
 from agentflow.env.physics.pybullet.restoring import place_at_start, restore
 from agentflow.env.physics.pybullet.sensing import Rows, Sensors
 from agentflow.env.physics.readings import Readings
@@ -201,6 +201,9 @@ class PyBulletWorld:
         laws += wind_laws(assembly, layout, self._scene, drag, self._wind_strength)
         set_collisions_of_clusters(client, plan, handles)
         self._couplings.renew(assembly, plan, handles)
+        pybullet.setPhysicsEngineParameter(
+            numNonContactInnerIterations=inner_iterations(assembly, plan), physicsClientId=client
+        )
         if self._grips:
             self._grips.bind(handles)
         return Structure(
