@@ -133,7 +133,7 @@ def _legend(*, short: bool) -> str:
 def _budget_lines(machine: Machine, brief: Brief | None) -> list[str]:
     if brief is None or brief.limits.blocks is None:
         return []
-    return [f"{brief.count_blocks(len(machine))} of {brief.most_blocks}."]
+    return [f"{brief.count_blocks(len(machine))} of {brief.limits.blocks} blocks."]
 
 
 def _summary_lines(geometry: Geometry, frame: GroundFrame) -> list[str]:

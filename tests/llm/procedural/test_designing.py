@@ -30,6 +30,17 @@ async def test_every_blueprint_and_most_designs_are_valid(task: str) -> None:
     assert len({machine.digest for machine in machines}) >= 8
 
 
+@pytest.mark.parametrize("most", [12, 25])
+async def test_designs_stay_within_the_budget(most: int) -> None:
+    brief = brief_of("throwing")
+    brief = replace(brief, limits=replace(brief.limits, blocks=most))
+    found = [await whole_design(brief, seed) for seed in range(6)]
+    machines = [design.machine for design in found if design is not None]
+    assert len(machines) >= 5
+    assert max(map(len, machines)) <= most
+    assert all(check(machine, brief).task_valid for machine in machines)
+
+
 MECHANISMS = {
     "throwing": {"motor arm", "counterweight arm", "spring arm"},
     "movement": {"car"},
