@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow import __version__
+from agentflow.agents.registry import ROLES
 from agentflow.app.design.config import config_json
 from agentflow.app.design.models import choose_models
 from agentflow.config.run import DesignConfig, build_config, suggest_key
@@ -116,8 +117,8 @@ class RunPlan:
         """
         calls = WORKFLOWS[self.config.workflow].calls(self.config.settings)
         choices = choose_models(self.config.model)
-        asked = any(count and choices[role].procedural for role, count in calls.items())
-        if not asked or purpose(self.task.brief) != STAND:
+        asked = {ROLES[role].model_role or role for role, count in calls.items() if count}
+        if not any(choices[role].procedural for role in asked) or purpose(self.task.brief) != STAND:
             return ""
         return (
             f"the procedural model has no mechanism for {self.task.name}, so expect low scores; "

@@ -53,6 +53,11 @@ class Dancing(Movement):
         return replace(super().brief, objective="Build a machine that dances.")
 
 
+def test_the_procedural_model_knows_placement() -> None:
+    config = build_config({"task": "gearing", "workflow": "placement"})
+    assert RunPlan.of(config).model_note == ""
+
+
 @pytest.mark.parametrize(
     ("workflow", "model", "warns"),
     [
