@@ -93,9 +93,7 @@ def test_a_budget_of_one_block_allows_the_lone_root_only() -> None:
 
 def test_the_description_says_how_many_blocks_of_how_many() -> None:
     for short in (False, True):
-        assert describe_text(ROW, allowing(40), short=short).splitlines()[1] == (
-            "5 of 40 blocks."
-        )
+        assert describe_text(ROW, allowing(40), short=short).splitlines()[1] == ("5 of 40 blocks.")
         assert describe_text(ROW, TASK, short=short) == describe_text(ROW, short=short)
     given = allowing(40, given=build((15, 0, 0), (15, 1, 0)))
     assert "\n2 of 40 blocks.\n" in describe_text(ROW, given)
