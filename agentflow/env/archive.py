@@ -34,20 +34,15 @@ UNREADABLE = (
 
 
 def rollout_json(rollout: Rollout) -> dict[str, Any]:
-    """A rollout as JSON data; null for what was not simulated."""
-    simulated = rollout.status != "invalid"
+    """A rollout as JSON data; the problems of an invalid machine take the place of feedback."""
     return {
         "status": rollout.status,
         "score": rollout.score,
-        "terms": dict(rollout.terms) if simulated else None,
+        "terms": dict(rollout.terms),
         "problems": [dict(problem) for problem in rollout.problems],
-        "broken": [asdict(item) for item in rollout.broken] if simulated else None,
-        "events": (
-            [asdict(item) | {"blocks": list(item.blocks)} for item in rollout.events]
-            if simulated
-            else None
-        ),
-        "feedback": rollout.feedback.text if simulated else None,
+        "broken": [asdict(item) for item in rollout.broken],
+        "events": [asdict(item) | {"blocks": list(item.blocks)} for item in rollout.events],
+        "feedback": None if rollout.status == "invalid" else rollout.feedback.text,
         "digest": rollout.digest,
         "sim_seconds": rollout.sim_seconds,
         "wall_seconds": rollout.wall_seconds,

@@ -209,12 +209,15 @@ def _loads_text(loads: Sequence[Mapping[str, Any]]) -> str:
     return "blocks " + "; ".join(parts)
 
 
+_SETTLING = " (while it settled, before t = 0)"
+
+
 def _broken_lines(machine: Machine, broken: Sequence[Broken]) -> list[str]:
     if not broken:
         return ["Broken: none"]
     lines = [
         f"Broken: {block_name(machine, item.block)} off block {item.partner} at "
-        f"{number(item.time)} s, load {number(item.load)}"
+        f"{number(item.time)} s{_SETTLING if item.time < 0.0 else ''}, load {number(item.load)}"
         for item in broken[:MAX_LINES]
     ]
     rest = broken[MAX_LINES:]

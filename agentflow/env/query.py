@@ -47,7 +47,9 @@ class _InvalidQuery(Exception):
     """Reason why a query cannot be answered."""
 
 
-def answer_queries(machine: Machine, rollout: Rollout, queries: Sequence[object]) -> Answers:
+def answer_queries(
+    machine: Machine, rollout: Rollout, queries: Sequence[object], interval: float | None = None
+) -> Answers:
     """Answer queries about a rollout.
 
     Args:
@@ -55,13 +57,16 @@ def answer_queries(machine: Machine, rollout: Rollout, queries: Sequence[object]
         rollout: Its rollout.
         queries: Items like {"id": 3, "duration": [0, 1], "properties": ["position"]}, as a model
             wrote them; invalid items are answered with what is wrong.
+        interval: Seconds between rows; the constants' by default. Rollouts with coarser samples
+            are told sample by sample.
     """
+    step = constants()["sample_interval"] if interval is None else interval
     texts, data = [], []
     for index, item in enumerate(queries):
         try:
             if index >= MAX_QUERIES:
                 raise _InvalidQuery(f"only the first {MAX_QUERIES} queries of a call are answered")
-            text, answered = _answer(machine, rollout, _read(machine, item))
+            text, answered = _answer(machine, rollout, _read(machine, item), step)
         except _InvalidQuery as refusal:
             text = f"Query {index + 1}: no answer: {refusal}"
             answered = {"query": item, "problem": str(refusal)}
@@ -125,24 +130,32 @@ def _read_properties(machine: Machine, block: int, value: object) -> tuple[str, 
     return tuple(dict.fromkeys(names))
 
 
-def _answer(machine: Machine, rollout: Rollout, query: _Query) -> tuple[str, dict[str, Any]]:
+def _answer(
+    machine: Machine, rollout: Rollout, query: _Query, step: float
+) -> tuple[str, dict[str, Any]]:
     trace = rollout.trace
     if trace is None:
         raise _InvalidQuery(
             f"nothing was recorded because the rollout ended with status {rollout.status}"
         )
     times = trace.times
-    inside = (times >= query.start - EPSILON) & (times <= query.end + EPSILON) & _on_grid(times)
+    title = "B" + block_name(machine, query.block)[1:]
+    broke = _breakage_time(machine, rollout, query)
+    if broke < 0.0:
+        raise _InvalidQuery(
+            f"{title} broke off at {number(broke)} s, while the machine settled; states before "
+            "t = 0 are not recorded"
+        )
+    inside = (times >= query.start - EPSILON) & (times <= query.end + EPSILON)
+    inside &= _on_grid(times, step)
     if not inside.any():
         last = float(times[-1])
         raise _InvalidQuery(
             f"no sample lies between {query.start:g} and {query.end:g} s; samples go from 0 to "
-            f"{last:g} s, one every {constants()['sample_interval']:g} s"
+            f"{last:g} s, one every {step:g} s"
         )
-    broke = _breakage_time(machine, rollout, query)
     kept = np.flatnonzero(inside & (times < broke))
     columns = {name: _column(trace, query.block, name)[kept] for name in query.properties}
-    title = "B" + block_name(machine, query.block)[1:]
     lines = [f"{title}, {query.start:g} to {query.end:g} s:", *_table(times[kept], columns)]
     if isfinite(broke):
         lines.append(f"{title} broke off at {number(broke)} s; its table ends there.")
@@ -157,10 +170,9 @@ def _answer(machine: Machine, rollout: Rollout, query: _Query) -> tuple[str, dic
     return "\n".join(lines), data
 
 
-def _on_grid(times: Array) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Mask of the samples on the 0.2 s grid; all samples if they are coarser."""
-    step = constants()["sample_interval"]
-    if len(times) > 1 and times[1] - times[0] > step:
+def _on_grid(times: Array, step: float) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Mask of the samples at multiples of a step, s; all samples if they are coarser."""
+    if len(times) > 1 and times[1] - times[0] > step - EPSILON:
         return np.ones(len(times), dtype=bool)
     off = np.abs(times / step - np.round(times / step))
     grid: np.ndarray[Any, np.dtype[np.bool_]] = off < EPSILON
@@ -184,7 +196,8 @@ def _column(trace: Trace, block: int, name: str) -> Array:
 
 def _table(times: Array, columns: Mapping[str, Array]) -> list[str]:
     lines = [" | ".join(["t s", *(PROPERTIES[name] for name in columns)])]
+    digits = 1 if np.allclose(times, np.round(times, 1), atol=EPSILON) else 3
     for row, time in enumerate(times):
         cells = (", ".join(number(v) for v in values[row]) for values in columns.values())
-        lines.append(" | ".join([f"{time:.1f}", *cells]))
+        lines.append(" | ".join([f"{time:.{digits}f}", *cells]))
     return lines

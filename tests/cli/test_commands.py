@@ -143,12 +143,45 @@ def test_simulate_lines_gives_one_result_per_line_in_order(
     assert second["score"] < 0.01 < 40 < first["score"]
 
 
-def test_simulate_answers_queries(car: str, capsys: pytest.CaptureFixture[str]) -> None:
-    query = json.dumps({"id": 0, "duration": [0, 0.4], "properties": ["position"]})
-    arguments = ["simulate", car, "--task", "movement", "--query", query, "--json"]
-    assert main(arguments) == 0
-    answers = json.loads(capsys.readouterr().out)["answers"]
-    assert len(answers) == 1
+QUERY = json.dumps({"id": 0, "duration": [0, 0.4], "properties": ["position"]})
+
+
+@pytest.mark.parametrize(
+    ("interval", "times"),
+    [
+        ([], [0.0, 0.2, 0.4]),
+        (["--interval", "0.1"], [0.0, 0.1, 0.2, 0.3, 0.4]),
+        (["--interval", "0.3"], [0.0, 0.3]),
+    ],
+)
+def test_simulate_answers_queries(
+    car: str, interval: list[str], times: list[float], capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["simulate", car, "--task", "movement", "--query", QUERY, "--json"]
+    assert main([*arguments, *interval]) == 0
+    (answer,) = json.loads(capsys.readouterr().out)["answers"]
+    assert answer["times"] == pytest.approx(times)
+
+
+@pytest.mark.slow
+def test_simulate_answers_queries_on_every_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "many.jsonl").write_text(f"{json.dumps(CAR)}\nnonsense\n")
+    arguments = ["simulate", str(tmp_path / "many.jsonl"), "--jsonl", "--task", "movement"]
+    assert main([*arguments, "--query", QUERY, "--interval", "0.4"]) == 0
+    first, last = map(json.loads, capsys.readouterr().out.splitlines())
+    assert first["answers"][0]["times"] == pytest.approx([0.0, 0.4])
+    assert last["status"] == "invalid"
+    assert (last["terms"], last["broken"], last["events"]) == ({}, [], [])
+
+
+@pytest.mark.parametrize("interval", ["0", "-1", "nan"])
+def test_simulate_rejects_an_interval_that_is_not_above_zero(
+    car: str, interval: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", car, "--task", "movement", f"--interval={interval}"]) == 2
+    assert "it must be above 0 s" in capsys.readouterr().err
 
 
 def test_blocks_and_tasks_are_data_too(capsys: pytest.CaptureFixture[str]) -> None:
@@ -186,7 +219,7 @@ WRONG = [
     (
         ["simulate", "words", "--jsonl", "--task", "movement", "--save", "x.npz"],
         2,
-        "--query and --save need a single machine; remove --jsonl",
+        "--save needs a single machine; remove --jsonl",
     ),
     (["check", "/dev/zero"], 2, "/dev/zero is larger than 64 MB; expected a machine"),
     (["design", "--base-url", ""], 2, "model.base_url: must not be empty"),

@@ -11,7 +11,9 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Broken, Rollout
 from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
@@ -220,3 +222,21 @@ def test_what_closes_a_loop_can_break(engine: Engine) -> None:
     part(world, [loop])
     world.step()
     assert not world.reactions[loop].any()
+
+
+def test_what_breaks_while_settling_is_told_with_its_negative_time() -> None:
+    """A beam with a ballast at its end, too weak for its own weight."""
+    weak = constants().changed({"strength_torque": 20.0, "strength_force": 100.0})
+    engine = PyBulletEngine(weak)
+    beam = machine((0, -1, -1), (15, 0, 4), (63, 1, 1), (35, 2, 0))
+    rollout = simulate(beam, get_task("movement", {"window": 1}), engine=engine, physics=weak)
+    engine.close()
+    first = rollout.broken[0]
+    assert first.time < 0.0
+    assert (
+        f"off block {first.partner} at {first.time:.2f} s (while it settled, before t = 0), load"
+        in rollout.feedback.text
+    )
+    assert rollout.feedback.data["broken"][0]["time"] == first.time
+    query = {"id": first.block, "duration": [-1, 1], "properties": ["position"]}
+    assert "while the machine settled" in answer_queries(beam, rollout, [query]).text

@@ -53,6 +53,26 @@ def test_a_table_ends_where_the_block_broke_off() -> None:
     assert given.data[0]["broke"] == 0.42
 
 
+def test_a_block_that_broke_off_while_settling_has_no_table() -> None:
+    rollout = make_rollout(TRACE, (Broken(1, 1, 0, -1.2, 1.03),))
+    query = {"id": 1, "duration": [-2, 5], "properties": ["position"]}
+    assert answer_queries(MACHINE, rollout, [query]).text == (
+        "Query 1: no answer: Block 1 (Wooden Block) broke off at -1.20 s, while the machine "
+        "settled; states before t = 0 are not recorded"
+    )
+
+
+def test_rows_may_be_finer_than_the_grid() -> None:
+    rollout = make_rollout(make_trace(4, 101, 0.05))
+    query = {"id": 0, "duration": [0, 0.1], "properties": ["position"]}
+    given = answer_queries(MACHINE, rollout, [query], interval=0.05)
+    assert given.text.splitlines()[2:] == [
+        "0.000 | 0.00, 0.00, 0.00",
+        "0.050 | 0.00, 0.00, 0.00",
+        "0.100 | 0.00, 0.00, 0.00",
+    ]
+
+
 def test_a_break_after_the_interval_is_not_told() -> None:
     assert ask(id=1, duration=[0, 0.2], properties=["position"]).count("\n") == 3
 

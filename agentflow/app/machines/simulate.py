@@ -13,13 +13,15 @@ from agentflow.app.machines.files import parse_line
 from agentflow.env.archive import rollout_json, save_npz
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.query import answer_queries
-from agentflow.env.rollout import invalid_rollout
+from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.files import write_output
 from agentflow.machine import check
 from agentflow.machine.formats.detect import read_for
+from agentflow.machine.tree import Machine
+from agentflow.machine.validity import Report
 
 
 def simulate_text(
@@ -29,6 +31,7 @@ def simulate_text(
     seed: int,
     rate: float | None,
     power: bool,
+    interval: float | None,
     queries: Sequence[str] = (),
     save: Path | None = None,
 ) -> dict[str, Any]:
@@ -36,19 +39,15 @@ def simulate_text(
 
     States are saved only if the machine was simulated.
     """
-    parsed = [_parse_query(item) for item in queries]
+    asked = _parse_queries(queries)
     report = check(read_for(task.brief, text), task.brief)
-    budget = task.brief.budget_json(report.machine)
     if report.machine is None:
-        return rollout_json(invalid_rollout(report.problems)) | budget
-    rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate)
-    result = rollout_json(rollout) | budget
-    if parsed:
-        result["answers"] = answer_queries(report.machine, rollout, parsed).data
+        return _invalid(report, task)
+    rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate, interval=interval)
     if save is not None and rollout.trace is not None:
         with write_output(save) as part:
             save_npz(rollout, part)
-    return result
+    return _told(report.machine, rollout, task, asked, interval)
 
 
 async def simulate_lines(
@@ -58,20 +57,24 @@ async def simulate_lines(
     seed: int,
     rate: float | None,
     power: bool,
+    interval: float | None,
     workers: int,
+    queries: Sequence[str] = (),
 ) -> AsyncIterator[dict[str, Any]]:
     """Simulate one machine per line, as lines arrive; one result per line, in order.
 
     At most a few rollouts per worker are in memory at a time.
     """
+    asked = _parse_queries(queries)
 
     async def result(line: str) -> dict[str, Any]:
         report = check(read_for(task.brief, parse_line(line)), task.brief)
-        budget = task.brief.budget_json(report.machine)
         if report.machine is None:
-            return rollout_json(invalid_rollout(report.problems)) | budget
-        rollout = await pool.run(report.machine, task, seed=seed, power=power, rate=rate)
-        return rollout_json(rollout) | budget
+            return _invalid(report, task)
+        rollout = await pool.run(
+            report.machine, task, seed=seed, power=power, rate=rate, interval=interval
+        )
+        return _told(report.machine, rollout, task, asked, interval)
 
     ahead: asyncio.Queue[asyncio.Task[dict[str, Any]] | Exception | None] = asyncio.Queue(
         2 * workers
@@ -106,6 +109,29 @@ def _feed(
         hand_over(problem)
     else:
         hand_over(None)
+
+
+def _invalid(report: Report, task: Task) -> dict[str, Any]:
+    """The result of what cannot be simulated."""
+    return rollout_json(invalid_rollout(report.problems)) | task.brief.budget_json(report.machine)
+
+
+def _told(
+    machine: Machine,
+    rollout: Rollout,
+    task: Task,
+    queries: Sequence[object],
+    interval: float | None,
+) -> dict[str, Any]:
+    """The result of a rollout, with the answers to the queries if there are any."""
+    result = rollout_json(rollout) | task.brief.budget_json(machine)
+    if queries:
+        result["answers"] = answer_queries(machine, rollout, queries, interval).data
+    return result
+
+
+def _parse_queries(texts: Sequence[str]) -> list[object]:
+    return [_parse_query(text) for text in texts]
 
 
 def _parse_query(text: str) -> object:

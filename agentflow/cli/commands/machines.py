@@ -131,6 +131,10 @@ def simulate(
     knobs: Knobs = None,
     seed: Seed = 0,
     rate: Annotated[float | None, typer.Option(help="Time steps per second; default: 120.")] = None,
+    interval: Annotated[
+        float | None,
+        typer.Option(help="Seconds between recorded states and rows of --query; default: 0.2."),
+    ] = None,
     power: Annotated[
         Literal["on", "off"],
         typer.Option(help="If off, motors, springs and winches never start."),
@@ -158,12 +162,19 @@ def simulate(
 
     level, on = find_task(task, knobs or ()), power == "on"
     if lines:
-        if query or save:
-            raise UsageError("--query and --save need a single machine; remove --jsonl")
-        source = machines.read_lines(machine)
-        _print_all(
-            rollouts.simulate_lines(source, level, seed=seed, rate=rate, power=on, workers=workers)
+        if save:
+            raise UsageError("--save needs a single machine; remove --jsonl")
+        results = rollouts.simulate_lines(
+            machines.read_lines(machine),
+            level,
+            seed=seed,
+            rate=rate,
+            power=on,
+            interval=interval,
+            workers=workers,
+            queries=query or (),
         )
+        _print_all(results)
         return
     result = rollouts.simulate_text(
         machines.machine_text(machine),
@@ -171,6 +182,7 @@ def simulate(
         seed=seed,
         rate=rate,
         power=on,
+        interval=interval,
         queries=query or (),
         save=save,
     )
