@@ -6,6 +6,7 @@ import pytest
 
 from agentflow.cli.display.output import columns, output
 from agentflow.cli.display.show import show_edit
+from agentflow.cli.display.text import show_count
 
 EVIL = "\x1b]0;title\x07\x1b[2J\u202e\r[bold]\nnext"
 SHOWN = r"\x1b]0;title\x07\x1b[2J\u202e\r[bold]"
@@ -32,6 +33,23 @@ def test_the_script_of_a_model_cannot_move_the_cursor(capsys: pytest.CaptureFixt
     assert capsys.readouterr().out == (
         f"refused: {SHOWN}\nnext\n  unreadable: no command\nfailure\n"
     )
+
+
+def test_progress_is_every_tenth_line_without_a_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for of in (9, 25):
+        show = show_count("film")
+        for done in range(1, of + 1):
+            show(done, of)
+    lines = [3, 5, 8, 10, 13, 15, 18, 20, 23, 25]
+    assert capsys.readouterr() == ("", "".join(f"agentflow: film {i} of 25\n" for i in lines))
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    show(1, 2)
+    show(2, 2)
+    assert capsys.readouterr().err == "agentflow: film 1 of 2\ragentflow: film 2 of 2\n"
+    monkeypatch.setattr("sys.stderr", None)
+    show(2, 2)
 
 
 def test_in_a_narrow_terminal_no_digit_is_lost(

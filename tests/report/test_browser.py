@@ -266,7 +266,7 @@ def test_a_comparison_plays_both_films(browser: webdriver.Chrome, tmp_path: Path
     lame.write_text(Machine(CAR.steps[:-1]).to_text())
     out = tmp_path / "compare.html"
     task = get_task("movement", {"window": 1})
-    found = compare((str(car), str(lame)), task, 0, out=out, workers=2)
+    found = compare((str(car), str(lame)), task, 0, out=out, workers=2, say=quiet)
     complaints(browser)
     browser.get(out.as_uri())
     titles = [f"{side} · {m['score']:.2f}" for side, m in zip("AB", found["machines"], strict=True)]

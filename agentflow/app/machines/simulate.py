@@ -15,13 +15,48 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
+from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.files import write_output
-from agentflow.machine import check
+from agentflow.machine import Machine, check
 from agentflow.machine.formats.detect import read_for
-from agentflow.machine.tree import Machine
 from agentflow.machine.validity import Report
+
+WORKERS = 2
+"""Worker processes by default."""
+Progress = Callable[[int, int], None]
+"""Receives the number of finished simulations and the total."""
+
+
+def simulate_in_parallel(
+    machine: Machine, task: Task, *, seed: int, workers: int, say: Progress, **options: Any
+) -> Rollout:
+    """Simulate a machine, with several trials in worker processes; same result as `simulate`.
+
+    Args:
+        machine: File-valid.
+        task: The level.
+        seed: Random seed.
+        workers: Worker processes; a single trial needs none.
+        say: Receives progress.
+        options: Further arguments of `simulate`.
+    """
+    trials = task.trials(seed)
+    if len(trials) == 1:
+        return simulate(machine, task, seed=seed, **options)
+    done = iter(range(1, len(trials) + 1))
+
+    async def play(trial: Task, pool: RolloutPool) -> Rollout:
+        rollout = await pool.run(machine, trial, seed=seed, **options)
+        say(next(done), len(trials))
+        return rollout
+
+    async def play_all() -> Rollout:
+        async with RolloutPool(min(workers, len(trials))) as pool:
+            return combine_trials(await asyncio.gather(*(play(trial, pool) for trial in trials)))
+
+    return asyncio.run(play_all())
 
 
 def simulate_text(
@@ -32,6 +67,8 @@ def simulate_text(
     rate: float | None,
     power: bool,
     interval: float | None,
+    workers: int,
+    say: Progress,
     queries: Sequence[str] = (),
     save: Path | None = None,
 ) -> dict[str, Any]:
@@ -43,7 +80,10 @@ def simulate_text(
     report = check(read_for(task.brief, text), task.brief)
     if report.machine is None:
         return _invalid(report, task)
-    rollout = simulate(report.machine, task, seed=seed, power=power, rate=rate, interval=interval)
+    options = {"power": power, "rate": rate, "interval": interval}
+    rollout = simulate_in_parallel(
+        report.machine, task, seed=seed, workers=workers, say=say, **options
+    )
     if save is not None and rollout.trace is not None:
         with write_output(save) as part:
             save_npz(rollout, part)

@@ -10,6 +10,7 @@ from typing import Any
 
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.machines.files import read_one
+from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.runs import (
     FINE,
@@ -40,6 +41,7 @@ def compare(
     *,
     out: Path | None = None,
     workers: int,
+    say: Progress,
 ) -> dict[str, Any]:
     """Compare two machines, as data; with `out`, also as a page.
 
@@ -50,6 +52,7 @@ def compare(
         seed: Random seed; by default that of the first run, else 0.
         out: HTML file to write.
         workers: Worker processes for simulation.
+        say: Receives progress.
 
     Raises:
         UsageError: A machine cannot be read, the runs are of different tasks, or a page is wanted
@@ -67,7 +70,7 @@ def compare(
     played: list[Played] = [(), ()]
     if level is not None:
         items = [ReportedMachine(m, level, number, None, FINE, None, "") for m in machines]
-        played = asyncio.run(_play(items, workers))
+        played = asyncio.run(_play(items, workers, say))
     rollouts = [combine_trials(trials) if trials else None for trials in played]
     found = {
         "task": level.name if level else None,
@@ -95,9 +98,15 @@ def _asked(brief: Brief) -> dict[str, Any]:
     return {"objective": brief.objective, "score": list(brief.score), "scene": scene}
 
 
-async def _play(items: Sequence[ReportedMachine], workers: int) -> list[Played]:
+async def _play(items: Sequence[ReportedMachine], workers: int, say: Progress) -> list[Played]:
+    total = sum(len(item.trials) for item in items)
+    done = iter(range(1, total + 1))
+
+    def count() -> None:
+        say(next(done), total)
+
     async with RolloutPool(workers) as pool:
-        return list(await asyncio.gather(*(simulate_trials(item, pool) for item in items)))
+        return list(await asyncio.gather(*(simulate_trials(item, pool, count) for item in items)))
 
 
 def _common_task(tasks: Sequence[Task]) -> Task | None:

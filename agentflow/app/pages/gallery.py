@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.results import read_finished
+from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes
 from agentflow.app.pages.runs import (
     FINE,
-    Progress,
     ReportedMachine,
     best_machine,
     film_machines,

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.design.results import read_finished
 from agentflow.app.machines.files import machine_text
+from agentflow.app.machines.simulate import WORKERS, Progress, simulate_in_parallel
 from agentflow.config.run import build_config
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
 from agentflow.env.drawing.stills import render_png
 from agentflow.env.rollout import Rollout
-from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.errors import RunError, UnknownNameError, UsageError
 from agentflow.files import write_output
 from agentflow.machine import Machine, check, library, read_machine
 from agentflow.machine.formats.detect import read_any
-from agentflow.runs import read_document
+from agentflow.runs import Notify, read_document
 
 STILL, GIF, MP4, GLB = ".png", ".gif", ".mp4", ".glb"
 SAMPLES = {GIF: 10, MP4: 20, GLB: 20}
@@ -27,51 +29,88 @@ NAMES = {STILL: "picture", GIF: "film", MP4: "film", GLB: "model"}
 SIZES = {GIF: (480, 360), MP4: (640, 480)}
 
 
-def render_run(path: Path, out: Path | None = None, view: str = "three-quarter") -> dict[str, str]:
+def render_run(
+    path: Path,
+    out: Path | None = None,
+    view: str = "three-quarter",
+    say: Progress = lambda _done, _of: None,
+) -> dict[str, str]:
     """Draw or film the best machine of a finished run: `out`, by default best.png and best.gif."""
     result, document = read_finished(path), read_document(path)
     seed = build_config(document.get("config")).seed
     machine = read_machine(result["machine"], range(1000)).machine
     if machine is None:
         raise RunError(f"{path} has no valid machine to draw")
-    return _render(machine, task_of_run(path, document), seed, out or path / "best", view)
+    drawing = _Drawing(machine, task_of_run(path, document), seed, view, say)
+    return drawing.save(out or path / "best")
 
 
-def render_file(source: str, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
-    """Draw or film the machine of a file, depending on the suffix of `out`; both without one."""
+def render_file(
+    source: str, task: Task, seed: int, out: Path, view: str, say: Progress, notify: Notify
+) -> dict[str, str]:
+    """Draw or film the machine of a file, depending on the suffix of `out`; both without one.
+
+    An invalid machine is only drawn, with the blocks that overlap in red; `notify` is told why.
+    """
     report = check(read_any(machine_text(source), blocks=tuple(library())))
-    if report.machine is None or not report.machine_valid:
+    if report.machine is None:
         raise UsageError(f"{source} cannot be built: {report.problems[0].message}")
-    return _render(report.machine, task, seed, out, view)
+    drawing = _Drawing(report.machine, task, seed, view, say)
+    if report.machine_valid:
+        return drawing.save(out)
+    problem = report.problems[0].message
+    if out.suffix.lower() not in ("", STILL):
+        raise UsageError(f"{source} can only be drawn (.png), because it is not valid: {problem}")
+    red = {block for pair in report.overlaps for block in pair}
+    files = replace(drawing, red=red).save(out.with_suffix(STILL))
+    notify(f"{source} is not valid: {problem}; overlapping blocks are red")
+    return files
 
 
-def _render(machine: Machine, task: Task, seed: int, out: Path, view: str) -> dict[str, str]:
-    if not out.name:
-        raise UsageError(f"--out takes a file name, not {str(out)!r}")
-    files = [out] if out.suffix else [out.with_suffix(GIF), out.with_suffix(STILL)]
-    for file in files:
-        with write_output(file) as part:
-            _write(machine, task, seed, part, view)
-    return {NAMES[file.suffix.lower()]: str(file) for file in reversed(files)}
+@dataclass(frozen=True)
+class _Drawing:
+    """A machine, the simulation to film, and how to draw it."""
 
+    machine: Machine
+    task: Task
+    seed: int
+    view: str
+    say: Progress
+    """Receives the progress of the simulation."""
+    red: Collection[int] = ()
+    """Blocks to draw in red."""
 
-def _write(machine: Machine, task: Task, seed: int, file: Path, view: str) -> None:
-    kind = file.suffix.lower()
-    if kind == STILL:
-        render_png(machine, file, view=view)
-    elif kind in SAMPLES:
-        rollout = _simulate(machine, task, seed, 1.0 / SAMPLES[kind])
-        if kind == GLB:
-            file.write_bytes(rollout_glb(machine, rollout))
+    def save(self, out: Path) -> dict[str, str]:
+        """Write the file, or without a suffix a picture and a film; kind -> path of each."""
+        if not out.name:
+            raise UsageError(f"--out takes a file name, not {str(out)!r}")
+        files = [out] if out.suffix else [out.with_suffix(GIF), out.with_suffix(STILL)]
+        for file in files:
+            with write_output(file) as part:
+                self._write(part)
+        return {NAMES[file.suffix.lower()]: str(file) for file in reversed(files)}
+
+    def _write(self, file: Path) -> None:
+        kind = file.suffix.lower()
+        if kind == STILL:
+            render_png(self.machine, file, view=self.view, red=self.red)
+        elif kind in SAMPLES:
+            rollout = self._simulate(1.0 / SAMPLES[kind])
+            if kind == GLB:
+                file.write_bytes(rollout_glb(self.machine, rollout))
+            else:
+                save_film(self.machine, self.task, rollout, file, size=SIZES[kind])
         else:
-            save_film(machine, task, rollout, file, size=SIZES[kind])
-    else:
-        raise UnknownNameError("kind of picture", kind, (STILL, *SAMPLES))
+            raise UnknownNameError("kind of picture", kind, (STILL, *SAMPLES))
 
-
-def _simulate(machine: Machine, task: Task, seed: int, interval: float) -> Rollout:
-    rollout = simulate(machine, task, seed=seed, interval=interval, recorded=True)
-    if rollout.trace is None:
-        why = "; ".join(str(problem["message"]) for problem in rollout.problems)
-        raise UsageError(f"nothing to film: the rollout ended with status {rollout.status} ({why})")
-    return rollout
+    def _simulate(self, interval: float) -> Rollout:
+        options = {"interval": interval, "recorded": True}
+        rollout = simulate_in_parallel(
+            self.machine, self.task, seed=self.seed, workers=WORKERS, say=self.say, **options
+        )
+        if rollout.trace is None:
+            why = "; ".join(str(problem["message"]) for problem in rollout.problems)
+            raise UsageError(
+                f"nothing to film: the rollout ended with status {rollout.status} ({why})"
+            )
+        return rollout

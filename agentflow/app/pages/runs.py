@@ -19,6 +19,7 @@ from agentflow.app.design.plan import (
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_problems, recorded_machine
+from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.env.archive import load_npz
@@ -37,8 +38,6 @@ FINE, COARSE = 1 / 30, 0.1
 """Seconds between samples of films: of the best machines, and of the others."""
 BEST = 8
 """Number of machines with fine films."""
-Progress = Callable[[int, int], None]
-"""Receives the number of finished rollouts and the total."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +72,13 @@ class ReportedMachine:
         changes = describe_changes(document, physics_conditions())
         recorded = file if changes and file.exists() else None
         return cls(machine, task, config.seed, score, interval, recorded, changes)
+
+    @property
+    def trials(self) -> tuple[Task, ...]:
+        """The trials to simulate; none if the machine is shown as built or as recorded."""
+        if self.recorded is not None or self.interval is None:
+            return ()
+        return self.task.trials(self.seed)
 
 
 def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) -> Path:
@@ -134,19 +140,15 @@ async def film_machines(
     chosen: Mapping[str, ReportedMachine], shapes: Shapes, workers: int, say: Progress
 ) -> dict[str, dict[str, Any]]:
     """Simulate machines as in their runs; the data of each for a page, by the same keys."""
-    done = 0
-    filmed = [key for key, item in chosen.items() if item.interval is not None]
+    total = sum(len(item.trials) for item in chosen.values())
+    done = iter(range(1, total + 1))
 
     async def film(key: str, item: ReportedMachine) -> tuple[str, dict[str, Any]]:
-        nonlocal done
-        played = await simulate_trials(item, pool)
+        played = await simulate_trials(item, pool, lambda: say(next(done), total))
         if item.recorded is not None:
             rollout = _load_recorded(item, item.recorded)
         else:
             rollout = combine_trials(played) if played else None
-        if key in filmed:
-            done += 1
-            say(done, len(filmed))
         trials = played if item.interval == FINE else ()
         brief = item.task.brief
         remarks = (_remark(item, rollout), *map(_sentence, later_problems(item.machine, brief)))
@@ -155,7 +157,7 @@ async def film_machines(
             item.machine, rollout, shapes, remark, given=brief.given, played=trials
         )
 
-    async with RolloutPool(max(1, min(workers, len(filmed)))) as pool:
+    async with RolloutPool(max(1, min(workers, total))) as pool:
         found = dict(await asyncio.gather(*(film(key, item) for key, item in chosen.items())))
     return {key: found[key] for key in chosen}
 
@@ -176,16 +178,19 @@ def _machines_to_report(path: Path, story: RunStory, films: int) -> dict[str, Re
     return found
 
 
-async def simulate_trials(item: ReportedMachine, pool: RolloutPool) -> Sequence[Rollout]:
-    """Simulate the trials again; none if the machine is shown as built or as recorded."""
-    if item.recorded is not None or item.interval is None:
-        return ()
-    trials = item.task.trials(item.seed)
-    runs = (
-        pool.run(item.machine, trial, seed=item.seed, interval=item.interval, recorded=True)
-        for trial in trials
-    )
-    return await asyncio.gather(*runs)
+async def simulate_trials(
+    item: ReportedMachine, pool: RolloutPool, count: Callable[[], None] = lambda: None
+) -> Sequence[Rollout]:
+    """Simulate the trials of a machine again; `count` is called after each."""
+
+    async def play(trial: Task) -> Rollout:
+        rollout = await pool.run(
+            item.machine, trial, seed=item.seed, interval=item.interval, recorded=True
+        )
+        count()
+        return rollout
+
+    return await asyncio.gather(*map(play, item.trials))
 
 
 def _load_recorded(item: ReportedMachine, file: Path) -> Rollout | None:

@@ -151,7 +151,9 @@ def simulate(
         Path | None, typer.Option(help="Save the recorded states to this .npz file.")
     ] = None,
     lines: Annotated[bool, typer.Option("--jsonl", help="Read one machine per line.")] = False,
-    workers: Annotated[int, typer.Option(min=1, help="Worker processes; only with --jsonl.")] = 2,
+    workers: Annotated[
+        int, typer.Option(min=1, help="Worker processes, for trials and with --jsonl.")
+    ] = 2,
     as_json: Json = False,
 ) -> None:
     """Simulate a machine on a task and print its score."""
@@ -159,6 +161,7 @@ def simulate(
     from agentflow.app.machines import simulate as rollouts
     from agentflow.app.tasks import find_task
     from agentflow.cli.display.show import show_rollout
+    from agentflow.cli.display.text import show_count
 
     level, on = find_task(task, knobs or ()), power == "on"
     if lines:
@@ -183,6 +186,8 @@ def simulate(
         rate=rate,
         power=on,
         interval=interval,
+        workers=workers,
+        say=show_count("trial"),
         queries=query or (),
         save=save,
     )
@@ -222,24 +227,34 @@ def render(
     """Draw a machine (.png), film its simulation (.gif, .mp4) or export it in 3D (.glb).
 
     A dotted line marks the path of the boulder or of the root block; blocks that broke off are
-    red.
+    red. An invalid machine can only be drawn; the blocks that overlap are red.
     """
     from agentflow.app.design.plan import level_note
     from agentflow.app.pages.pictures import render_file, render_run
     from agentflow.app.tasks import find_task
     from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.text import show_count
     from agentflow.runs import read_document, state_of
 
+    say = show_count("trial")
     if Path(source).is_dir():
         state_of(Path(source))  # raises for a directory that is not a run
         if task is not None or knobs or seed:
             raise UsageError("a run has its own task and seed; remove --task, --set and --seed")
-        files = render_run(Path(source), out, view)
+        files = render_run(Path(source), out, view, say)
         if note := level_note(Path(source), read_document(Path(source))):
             print_line(f"agentflow: {note}")
     else:
         level = find_task(task or "movement", knobs or ())
-        files = render_file(source, level, seed, out or Path("machine"), view)
+        files = render_file(
+            source,
+            level,
+            seed,
+            out or Path("machine"),
+            view,
+            say,
+            lambda line: print_line(f"agentflow: {line}"),
+        )
     for path in files.values():
         print(path)
 

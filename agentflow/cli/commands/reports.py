@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from agentflow.app.pages.registry import PAGES
+from agentflow.cli.display.text import show_count
 from agentflow.cli.root import Json, Knobs, commands, print_result
 from agentflow.errors import UsageError
 
@@ -36,13 +36,8 @@ def report(
     from agentflow.app.sweeps.folder import is_sweep
 
     write = PAGES[page or ("sweep" if is_sweep(run) else "run")]
-    print(write(run, out or run / "report.html", films=films, workers=workers, say=_progress))
-
-
-def _progress(done: int, of: int) -> None:
-    if sys.stderr.isatty():
-        end = "\n" if done == of else "\r"
-        print(f"agentflow: film {done} of {of}", end=end, file=sys.stderr, flush=True)
+    say = show_count("simulation")
+    print(write(run, out or run / "report.html", films=films, workers=workers, say=say))
 
 
 @commands.command(
@@ -76,7 +71,9 @@ def compare(
     if knobs and task is None:
         raise UsageError("--set changes a knob of a task; name the task with --task")
     level = find_task(task, knobs or ()) if task else None
-    found = find_difference((a, b), level, seed, out=out, workers=workers)
+    found = find_difference(
+        (a, b), level, seed, out=out, workers=workers, say=show_count("simulation")
+    )
     print_result(found, as_json, show_comparison)
 
 
@@ -91,4 +88,4 @@ def gallery(
     """Write an HTML gallery of the best machines, with films and scores."""
     from agentflow.app.pages.gallery import gallery as write
 
-    print(write(runs, out, workers=workers, say=_progress))
+    print(write(runs, out, workers=workers, say=show_count("simulation")))

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import errno
+import sys
+from collections.abc import Callable
+from contextlib import suppress
 
 WRITING = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EBADF)
 """Write errors. One without a file name is about stdout, as all other writes name their file."""
@@ -21,6 +24,21 @@ def block_count(count: int, most: int | None) -> str:
 def escape_controls(text: str, kept: str = "") -> str:
     """Text with non-printable characters escaped, except those in `kept`."""
     return "".join(c if c.isprintable() or c in kept else repr(c)[1:-1] for c in text)
+
+
+def show_count(noun: str) -> Callable[[int, int], None]:
+    """Shows progress on stderr: one line that changes on a terminal, else every tenth as a line."""
+
+    def show(done: int, of: int) -> None:
+        tenth = of >= 10 and done * 10 // of != (done - 1) * 10 // of
+        with suppress(OSError, ValueError, AttributeError):  # stderr is closed
+            if sys.stderr.isatty():
+                end = "\n" if done == of else "\r"
+                print(f"agentflow: {noun} {done} of {of}", end=end, file=sys.stderr, flush=True)
+            elif tenth:
+                print(f"agentflow: {noun} {done} of {of}", file=sys.stderr, flush=True)
+
+    return show
 
 
 def describe_os_error(error: OSError) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -29,20 +29,26 @@ INK = (30, 32, 36)
 
 
 def render_png(
-    machine: Machine, path: Path, *, view: str = "three-quarter", size: Size = (800, 600)
+    machine: Machine,
+    path: Path,
+    *,
+    view: str = "three-quarter",
+    size: Size = (800, 600),
+    red: Collection[int] = (),
 ) -> None:
     """Save a picture of a machine as built.
 
     Args:
-        machine: A machine-valid machine.
+        machine: A file-valid machine.
         path: PNG file to write.
         view: One of `cameras.VIEWS`, or `sheet` for all of them, each half as wide and high.
         size: Width and height in pixels.
+        red: Blocks to draw in red.
 
     Raises:
         UnknownNameError: There is no such view.
     """
-    _picture(machine, view, size).save(path, "PNG", optimize=True)
+    _picture(machine, view, size, red).save(path, "PNG", optimize=True)
 
 
 def png_url(machine: Machine, *, view: str, size: Size) -> str:
@@ -67,11 +73,11 @@ def caption(picture: Image.Image, text: str) -> None:
     ImageDraw.Draw(picture).text((10, 8), text, fill=INK, font=font)
 
 
-def _picture(machine: Machine, view: str, size: Size) -> Image.Image:
+def _picture(machine: Machine, view: str, size: Size, red: Collection[int] = ()) -> Image.Image:
     if view not in (*VIEWS, SHEET):
         raise UnknownNameError("view", view, (*VIEWS, SHEET))
     shapes = MachineSolids(machine)
-    solids = shapes.things(shapes.rest)
+    solids = shapes.things(shapes.rest, red)
     if view == SHEET:
         return _sheet(solids, (size[0] // 2, size[1] // 2))
     return _still(solids, view, size)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image, features
 
 from agentflow.cli import main
 from agentflow.env.drawing.gltf import machine_glb
+from agentflow.env.drawing.solids import BROKEN
 from tests.env.machines import CAR
+from tests.machine.builders import build
 
 SHORT = ["--task", "movement", "--set", "window=1"]
 
@@ -90,15 +93,41 @@ def test_writing_errors_are_reported_in_one_line(
     assert [path.name for path in tmp_path.iterdir()] == ["car.json"]
 
 
-def test_a_machine_that_overlaps_is_not_drawn(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+RED = tuple(int(255 * part) for part in BROKEN[:3])
+
+
+def count_red(file: Path) -> int:
+    """Pixels in a shade of the colour of broken blocks."""
+    with Image.open(file) as picture:
+        pixels = np.array(picture.convert("RGB")).astype(int)
+    shade = pixels.max(axis=2, keepdims=True) / max(RED)
+    close = np.abs(pixels - shade * RED).max(axis=2) < 12
+    return int((close & (pixels[:, :, 0] > 100)).sum())
+
+
+def test_overlaps_of_an_invalid_machine_are_drawn_in_red(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    steps = [{"type": 0, "id": 0, "parent": -1, "face_id": -1}]
-    steps += [{"type": 1, "id": i, "parent": 0, "face_id": 0} for i in (1, 2)]
-    path = tmp_path / "bad.json"
-    path.write_text(json.dumps(steps))
-    assert main(["render", str(path), "--out", str(tmp_path / "x.png")]) == 2
-    assert f"{path} cannot be built: " in capsys.readouterr().err
+    monkeypatch.chdir(tmp_path)
+    Path("bad.json").write_text(build((1, 0, 0), (15, 0, 0), (1, 0, 1)).to_text())
+    Path("good.json").write_text(build((1, 0, 0), (1, 0, 1)).to_text())
+    assert main(["render", "good.json", "--out", "good.png"]) == 0
+    assert capsys.readouterr() == ("good.png\n", "")
+    assert main(["render", "bad.json"]) == 0
+    told = capsys.readouterr()
+    assert told.out == "machine.png\n"
+    assert told.err.startswith("agentflow: bad.json is not valid: blocks 1, 2 share face 0 of ")
+    assert told.err.endswith("; overlapping blocks are red\n")
+    assert count_red(Path("good.png")) == 0
+    assert count_red(Path("machine.png")) > 2000
+    for name in ("x.gif", "x.glb"):
+        assert main(["render", "bad.json", "--out", name]) == 2
+        assert capsys.readouterr().err.startswith(
+            "agentflow: bad.json can only be drawn (.png), because it is not valid: blocks 1, 2 "
+        )
+    Path("none.json").write_text("[{}]")
+    assert main(["render", "none.json"]) == 2
+    assert "none.json cannot be built: block 0 has no 'type'" in capsys.readouterr().err
 
 
 def test_a_machine_is_converted_to_glb(car: str, tmp_path: Path) -> None:
