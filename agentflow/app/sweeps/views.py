@@ -31,6 +31,8 @@ LAYOUT = "published"
 """Name of the view in the published layout."""
 PLAYERS = "players"
 """Name of the view relative to experienced players."""
+VERIFIED = "verified"
+"""Name of the view of verified scores."""
 CURVE = (0, 1, 2, 4, 8, 12, 16, 20, 30, 40)
 """Numbers of expansions at which strategies are compared."""
 INTERVAL = "95 %"
@@ -38,7 +40,7 @@ OWN_SCALE = (
     "Scores come from this simulator, the players' from the game, so the share is approximate."
 )
 
-VERIFIED = (
+OF_VERIFIED_RUNS = (
     "Means over the best machines of the verified runs: their score, and the median (verified), "
     "lowest and highest score in simulations with a finer time step and slightly different masses, "
     "friction and motor torque."
@@ -180,7 +182,7 @@ def verified_table(result: SweepResult) -> Table:
         ("task", "model", "variant"),
         tuple(Column("", name) for name in ("verified runs", "score", "verified", "low", "high")),
         tuple(rows),
-        notes=(*result.notes, VERIFIED),
+        notes=(*result.notes, OF_VERIFIED_RUNS),
     )
 
 
@@ -196,7 +198,7 @@ VIEWS: Mapping[str, Callable[[SweepResult], Table]] = MappingProxyType(
         "usage": usage_table,
         PLAYERS: players_table,
         "expansions": expansions_table,
-        "verified": verified_table,
+        VERIFIED: verified_table,
     }
 )
 """Name of a view -> function that makes its table."""

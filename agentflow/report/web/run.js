@@ -54,13 +54,17 @@ function header(data) {
 /** The verified score, and the scores that it is the median of. */
 function verification({ score, low, high, scores }) {
   const [first] = scores;
-  const change = (item) => (first.score && item.score !== null && item !== first ? `${formatNumber(100 * (item.score / first.score - 1), 1)} %` : "");
+  const change = (item) => {
+    if (!first.score || item.score === null || item === first) return null;
+    const percent = 100 * (item.score / first.score - 1);
+    return `${percent > 0 ? "+" : ""}${formatNumber(percent, 1)} %`;
+  };
+  const name = ({ variation, status }) => (status === "ok" ? variation : `${variation} (${STATUS[status] ?? status})`);
   const summary = score === null ? "No verified score: some simulations failed"
     : `Verified score ${formatNumber(score)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}`;
   return el("details", {}, el("summary", {}, summary),
     el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and motor torque. The verified score is the median."),
-    table("Scores of the best machine", ["Simulation", "Score", "Change", "Status"],
-      scores.map((item) => [item.variation, item.score, change(item), STATUS[item.status] ?? item.status])));
+    table("Scores of the best machine", ["Simulation", "Score", "Change"], scores.map((item) => [name(item), item.score, change(item)])));
 }
 
 function heading(node) {

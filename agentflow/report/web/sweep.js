@@ -52,8 +52,9 @@ function compactTable(caption, heads, columns, rows) {
 
 function runsSection(rows) {
   const failed = rows.filter((row) => row.state !== "done");
-  const list = table("", ["Run", "State", "Best score", "Verified score", ...(failed.length ? ["Reason"] : [])],
-    rows.map((row) => [row.name, row.state, row.score, row.verified, ...(failed.length ? [row.why ?? ""] : [])]));
+  const verified = rows.some((row) => row.verified !== null);
+  const list = table("", ["Run", "State", "Best score", ...(verified ? ["Verified score"] : []), ...(failed.length ? ["Reason"] : [])],
+    rows.map((row) => [row.name, row.state, row.score, ...(verified ? [row.verified] : []), ...(failed.length ? [row.why ?? ""] : [])]));
   const count = rows.length === 1 ? "1 run" : `${rows.length} runs`;
   const word = failed.length ? `${count}, ${failed.length} not done` : `${count}, all done`;
   const details = el("details", {}, el("summary", {}, word), list);

@@ -22,11 +22,24 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
 from agentflow.runs import read_document, read_result
 from agentflow.runs.document import document_text
-from tests.app.sweeps.test_tables import sweep
+from tests.app.sweeps.test_tables import sweep, verification
 from tests.metrics.events import candidate
 from tests.report.hostile import BREAKS, HOLDS, hostile_run, machine
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
+
+
+VERIFIED = {
+    "score": 11.0,
+    "low": 9.5,
+    "high": 12.0,
+    "scores": [
+        {"variation": "default", "status": "ok", "score": 12.0},
+        {"variation": "4 x step rate", "status": "ok", "score": 11.0},
+        {"variation": "masses +2 %", "status": "ok", "score": 9.5},
+    ],
+}
+"""A verification, shortened."""
 
 
 def quiet(_done: int, _of: int) -> None:
@@ -62,6 +75,15 @@ def test_machines_without_a_film_are_shown_as_built(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_the_verified_score_is_shown_beside_the_score(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(RECORDED, run)
+    result = read_result(run)
+    (run / "result.json").write_text(json.dumps({**result, "verified": VERIFIED}))
+    data = data_of(report(run, tmp_path / "r.html", films=0, workers=1, say=quiet))
+    assert (data["run"]["score"], data["run"]["verified"]) == (result["score"], VERIFIED)
+
+
 def test_a_run_in_progress_is_read_once(tmp_path: Path) -> None:
     """The run continues while films are made; all numbers are from before."""
     run = hostile_run(tmp_path)
@@ -194,7 +216,7 @@ def test_a_sweep_is_reported_with_its_tables(
 ) -> None:
     axes = {"condition": {"chain": {"search.strategy": "random"}, "mcts": {}}}
     runs = {
-        "chain.seed-0": [candidate("env_feedback", 1, 2.0)],
+        "chain.seed-0": [candidate("env_feedback", 1, 2.0), verification(2.0, 1.0, 1.5)],
         "mcts.seed-0": [candidate("env_feedback", 1, 4.0)],
     }
     path = sweep(tmp_path, runs, seeds=[0], axes=axes, base={"task": "throwing"})
@@ -206,11 +228,13 @@ def test_a_sweep_is_reported_with_its_tables(
         ("chain", [2.0]),
         ("mcts", [4.0]),
     ]
-    assert [table["title"] for table in data["tables"]] == ["Hand", "scores", "usage"]
+    assert [table["title"] for table in data["tables"]] == [
+        *("Hand", "scores", "usage", "verified scores")
+    ]
     # none against expansions, nothing was searched; none of players, none are published
     assert data["runs"] == [
-        {"name": "chain.seed-0", "state": "done", "score": 2.0},
-        {"name": "mcts.seed-0", "state": "done", "score": 4.0},
+        {"name": "chain.seed-0", "state": "done", "score": 2.0, "verified": 1.5},
+        {"name": "mcts.seed-0", "state": "done", "score": 4.0, "verified": None},
     ]
 
 
@@ -218,17 +242,19 @@ def test_a_sweep_is_reported_with_its_tables(
 def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
     shutil.copytree(RECORDED, tmp_path / "runs" / "a")
     shutil.copytree(RECORDED, tmp_path / "runs" / "b")
-    result = json.loads((RECORDED / "result.json").read_text())
+    result = json.loads((RECORDED / "result.json").read_text()) | {"verified": VERIFIED}
+    (tmp_path / "runs" / "b" / "result.json").write_text(json.dumps(result))
     none = {**result, "valid": False, "machine": None, "score": None, "reason": "all overlapped"}
+    none["verified"] = None
     (tmp_path / "runs" / "a" / "result.json").write_text(json.dumps(none))
     hostile_run(tmp_path / "runs")  # unfinished: left out
     out = gallery([tmp_path / "runs"], tmp_path / "g.html", workers=1, say=quiet)
     data = data_of(out)
     score = read_result(RECORDED)["score"]
-    found = [(card["run"], card["task"], card["score"], card["why"]) for card in data["cards"]]
-    assert found == [
-        ("b", "throwing", score, ""),
-        ("a", "throwing", None, "all overlapped"),
+    keys = ("run", "task", "score", "verified", "why")
+    assert [tuple(card[key] for key in keys) for card in data["cards"]] == [
+        ("b", "throwing", score, 11.0, ""),
+        ("a", "throwing", None, None, "all overlapped"),
     ]
     assert data["cards"][0]["asked"]["title"] == "walled arena"
     assert data["cards"][0]["about"] == "hierarchical, procedural (no language model), seed 0"

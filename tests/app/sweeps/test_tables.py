@@ -19,6 +19,8 @@ from agentflow.errors import RunError, UnknownNameError, UsageError
 from agentflow.metrics.tables import Row, Table
 from agentflow.metrics.validity import Rate
 from agentflow.runs import Event, RunDirectory
+from agentflow.runs.events import VariedScore, VerificationEvent
+from agentflow.runs.places import Place
 from tests.metrics.events import candidate, expansion, node
 
 MODEL = "procedural (no language model)"
@@ -75,6 +77,15 @@ def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Pa
             )
             run.close()
     return path
+
+
+def verification(*scores: float | None) -> Event:
+    """A verification with three variations."""
+    found = [score for score in scores if score is not None]
+    complete = len(found) == len(scores)
+    listed = tuple(VariedScore(str(i), "ok", score) for i, score in enumerate(scores))
+    low, middle, high = sorted(found) if complete else (None, None, None)
+    return VerificationEvent(Place("best"), "0" * 16, middle, low, high, listed).to_event()
 
 
 def values(table: Table) -> dict[tuple[str, ...], tuple[Any, ...]]:
@@ -338,3 +349,20 @@ def test_only_the_usage_view_reads_calls(tmp_path: Path) -> None:
     for tape in path.rglob("calls.jsonl"):
         tape.unlink()
     assert layout_table(read_sweep_result(path)).rows
+
+
+def test_verified_scores_stand_beside_the_plain_ones(tmp_path: Path) -> None:
+    runs = {
+        "one.seed-0": [candidate("initial", 1, 20.0), verification(20.0, 10.0, 15.0)],
+        "one.seed-1": [candidate("initial", 1, 30.0), verification(30.0, 28.0, 31.0)],
+        "other.seed-0": [candidate("initial", 1, 40.0), verification(40.0, None, 15.0)],
+        "other.seed-1": [candidate("initial", 1, 50.0)],
+    }
+    axes = {"condition": {"one": {"history": True}, "other": {"verify": False}}}
+    table = {"metrics": ["max", "verified"], "stage": "initial"}
+    path = sweep(tmp_path, runs, axes=axes, seeds=[0, 1], table=table)
+    assert values(view(path)) == {("throwing", MODEL): (30.0, 22.5, 50.0, None)}
+    assert values(view(path, "verified")) == {
+        ("throwing", MODEL, "one"): (Rate(2, 2), 25.0, 22.5, 19.0, 25.5),
+        ("throwing", MODEL, "other"): (Rate(0, 2), None, None, None, None),
+    }

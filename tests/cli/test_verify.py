@@ -1,0 +1,70 @@
+"""`agentflow verify` as a user types it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from agentflow.cli import main
+from tests.app.pages.test_runs import RECORDED
+
+CAR = str(Path(__file__).parents[2] / "examples" / "car.json")
+Captured = pytest.CaptureFixture[str]
+
+
+def test_a_machine_is_verified_as_text_and_as_json(capsys: Captured) -> None:
+    assert main(["verify", CAR, "--task", "movement", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert list(found) == ["task", "seed", "score", "verified", "problems"]
+    verified = found["verified"]
+    assert list(verified) == ["score", "low", "high", "scores"]
+    assert verified["low"] <= verified["score"] <= verified["high"]
+    assert [list(item) for item in verified["scores"]] == [["variation", "status", "score"]] * 8
+    assert verified["scores"][0]["score"] == found["score"]
+    assert main(["verify", CAR, "--task", "movement"]) == 0
+    first, second, head, default, *varied = capsys.readouterr().out.splitlines()
+    assert first == f"score {found['score']:.2f} (movement)"
+    assert second == (
+        f"verified score {verified['score']:.2f}, the median of 8 simulations that scored "
+        f"{verified['low']:.2f} to {verified['high']:.2f}"
+    )
+    assert head.split() == ["simulation", "score", "change"]
+    assert default.split() == ["default", f"{found['score']:.2f}"]
+    for line, item in zip(varied, verified["scores"][1:], strict=True):
+        change = 100 * (item["score"] / found["score"] - 1)
+        assert line.startswith(item["variation"])
+        assert line.split()[-3] == f"{item['score']:.2f}"
+        assert float(line.split()[-2]) == pytest.approx(change, abs=0.051)
+
+
+def test_an_invalid_machine_says_why(tmp_path: Path, capsys: Captured) -> None:
+    (tmp_path / "empty.json").write_text("[]")
+    assert main(["verify", str(tmp_path / "empty.json"), "--task", "movement"]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == "score 0.00 (movement)"
+    assert told[2].startswith("empty: ")
+    assert told[-1].split() == [*["motor", "torque", "-2", "%", "0.00", "(invalid)", "-"]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([CAR], "a machine is verified on a task; name the task with --task"),
+        (
+            [str(RECORDED), "--seed", "1"],
+            "a run has its own task, knobs and seed; remove --set and --seed, or name another "
+            "task with --task",
+        ),
+    ],
+)
+def test_what_is_missing_is_named(arguments: list[str], message: str, capsys: Captured) -> None:
+    assert main(["verify", *arguments]) == 2
+    assert capsys.readouterr() == ("", f"agentflow: {message}\n")
+
+
+def test_a_directory_must_be_a_run(tmp_path: Path, capsys: Captured) -> None:
+    assert main(["verify", str(tmp_path)]) == 2
+    told = f"agentflow: {tmp_path} is not a run directory: it has no readable run.yaml\n"
+    assert capsys.readouterr() == ("", told)
