@@ -12,8 +12,10 @@ import pytest
 from agentflow.agents.registry import model_roles
 from agentflow.app.inspect.overview import run_details, run_list
 from agentflow.app.inspect.rescore import rescore
+from agentflow.cli.display.show_records import show_rescored
 from agentflow.errors import RunError
 from agentflow.runs import RunDirectory, read_calls, read_document, read_result
+from agentflow.runs.document import document_text
 
 RECORDED = Path(__file__).parents[3] / "runs" / "recorded-throwing"
 RESULT = (RECORDED / "result.json").read_text()
@@ -133,7 +135,31 @@ def test_rescoring_finds_another_score(tmp_path: Path) -> None:
         "now": {"status": "ok", "score": now},
         "difference": pytest.approx(-1.5),
         "identical": False,
+        "notes": [],
     }
+
+
+def test_machines_that_break_later_rules_are_shown_and_rescored_with_a_note(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = folder / "finished"
+    document = read_document(run)
+    document["config"]["knobs"] = {"blocks.max": 10, "window": 1}
+    (run / "run.yaml").write_text(document_text(document))
+    lines = (run / "events.jsonl").read_text().splitlines()
+    first = next(i for i, line in enumerate(lines) if '"evaluation"' in line)
+    (run / "events.jsonl").write_text("\n".join([*lines[: first + 1], ""]))
+    blocks = len(read_result(run)["machine"])
+    assert run_details(run)["remarks"] == [
+        f"the best machine would now be refused: the machine has {blocks} blocks; this task "
+        f"allows at most 10: remove at least {blocks - 10}"
+    ]
+    (found,) = (told := rescore(run))["machines"]
+    assert found["now"]["status"] == "ok"
+    (note,) = found["notes"]
+    assert note.startswith("would now be refused: the machine has ")
+    show_rescored(told)
+    assert f"notice: {found['machine']} {note}\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("kind", ["stage", "evaluation", "attempt", "run"])
