@@ -45,19 +45,14 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Loop:
-    """A moving joint that closes a loop between clusters."""
-
-    joint: int
-    parallel: tuple[Parallel, ...] = ()
-
-
-@dataclass(frozen=True)
 class Piece:
     """One connected component: a root and its links, parents before children."""
 
     root: int
     links: tuple[Link, ...]
+    loops: tuple[Link, ...] = ()
+    """Moving joints that close a loop between clusters and are parallel to no other joint; as if
+    their part `b` hung on `a`."""
 
     @property
     def parts(self) -> tuple[int, ...]:
@@ -78,8 +73,6 @@ class Skeleton:
     jammed: tuple[int, ...]
     """Moving joints that others hold, whose freedom has nothing in common with theirs; those in the
     tree are rigid links."""
-    loops: tuple[Loop, ...]
-    """Moving joints that close a loop between clusters and are parallel to no other joint."""
     redundant: tuple[int, ...]
     """Rigid joints that close a loop within a cluster and share its load."""
 
@@ -89,10 +82,14 @@ class Skeleton:
         return (link for piece in self.pieces for link in piece.links)
 
     @property
+    def loops(self) -> tuple[Link, ...]:
+        """The loops of all pieces."""
+        return tuple(loop for piece in self.pieces for loop in piece.loops)
+
+    @property
     def parallel(self) -> Iterator[Parallel]:
         """All joints that are parallel to another one."""
-        yield from (other for link in self.links for other in link.parallel)
-        yield from (other for loop in self.loops for other in loop.parallel)
+        return (other for link in (*self.links, *self.loops) for other in link.parallel)
 
 
 class _Sets:
@@ -141,11 +138,10 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
     for i in leading:
         (used if sets.join(joints[i].a, joints[i].b) else loops).append(i)
     return Skeleton(
-        _pieces(count, joints, sorted((*used, *rigid)), leading, rigid),
+        _pieces(count, joints, sorted((*used, *rigid)), sorted(loops), leading, rigid),
         cluster,
         tuple(sorted(locked)),
         tuple(sorted(jammed)),
-        tuple(Loop(i, leading[i]) for i in sorted(loops)),
         tuple(redundant),
     )
 
@@ -231,6 +227,7 @@ def _pieces(
     count: int,
     joints: Sequence[Joint],
     used: Sequence[int],
+    loops: Sequence[int],
     parallel: Mapping[int, tuple[Parallel, ...]],
     rigid: Collection[int],
 ) -> tuple[Piece, ...]:
@@ -253,5 +250,11 @@ def _pieces(
                     seen[other] = True
                     queue.append(other)
                     links.append(Link(other, part, i, flip, parallel.get(i, ()), i in rigid))
-        pieces.append(Piece(root, tuple(links)))
+        inside = {root, *(link.part for link in links)}
+        closing = tuple(
+            Link(joints[i].b, joints[i].a, i, False, parallel[i])
+            for i in loops
+            if joints[i].a in inside
+        )
+        pieces.append(Piece(root, tuple(links), closing))
     return tuple(pieces)

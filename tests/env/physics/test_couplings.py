@@ -291,4 +291,4 @@ def test_a_slider_in_a_loop_tells_the_torque_that_it_bears(
 ) -> None:
     load = held_by_a_slider(engine, "revolute", hinge, slides, at)
     assert load[3:] == pytest.approx(torque, abs=0.01 * WEIGHT)
-    assert np.abs(load[:3]).max() < 0.1 * WEIGHT  # the hinge could bear all of the weight
+    assert np.abs(load[:3]).max() < 0.25 * WEIGHT  # the hinge could bear all of the weight

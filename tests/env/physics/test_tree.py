@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.env.physics.model import Joint, JointKind
-from agentflow.env.physics.spanning_tree import Link, Loop, Parallel, Piece, skeleton
+from agentflow.env.physics.spanning_tree import Link, Parallel, Piece, skeleton
 from agentflow.machine.geometry.vectors import Vec3
 
 
@@ -49,7 +49,7 @@ def test_rigid_bridges_lock_a_moving_joint() -> None:
 
 def test_a_second_way_through_moving_joints_is_a_loop() -> None:
     plan = skeleton(3, [hinge(0, 1), hinge(1, 2), hinge(0, 2)])
-    assert plan.loops == (Loop(2),)
+    assert plan.loops == (Link(2, 0, 2, False),)
     assert plan.locked == ()
 
 

@@ -10,12 +10,10 @@ from agentflow.env.physics.frames import swap, swap_all
 from agentflow.env.physics.laws.air import WindForce
 from agentflow.env.physics.laws.flight import BladeForce, ThrustForce
 from agentflow.env.physics.laws.forces import PartForce, PartLocations
-from agentflow.env.physics.laws.struts import StrutForce
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
 from agentflow.env.physics.layout import RowLayout
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row
-from agentflow.env.physics.spanning_tree import Skeleton
 from agentflow.env.scene import Scene
 
 Law = Callable[[Sequence[Row]], list[PartForce]]
@@ -24,12 +22,11 @@ Law = Callable[[Sequence[Row]], list[PartForce]]
 
 def device_laws(
     assembly: Assembly,
-    plan: Skeleton,
     locations: PartLocations,
     levels: Mapping[str, float],
     winches: WinchForce,
 ) -> list[Law]:
-    """Springs, thrusters, blades, winches and struts, where there are any."""
+    """Springs, thrusters, blades and winches, where there are any."""
     devices = assembly.devices
     laws: list[Law] = []
     if devices.springs:
@@ -41,9 +38,6 @@ def device_laws(
     if winches:
         winches.locate_parts(locations)
         laws.append(winches)
-    struts = StrutForce(assembly, plan.loops, locations)
-    if struts:
-        laws.append(struts)
     return laws
 
 

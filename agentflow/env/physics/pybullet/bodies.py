@@ -5,6 +5,7 @@ Every link frame is at its joint and aligned with the machine frame at rest.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
@@ -57,6 +58,11 @@ class Built:
     piece: Piece
     index: Mapping[int, int]
     """Part -> link number."""
+    joints: tuple[tuple[Link, int], ...]
+    """The links of the piece, then its loops, with their link numbers.
+
+    A loop is a joint like the others, from its part `a` to a twin of its part `b`, which has no
+    shape and a share of that part's mass, and is held to it by a constraint."""
 
 
 class BodyBuilder:
@@ -91,8 +97,9 @@ class BodyBuilder:
         Raises:
             TooLargeError: It has more links than PyBullet can hold.
         """
-        if len(piece.links) > MOST_LINKS:
-            raise TooLargeError(len(piece.links) + 1, MOST_LINKS + 1)
+        links = (*piece.links, *piece.loops)
+        if len(links) > MOST_LINKS:
+            raise TooLargeError(len(links) + 1, MOST_LINKS + 1)
         frames = {piece.root: parts[piece.root].centre}
         frames |= {link.part: joints[link.joint].pivot for link in piece.links}
         order = {piece.root: 0} | {link.part: i for i, link in enumerate(piece.links, 1)}
@@ -103,51 +110,63 @@ class BodyBuilder:
             part: self._shapes(each, subtract(parts[part].centre, frames[part]))
             for part, each in shapes.items()
         }
+        twins = Counter(loop.part for loop in piece.loops)
+        masses = {part: parts[part].mass / (1 + twins[part]) for part in order}
+        pivots = [joints[link.joint].pivot for link in links]
         root = parts[piece.root]
         uid = pybullet.createMultiBody(
-            root.mass,
+            masses[piece.root],
             solids[piece.root],
             -1,
             swap(root.centre),
-            linkMasses=[parts[link.part].mass for link in piece.links],
-            linkCollisionShapeIndices=[solids[link.part] for link in piece.links],
-            linkVisualShapeIndices=[-1] * len(piece.links),
+            linkMasses=[masses[link.part] for link in links],
+            linkCollisionShapeIndices=[
+                *(solids[link.part] for link in piece.links),
+                *(-1 for _ in piece.loops),
+            ],
+            linkVisualShapeIndices=[-1] * len(links),
             linkPositions=[
-                swap(subtract(frames[link.part], frames[link.parent])) for link in piece.links
+                swap(subtract(pivot, frames[link.parent]))
+                for link, pivot in zip(links, pivots, strict=True)
             ],
-            linkOrientations=[IDENTITY] * len(piece.links),
+            linkOrientations=[IDENTITY] * len(links),
             linkInertialFramePositions=[
-                swap(subtract(parts[link.part].centre, frames[link.part])) for link in piece.links
+                swap(subtract(parts[link.part].centre, pivot))
+                for link, pivot in zip(links, pivots, strict=True)
             ],
-            linkInertialFrameOrientations=[IDENTITY] * len(piece.links),
-            linkParentIndices=[order[link.parent] for link in piece.links],
+            linkInertialFrameOrientations=[IDENTITY] * len(links),
+            linkParentIndices=[order[link.parent] for link in links],
             linkJointTypes=[
-                _KINDS["fixed" if link.rigid else joints[link.joint].kind] for link in piece.links
+                _KINDS["fixed" if link.rigid else joints[link.joint].kind] for link in links
             ],
-            linkJointAxis=[_axis(joints[link.joint], link) for link in piece.links],
+            linkJointAxis=[_axis(joints[link.joint], link) for link in links],
             flags=pybullet.URDF_USE_SELF_COLLISION
             | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT,
             physicsClientId=self.client,
         )
         pybullet.changeDynamics(uid, -1, maxJointVelocity=FASTEST, physicsClientId=self.client)
-        built = Built(uid, piece, {piece.root: -1} | self._indices(uid, piece))
+        numbered = tuple(zip(links, self._numbers(uid, len(links)), strict=True))
+        index = {piece.root: -1} | {link.part: i for link, i in numbered[: len(piece.links)]}
         for part in order:
-            self._dynamics(uid, built.index[part], parts[part])
-        for link in piece.links:
-            self._joint(built, link, joints)
-        return built
+            self._dynamics(uid, index[part], parts[part], 1 + twins[part])
+        for loop, i in numbered[len(piece.links) :]:
+            self._dynamics(uid, i, parts[loop.part], 1 + twins[loop.part])
+        for link, i in numbered:
+            self._joint(uid, i, link, joints)
+        return Built(uid, piece, index, numbered)
 
-    def _indices(self, uid: int, piece: Piece) -> dict[int, int]:
+    def _numbers(self, uid: int, count: int) -> list[int]:
         """PyBullet renumbers links depth first but keeps their names: joint1, joint2, ..."""
         names = {
-            pybullet.getJointInfo(uid, i, physicsClientId=self.client)[1]: i
-            for i in range(len(piece.links))
+            pybullet.getJointInfo(uid, i, physicsClientId=self.client)[1]: i for i in range(count)
         }
-        return {link.part: names[b"joint%d" % i] for i, link in enumerate(piece.links, 1)}
+        return [names[b"joint%d" % i] for i in range(1, count + 1)]
 
-    def _dynamics(self, uid: int, index: int, part: Part) -> None:
+    def _dynamics(self, uid: int, index: int, part: Part, twins: int) -> None:
+        """Set the surface of a link, and the inertia of one of so many twins of a part."""
+        inertia = scale(swap(part.inertia), 1.0 / twins)
         pybullet.changeDynamics(
-            uid, index, localInertiaDiagonal=swap(part.inertia), physicsClientId=self.client
+            uid, index, localInertiaDiagonal=inertia, physicsClientId=self.client
         )
         self._surface(uid, index, part.friction, part.restitution, part.rolling_friction)
 
@@ -178,15 +197,14 @@ class BodyBuilder:
             physicsClientId=self.client,
         )
 
-    def _joint(self, built: Built, link: Link, joints: Sequence[Joint]) -> None:
+    def _joint(self, uid: int, index: int, link: Link, joints: Sequence[Joint]) -> None:
         """Set sensors and stops."""
-        index = built.index[link.part]
-        pybullet.enableJointForceTorqueSensor(built.uid, index, True, physicsClientId=self.client)
+        pybullet.enableJointForceTorqueSensor(uid, index, True, physicsClientId=self.client)
         stops = merge_drives(joints, link.joint, link.parallel).stops
         if stops is not None and not link.rigid:
             low, high = stops
             pybullet.changeDynamics(
-                built.uid,
+                uid,
                 index,
                 jointLowerLimit=low,
                 jointUpperLimit=high,

@@ -1,4 +1,4 @@
-"""Forces applied in every step: air, springs, thrusters, blades, winches, struts."""
+"""Forces applied in every step: air, springs, thrusters, blades, winches."""
 
 from __future__ import annotations
 

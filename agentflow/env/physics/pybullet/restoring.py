@@ -45,9 +45,8 @@ def restore(
         uid, root[POSITION].tolist(), root[ROTATION].tolist(), client
     )
     pybullet.resetBaseVelocity(uid, root[VELOCITY].tolist(), root[SPIN].tolist(), client)
-    for link in built.piece.links:
+    for link, index in built.joints:
         joint = assembly.joints[link.joint]
-        index = built.index[link.part]
         if link.rigid:
             continue
         if joint.kind == "spherical":

@@ -101,10 +101,10 @@ class Sensors:
         self._bodies: list[tuple[int, list[int]]] = []
         links: list[Link] = []
         for body in built:
-            if body.piece.links:
-                own = sorted(body.piece.links, key=lambda link: link.joint)
-                self._bodies.append((body.uid, [body.index[link.part] for link in own]))
-                links += own
+            if body.joints:
+                own = sorted(body.joints, key=lambda each: each[0].joint)
+                self._bodies.append((body.uid, [index for _, index in own]))
+                links += [link for link, _ in own]
         self._links = links
         self._motors = [
             (row, link.joint, _wrench_of_motor(joints[link.joint]))

@@ -196,11 +196,11 @@ class PyBulletWorld:
         handles = {part: (body.uid, index) for body in built for part, index in body.index.items()}
         layout = lay_out(assembly, plan, self._scene.moving)
         rows = Rows(client, layout, built, self.things)
-        laws = device_laws(assembly, plan, layout.locations, self._levels, self._winches)
+        laws = device_laws(assembly, layout.locations, self._levels, self._winches)
         drag = self._physics["wind_drag"]
         laws += wind_laws(assembly, layout, self._scene, drag, self._wind_strength)
         set_collisions_of_clusters(client, plan, handles)
-        self._couplings.renew(assembly, plan, handles)
+        self._couplings.renew(assembly, plan, built, handles)
         pybullet.setPhysicsEngineParameter(
             numNonContactInnerIterations=inner_iterations(assembly, plan), physicsClientId=client
         )
@@ -233,16 +233,9 @@ class PyBulletWorld:
         """Read the rows of the heads and the reactions of all joints."""
         self._now.rows.read()
         self._now.sensors.read(self.reactions)
-        for joint, load in self._couplings.loads(self._part_rotation):
-            self.reactions[joint] = load
 
     def _row(self, block: int) -> Row:
         return self._now.rows[self._now.readings.row_of[block]]
-
-    def _part_rotation(self, part: int) -> Quat:
-        """Orientation of a part in PyBullet's frame."""
-        _, _, _, x, y, z, w, *_ = self._now.rows[self._now.layout.locations.row[part]]
-        return (x, y, z, w)
 
     def _divide_steps(self, finer: int) -> None:
         """Divide every step into `finer` from now on."""

@@ -27,7 +27,7 @@ def test_loops_are_bound_once_after_every_split() -> None:
     assembly = assemble(tree, place(tree), constants())
     world = engine.build(assembly, Scene(), RATE)
     before = pybullet.getNumConstraints(engine.client)
-    assert before == 2
+    assert before == 1
     world.split([i for i, joint in enumerate(assembly.joints) if joint.block == 11])
     assert pybullet.getNumConstraints(engine.client) == before
     assert assembly.devices == Devices()
