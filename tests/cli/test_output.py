@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-import pytest
+from pathlib import Path
 
+import pytest
+import yaml
+from rich.table import Table
+from rich.text import Text
+
+from agentflow.cli import main
 from agentflow.cli.display.output import columns, output
 from agentflow.cli.display.show import show_edit
 from agentflow.cli.display.text import show_count
@@ -25,6 +31,29 @@ def test_text_by_others_is_shown_whole_and_as_text(capsys: pytest.CaptureFixture
         "next",
         "",
     ]
+
+
+def test_no_way_of_showing_text_obeys_it(capsys: pytest.CaptureFixture[str]) -> None:
+    """Styled text, heads of tables, plain tables."""
+    plain = Table("name")
+    plain.add_row(Text(EVIL))
+    console = output()
+    for shown in (Text(EVIL, style="bold"), columns(EVIL), plain):
+        console.print(shown)
+    out = capsys.readouterr().out
+    assert out.count(r"\x1b]0;title") == 3
+    assert all(c.isprintable() or c == "\n" for c in out)
+
+
+def test_the_title_of_a_level_file_is_text(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    level = {"family": "movement", "title": EVIL, "good": 9}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(level))
+    assert main(["tasks", str(tmp_path / "own.yaml")]) == 0
+    out = capsys.readouterr().out
+    assert r"\x1b]0;title" in out
+    assert all(c.isprintable() or c == "\n" for c in out)
 
 
 def test_the_script_of_a_model_cannot_move_the_cursor(capsys: pytest.CaptureFixture[str]) -> None:

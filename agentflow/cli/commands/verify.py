@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -33,6 +32,7 @@ def verify(
     A run stands for its best machine. Without --task, the run's own task, knobs and seed are used,
     and the result is stored in the run unless it has one already.
     """
+    from agentflow.cli.display.live import print_line
     from agentflow.cli.display.show_verified import show_verified
 
     if task is None and Path(source).is_dir():
@@ -43,9 +43,7 @@ def verify(
                 "a run has its own task, knobs and seed; remove --set and --seed, or name another "
                 "task with --task"
             )
-        found = verify_run(
-            Path(source), workers, lambda x: print(f"agentflow: {x}", file=sys.stderr)
-        )
+        found = verify_run(Path(source), workers, lambda line: print_line(f"agentflow: {line}"))
     else:
         from agentflow.app.machines.files import machine_text
         from agentflow.app.machines.verify import verify_text

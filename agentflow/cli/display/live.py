@@ -9,11 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
-from rich.console import Console, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from agentflow.cli.display.output import SafeConsole
 from agentflow.cli.display.text import escape_controls, number
 from agentflow.runs import Event, Listener, Notify
 from agentflow.runs.events import (
@@ -38,7 +39,7 @@ BARS = "▁▂▃▄▅▆▇█"
 @contextmanager
 def watch(quiet: bool) -> Iterator[tuple[Listener | None, Notify]]:
     """A listener for a run's events and a callback for its notices; neither prints if quiet."""
-    console = Console(stderr=True, highlight=False)
+    console = SafeConsole(stderr=True, highlight=False)
     if quiet:
         yield None, lambda _line: None
     elif console.is_terminal:

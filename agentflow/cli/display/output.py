@@ -2,21 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Table
 
 from agentflow.cli.display.text import escape_controls
 
 
-class Output(Console):
-    """A console that escapes control characters and leaves broken pipes to cli.main."""
+class SafeConsole(Console):
+    """A console that escapes control characters in whatever it renders, except line breaks."""
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print, with control characters in strings escaped."""
+        """Print; strings are escaped before rich, which drops some characters, sees them."""
         shown = (escape_controls(item, "\n") if isinstance(item, str) else item for item in objects)
         super().print(*shown, **options)
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Render; only rich itself controls the terminal."""
+        for segment in super().render(renderable, options):
+            if segment.control or segment.text.isprintable():
+                yield segment
+            else:
+                yield Segment(escape_controls(segment.text, "\n"), segment.style)
+
+
+class Output(SafeConsole):
+    """A console that leaves broken pipes to cli.main."""
 
     def on_broken_pipe(self) -> None:
         """Raise, where rich would end the process with status 1."""

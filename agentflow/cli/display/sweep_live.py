@@ -15,6 +15,7 @@ from rich.text import Text
 
 from agentflow.app.sweeps.run import Watcher
 from agentflow.cli.display.live import print_line
+from agentflow.cli.display.output import SafeConsole
 from agentflow.cli.display.text import escape_controls, number
 from agentflow.runs import Event
 from agentflow.runs.events import typed_event
@@ -27,7 +28,7 @@ SPARE = 6
 @contextmanager
 def watch_sweep(runs: int, quiet: bool) -> Iterator[Watcher]:
     """A watcher for a sweep of this many runs, while it is running."""
-    console = Console(stderr=True, highlight=False)
+    console = SafeConsole(stderr=True, highlight=False)
     if quiet or not console.is_terminal:
         yield Lines(quiet)
         return
