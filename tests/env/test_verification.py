@@ -175,3 +175,12 @@ def test_a_machine_that_breaks_is_verified_bit_for_bit() -> None:
     assert {name: rollout.digest for name, rollout in found.rollouts.items()} == {
         name: rollout.digest for name, rollout in again.rollouts.items()
     }
+
+
+@pytest.mark.slow
+async def test_a_variation_of_a_level_with_ten_trials_is_all_ten() -> None:
+    machine = machine_at("tests/machines/lifting/drawbridge.json")
+    async with RolloutPool(2) as pool:
+        found = await verify_async(partial(pool.run, machine, get_task("lifting"), seed=1))
+    assert {rollout.terms["trials"] for rollout in found.rollouts.values()} == {10.0}
+    assert found.score == 10.0

@@ -19,9 +19,11 @@ import yaml
 from agentflow.app.design.replay import replay
 from agentflow.app.sweeps.plan import plan_sweep, sweep_folder
 from agentflow.app.sweeps.run import SweepOutcome, run_sweep
+from agentflow.app.sweeps.views import view
 from agentflow.env.physics.engines import default_engine
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
-from agentflow.runs import Event
+from agentflow.metrics.validity import Rate
+from agentflow.runs import Event, read_result
 from agentflow.runs.document import document_text
 
 VERSION = default_engine().identity.version
@@ -124,6 +126,25 @@ def test_machines_and_rollouts_are_stored_once(swept: tuple[SweepOutcome, Notes,
     kept = list((outcome.path / "runs").rglob("*.npz"))
     assert len(kept) == 4
     assert {path.stat().st_nlink for path in kept} == {3}
+
+
+@pytest.mark.slow
+def test_the_best_machine_of_every_run_is_verified_unless_switched_off(
+    swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
+) -> None:
+    outcome, _, _ = swept
+    without = carry_out(write(tmp_path, base={**TINY["base"], "verify": False}), tmp_path)
+    share = {
+        name: view(path, "verified") for name, path in (("on", outcome.path), ("off", without.path))
+    }
+    assert [row.values[0] for row in share["on"].rows] == [Rate(2, 2), Rate(2, 2)]
+    assert [row.values[0] for row in share["off"].rows] == [Rate(0, 2), Rate(0, 2)]
+    for name in RUNS:
+        found = read_result(outcome.path / "runs" / name)
+        plain = read_result(without.path / "runs" / name)
+        assert plain["verified"] is None
+        assert found["verified"]["scores"][0]["score"] == found["score"] == plain["score"]
+    assert len(list((without.path / "store" / "rollouts").iterdir())) == 4
 
 
 @pytest.mark.slow
