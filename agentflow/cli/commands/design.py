@@ -42,6 +42,14 @@ def design(
     config: Config = None,
     settings: Settings = None,
     seed: Annotated[int | None, typer.Option(help="Random seed.")] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(min=1, help="Make this many runs, with seeds from --seed on; keep the best."),
+    ] = None,
+    minutes: Annotated[
+        float | None,
+        typer.Option(min=0, help="With --seeds: begin no further run after this many minutes."),
+    ] = None,
     start: Annotated[
         str | None,
         typer.Option(
@@ -71,6 +79,7 @@ def design(
     """
     from agentflow.app.design import run
     from agentflow.app.design.config import load_config
+    from agentflow.app.design.seeds import design_seeds
     from agentflow.app.design.trust import require_trusted_run
     from agentflow.app.machines.files import read_one
     from agentflow.app.pages.pictures import render_run
@@ -91,9 +100,11 @@ def design(
         "settings.rollouts": rollouts,
         "keep_rollouts": keep_rollouts,
     }
-    given = [name for name, value in options.items() if value is not None]
+    given = [name for name, value in {**options, "seeds": seeds}.items() if value is not None]
     if resume is not None and (given or config or settings):
         raise UsageError("--resume uses the settings of the run; remove the other options")
+    if minutes is not None and seeds is None:
+        raise UsageError("--minutes limits the runs of --seeds; give their number, as in --seeds 5")
     finished = resume is not None and state_of(resume) == "done"
     allowed = allow if trust else approve  # asks before the progress display starts
     carry_out: Callable[[run.RunOptions], dict[str, Any]]
@@ -109,6 +120,8 @@ def design(
                 "--set search.rounds=N and --set trajectories=N"
             )
         carry_out = partial(run.design, built, out)
+        if seeds is not None:
+            carry_out = partial(design_seeds, built, out, seeds, minutes)
     with watch(quiet) as (listener, notify):
         result = carry_out(run.RunOptions(notify, listener, approve=allow))
         drawn = result["valid"] and not finished

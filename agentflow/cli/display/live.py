@@ -76,6 +76,8 @@ class Progress:
     def note(self, event: Event) -> None:
         """Take in one event."""
         item = typed_event(event)
+        if isinstance(item, RunStartEvent):  # the next of several runs
+            self.record, self.curve = RunRecord(), []
         self.record.add(item)
         if isinstance(item, CallsEvent):
             self.under_way, self.cost = item.under_way, item.cost

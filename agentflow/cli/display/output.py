@@ -11,6 +11,9 @@ from rich.table import Table
 
 from agentflow.cli.display.text import escape_controls
 
+LONG = 1000
+"""Width in characters for tables of paths, so that no path is wrapped or cut."""
+
 
 class SafeConsole(Console):
     """A console that escapes control characters in whatever it renders, except line breaks."""
@@ -33,6 +36,12 @@ class SafeConsole(Console):
 
 class Output(SafeConsole):
     """A console that leaves broken pipes to cli.main."""
+
+    def print_wide(self, table: Table) -> None:
+        """Print a table with each row on one line, however long."""
+        self.width = LONG
+        self.width = self.measure(table).maximum
+        self.print(table)
 
     def on_broken_pipe(self) -> None:
         """Raise, where rich would end the process with status 1."""

@@ -20,6 +20,8 @@ VALID = ("valid at once", "after retries")
 def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     """Print the result of a design run: score, stages, model, cost, paths."""
     console = output()
+    if seeds := result.get("seeds"):
+        _show_seeds(seeds)
     if result["valid"]:
         count = result.get("blocks") or len(result["machine"])  # older results lack the count
         blocks = block_count(count, result.get("most_blocks"))
@@ -48,6 +50,17 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
     console.print(f"see every step in 3D: agentflow report {shlex.quote(result['run'])}")
     if ending := ending_of(result):
         console.print(ending)
+
+
+def _show_seeds(runs: Sequence[Data]) -> None:
+    """Print one line per run of several seeds; what follows is about the best."""
+    table = columns("seed", "score", "verified", "found in stage", "calls", "seconds", "run")
+    for run in runs:
+        scores = (number(run["score"]), number(run["verified"]), run["best_stage"] or "-")
+        table.add_row(
+            str(run["seed"]), *scores, str(run["calls"]), f"{run['seconds']:.1f}", run["run"]
+        )
+    output().print_wide(table)
 
 
 def verified_line(verified: Data) -> str:

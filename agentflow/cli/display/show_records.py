@@ -8,9 +8,6 @@ from agentflow.cli.display.output import columns, output
 from agentflow.cli.display.show import VALID, Data, verified_line
 from agentflow.cli.display.text import block_count, number
 
-LONG = 1000
-"""Width in characters for tables of paths, so that no path is wrapped or cut."""
-
 
 def show_runs(runs: Iterable[Data]) -> None:
     """Print a list of runs."""
@@ -25,9 +22,7 @@ def show_runs(runs: Iterable[Data]) -> None:
         if item["problem"]:
             console.print(item["problem"])
     if table.row_count:
-        console.width = LONG
-        console.width = console.measure(table).maximum
-        console.print(table)
+        console.print_wide(table)
     else:
         console.print("no runs")
 

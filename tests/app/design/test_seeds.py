@@ -1,0 +1,99 @@
+"""Several seeds, one after another: the best run, a row for each, and a limit of time."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from agentflow.app.design.run import RunOptions
+from agentflow.app.design.seeds import _rank, design_seeds
+from agentflow.cli import main
+from agentflow.config.run import build_config
+from agentflow.runs import read_document, read_result
+
+TINY = {
+    "task": "movement",
+    "knobs": {"window": 1},
+    "workflow": "random-dsl",
+    "workers": 1,
+    "seed": 4,
+    "verify": False,
+    "settings": {"trajectories": 2, "rollouts": 2},
+}
+Captured = pytest.CaptureFixture[str]
+
+
+def clock(*minutes: float) -> object:
+    """A clock that shows one time after the other."""
+    times = iter(minutes)
+    return lambda: 60 * next(times)
+
+
+@pytest.mark.slow
+def test_the_best_of_the_seeds_is_returned_with_all_of_them(tmp_path: Path) -> None:
+    told: list[str] = []
+    found = design_seeds(build_config(TINY), tmp_path, 3, None, RunOptions(told.append))
+    rows = found.pop("seeds")
+    assert [row["seed"] for row in rows] == [4, 5, 6]
+    assert told == [f"seed {seed}: run {n} of 3" for n, seed in enumerate((4, 5, 6), start=1)]
+    results = [read_result(Path(row["run"])) for row in rows]
+    assert [row["score"] for row in rows] == [result["score"] for result in results]
+    assert [read_document(Path(row["run"]))["config"]["seed"] for row in rows] == [4, 5, 6]
+    assert found == max(results, key=lambda result: result["score"] or float("-inf"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        Path(row["run"]).name for row in rows
+    )
+
+
+@pytest.mark.slow
+def test_no_run_begins_when_the_time_is_over(tmp_path: Path) -> None:
+    told: list[str] = []
+    options = RunOptions(told.append)
+    times = clock(0.0, 9.0, 11.0)
+    found = design_seeds(build_config(TINY), tmp_path, 5, 10, options, times)  # type: ignore[arg-type]
+    assert [row["seed"] for row in found["seeds"]] == [4, 5]
+    assert told[-1] == "10 minutes are over: 3 seeds not run"
+
+
+def test_the_verified_score_decides_and_no_score_comes_last() -> None:
+    def result(score: float | None, verified: float | None = None) -> dict[str, object]:
+        facts = {"seed": 0, "best_stage": None, "calls": 0, "seconds": 0.0, "run": ""}
+        told = None if verified is None else {"score": verified}
+        return {**facts, "score": score, "verified": told}
+
+    ranked = [result(None), result(9.0), result(9.5, 2.0), result(3.0, 2.5)]
+    assert [_rank(item) for item in ranked] == sorted(map(_rank, ranked))
+    assert _rank(result(-1.0)) > _rank(result(None))
+
+
+@pytest.mark.slow
+def test_the_summary_names_every_run(tmp_path: Path, capsys: Captured) -> None:
+    config = tmp_path / "tiny.yaml"
+    config.write_text(json.dumps(TINY))
+    arguments = ["design", "--config", str(config), "--seeds", "2", "--out", str(tmp_path / "runs")]
+    assert main([*arguments, "--quiet", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [row["seed"] for row in found["seeds"]] == [4, 5]
+    drawn = [path.parent for path in (tmp_path / "runs").glob("*/best.png")]
+    assert drawn == ([Path(found["run"])] if found["valid"] else [])
+    assert main([*arguments, "--minutes", "9"]) == 0
+    told = capsys.readouterr()
+    head, *rows = told.out.splitlines()[:3]
+    assert head.split()[:3] == ["seed", "score", "verified"]
+    assert [row.split()[0] for row in rows] == ["4", "5"]
+    assert "agentflow: seed 5: run 2 of 2\n" in told.err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--minutes", "5"], "--minutes limits the runs of --seeds; give their number, as in"),
+        (["--resume", "x", "--seeds", "2"], "--resume uses the settings of the run; remove the"),
+        (["--seeds", "0"], "Invalid value for '--seeds': "),
+    ],
+)
+def test_wrong_options_are_refused(options: list[str], message: str, capsys: Captured) -> None:
+    assert main(["design", *options]) == 2
+    assert capsys.readouterr().err.startswith(f"agentflow: {message}")
