@@ -11,10 +11,13 @@ from agentflow.cli.display.text import number
 def show_verified(found: Data) -> None:
     """Print a verified score and the score under each variation."""
     console = output()
+    if found["problems"]:
+        console.print(f"invalid, verified score {number(found['verified']['score'])}")
+        for problem in found["problems"]:
+            console.print(f"{problem['code']}: {problem['message']}")
+        return
     console.print(f"score {number(found['score'])} ({found['task']})")
     console.print(verified_line(found["verified"]))
-    for problem in found["problems"]:
-        console.print(f"{problem['code']}: {problem['message']}")
     table = columns("simulation", "score", "change")
     default, *varied = found["verified"]["scores"]
     table.add_row(default["variation"], outcome(default))
