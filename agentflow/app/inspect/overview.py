@@ -12,7 +12,7 @@ from agentflow.app.design.models import cost_function
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
-from agentflow.app.inspect.reading import later_problems
+from agentflow.app.inspect.reading import later_note
 from agentflow.config.run import build_config
 from agentflow.errors import RunError, UsageError
 from agentflow.machine import Machine, library, read_machine
@@ -91,14 +91,13 @@ def run_details(path: Path) -> dict[str, Any]:
             for role, item in {"total": spent.total, **spent.roles}.items()
         },
         "failures": count_failures(path),
-        "remarks": [*record.remarks, *_later_problems(machine, path, document)],
+        "remarks": [*record.remarks, *_later_notes(machine, path, document)],
     }
 
 
-def _later_problems(machine: Machine | None, path: Path, document: Mapping[str, Any]) -> list[str]:
+def _later_notes(machine: Machine | None, path: Path, document: Mapping[str, Any]) -> list[str]:
     """Why the best machine would now be refused; nothing if its task is not installed."""
     with suppress(UsageError):
-        if machine is not None:
-            brief = task_of_run(path, document).brief
-            return [f"the best machine {note}" for note in later_problems(machine, brief)]
+        if machine and (note := later_note(machine, task_of_run(path, document).brief)):
+            return [f"the best machine {note}"]
     return []

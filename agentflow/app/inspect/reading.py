@@ -22,7 +22,10 @@ def recorded_machine(path: Path, digest: str) -> Machine:
     return machine
 
 
-def later_problems(machine: Machine, brief: Brief) -> list[str]:
-    """Why a recorded machine would now be refused, by rules that came after its run."""
-    found = check(machine, brief).problems
-    return [f"would now be refused: {item.message}" for item in found if item.code in LATER_RULES]
+def later_note(machine: Machine, brief: Brief) -> str:
+    """Why a recorded machine would now be refused, by rules that came after its run; or ""."""
+    found = [item for item in check(machine, brief).problems if item.code in LATER_RULES]
+    if not found:
+        return ""
+    more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+    return f"would now be refused: {found[0].message}{more}"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.plan import RunPlan, level_note
-from agentflow.app.inspect.reading import later_problems, recorded_machine
+from agentflow.app.inspect.reading import later_note, recorded_machine
 from agentflow.env.constants import constants
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.runs import read_document
@@ -26,7 +26,7 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
         and `now`), `identical` (number of machines with a bit-for-bit identical rollout), and
         `machines`: each with `machine`, `place` (where it was first simulated), `recorded` and
         `now` (status and score), `difference` of the scores (None if one is missing),
-        `identical`, and `notes`: later rules that it breaks, which do not change its score.
+        `identical`, and `note`: a later rule that it breaks, which does not change its score.
     """
     document = read_document(path)
     plan = RunPlan.of_run(path, document)
@@ -50,7 +50,7 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
             "now": {"status": rollout.status, "score": new},
             "difference": None if old is None or new is None else new - old,
             "identical": rollout.digest == evaluation.rollout and old == new,
-            "notes": later_problems(machine, plan.task.brief),
+            "note": later_note(machine, plan.task.brief),
         }
 
     machines = asyncio.run(compare())

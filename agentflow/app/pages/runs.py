@@ -18,7 +18,7 @@ from agentflow.app.design.plan import (
 )
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
-from agentflow.app.inspect.reading import later_problems, recorded_machine
+from agentflow.app.inspect.reading import later_note, recorded_machine
 from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.config.run import PROCEDURAL, build_config
@@ -151,8 +151,8 @@ async def film_machines(
             rollout = combine_trials(played) if played else None
         trials = played if item.interval == FINE else ()
         brief = item.task.brief
-        remarks = (_remark(item, rollout), *map(_sentence, later_problems(item.machine, brief)))
-        remark = " ".join(filter(None, remarks))
+        remark, note = _remark(item, rollout), later_note(item.machine, brief)
+        remark = " ".join(filter(None, (remark, note and f"The machine {note}.")))
         return key, machine_data(
             item.machine, rollout, shapes, remark, given=brief.given, played=trials
         )
@@ -223,10 +223,6 @@ def _remark(item: ReportedMachine, rollout: Rollout | None) -> str:
             f"the recorded score is {item.score:.2f}."
         )
     return " ".join(notes)
-
-
-def _sentence(problem: str) -> str:
-    return f"The machine {problem}."
 
 
 def _describe_trial(rollout: Rollout) -> str:

@@ -75,8 +75,8 @@ def show_rescored(found: Data) -> None:
     if found["note"]:
         console.print(found["note"])
     for item in found["machines"]:
-        for note in item["notes"]:
-            console.print(f"notice: {item['machine']} {note}")
+        if item["note"]:
+            console.print(f"notice: {item['machine']} {item['note']}")
     for name in ("constants", "engine"):
         condition = found[name]
         if condition["recorded"] != condition["now"]:

@@ -135,7 +135,7 @@ def test_rescoring_finds_another_score(tmp_path: Path) -> None:
         "now": {"status": "ok", "score": now},
         "difference": pytest.approx(-1.5),
         "identical": False,
-        "notes": [],
+        "note": "",
     }
 
 
@@ -156,7 +156,7 @@ def test_machines_that_break_later_rules_are_shown_and_rescored_with_a_note(
     ]
     (found,) = (told := rescore(run))["machines"]
     assert found["now"]["status"] == "ok"
-    (note,) = found["notes"]
+    note = found["note"]
     assert note.startswith("would now be refused: the machine has ")
     show_rescored(told)
     assert f"notice: {found['machine']} {note}\n" in capsys.readouterr().out
