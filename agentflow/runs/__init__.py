@@ -1,11 +1,11 @@
 """Run directories: written by one process at a time, readable by others at any moment."""
 
+from agentflow.runs.calls import read_calls
 from agentflow.runs.document import SCHEMA, read_document
 from agentflow.runs.reading import (
     Event,
     State,
     find_runs,
-    read_calls,
     read_events,
     read_result,
     state_of,

@@ -53,6 +53,8 @@ def read_document(path: Path) -> dict[str, Any]:
         document = None
     if not isinstance(document, dict) or "schema" not in document:
         raise RunError(f"{file} is damaged: expected a mapping with `schema`")
+    if not isinstance(document.get("config", {}), dict):
+        raise RunError(f"{file} is damaged: its config is not a mapping")
     if document["schema"] != SCHEMA:
         raise RunError(
             f"{path} has schema {document['schema']!r}, but this version reads only "

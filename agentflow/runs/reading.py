@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from shlex import quote
 from typing import Any, Literal
@@ -43,40 +44,14 @@ def read_events(path: Path) -> Iterator[Event]:
         RunError: A line before the last is damaged.
     """
     replaced: dict[tuple[str, str], int] = {}
-    for number, line in _lines(path / EVENTS):
+    for number, line in numbered_lines(path / EVENTS):
         if line.startswith(AGAIN):
             event = _parse_event(line, path, number)
             replaced[event.kind, event.label] = number
-    for number, line in _lines(path / EVENTS):
+    for number, line in numbered_lines(path / EVENTS):
         event = _parse_event(line, path, number)
         if replaced.get((event.kind, event.label), 0) <= number:
             yield event
-
-
-def read_calls(path: Path) -> Iterator[dict[str, Any]]:
-    """The lines of calls.jsonl as data: `key`, `model`, `request`, `reply`.
-
-    Raises:
-        RunError: A line before the last is damaged.
-    """
-    for number, line in _lines(path / CALLS):
-        item = parse_object(line)
-        if item is None or not _is_call(item):
-            raise RunError(f"{path / CALLS} is damaged in line {number}")
-        yield item
-
-
-def _is_call(item: Mapping[str, Any]) -> bool:
-    request, reply = item.get("request"), item.get("reply")
-    return (
-        isinstance(item.get("model"), str)
-        and isinstance(request, dict)
-        and {"role", "label"} <= request.keys()
-        and isinstance(reply, dict)
-        and {"text", "latency_s", "retries"} <= reply.keys()
-        and isinstance(reply.get("usage"), dict)
-        and {"prompt", "completion", "reasoning", "cached"} <= reply["usage"].keys()
-    )
 
 
 def read_result(path: Path) -> dict[str, Any]:
@@ -141,7 +116,7 @@ def find_runs(folder: Path) -> Iterator[Path]:
         yield from find_runs(entry)
 
 
-def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
+def numbered_lines(path: Path) -> Iterator[tuple[int, bytes]]:
     """Number (from 1) and content of every complete line; none if there is no file."""
     try:
         if not path.exists():
@@ -157,6 +132,8 @@ def _parse_event(line: bytes, path: Path, number: int) -> Event:
     item = parse_object(line)
     if item is not None:
         kind, label, data = item.get("kind"), item.get("label"), item.get("data")
-        if isinstance(kind, str) and isinstance(label, str) and isinstance(data, dict):
-            return Event(kind, label, data, item.get("at", 0.0), number)
+        at = item.get("at", 0.0)
+        timed = type(at) in (int, float) and isfinite(at)
+        if timed and isinstance(kind, str) and isinstance(label, str) and isinstance(data, dict):
+            return Event(kind, label, data, at, number)
     raise RunError(f"{path / EVENTS} is damaged in line {number}")

@@ -202,7 +202,7 @@ def physics_conditions() -> dict[str, str]:
 def describe_changes(recorded: Mapping[str, Any], now: Mapping[str, str]) -> str:
     """Which recorded conditions differ now, in words; "" if none does."""
     return " and ".join(
-        f"{name} ({_version_change(recorded[name], value)})" if name in _VERSIONED else name
+        f"{name} ({_version_change(str(recorded[name]), value)})" if name in _VERSIONED else name
         for name, value in now.items()
         if recorded.get(name, value) != value
     )

@@ -14,11 +14,12 @@ from agentflow.app.design.models import replay_models
 from agentflow.app.design.notices import REMARK
 from agentflow.app.design.plan import RunPlan, level_note
 from agentflow.app.design.results import read_finished, result_json
+from agentflow.env.pool.pool import Simulator
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Event, Notify, read_document, read_events
 
 
-def replay(path: Path, notify: Notify) -> str | None:
+def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | None:
     """Run a finished run again from its record and compare every event and the result.
 
     Returns:
@@ -42,7 +43,7 @@ def replay(path: Path, notify: Notify) -> str | None:
     memory = MemoryRecord()
     with Tape(path / "calls.jsonl", notify, writable=False) as tape:
         models = replay_models(plan.config, tape, budget_spent=recorded["stopped"] == "budget")
-        execution = asyncio.run(execute(plan, models, memory))
+        execution = asyncio.run(execute(plan, models, memory, pool))
     return first_difference(read_events(path), memory.events) or _result_difference(
         recorded, result_json(plan, execution)
     )

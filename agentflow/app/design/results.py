@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType, NoneType
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BaseModel, Field, NonNegativeInt, ValidationError
 
 from agentflow.app.design.execution import Execution
 from agentflow.app.design.plan import RunPlan
@@ -20,27 +20,58 @@ from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.statistics import count_passes, stage_row
 
-NUMBER = (int, float)
-KEYS: Mapping[str, tuple[type, ...]] = MappingProxyType(
-    {
-        "task": (str,),
-        "workflow": (str,),
-        "seed": (int,),
-        "score": (*NUMBER, NoneType),
-        "valid": (bool,),
-        "machine": (list, NoneType),
-        "stages": (list,),
-        "rollouts": (int,),
-        "stopped": (str, NoneType),
-        "reason": (str,),
-        "model": (str,),
-        "calls": (int,),
-        "simulated_seconds": NUMBER,
-        "worker_seconds": NUMBER,
-        "run": (str,),
-    }
-)
-"""Required key of a result -> the types of its value."""
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+Count = NonNegativeInt
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Stage(BaseModel):
+    name: str
+    trajectories: Count
+    valid_first: Count
+    valid: Count
+    mean: Number | None
+    max: Number | None
+    attempts: Count
+    children: Count
+
+
+class _Passes(BaseModel):
+    attempts: Count
+    passes: Count
+    share: Number | None
+    parsed: Count
+    spatial: Count
+    interval: list[Number] | None
+
+
+class _Result(BaseModel):
+    """What readers of results rely on; result.json may hold more."""
+
+    task: str
+    workflow: str
+    seed: int
+    score: Number | None
+    valid: bool
+    machine: list[Any] | None
+    stages: list[_Stage]
+    rollouts: Count
+    stopped: str | None
+    reason: str
+    model: str
+    calls: Count
+    simulated_seconds: Number
+    worker_seconds: Number
+    run: str
+    best_stage: str | None = None
+    blocks: Count | None = None
+    most_blocks: Count | None = None
+    tokens: Count
+    cost: Number | None = None
+    seconds: Number
+    attempts: _Passes | None = None
 
 
 def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:
@@ -83,13 +114,18 @@ def read_finished(path: Path) -> dict[str, Any]:
         RunError: The run is unfinished, or its result is damaged.
     """
     result = read_result(path)
-    fault = ""
-    if missing := [key for key in KEYS if key not in result]:
-        fault = f"it lacks {', '.join(missing)}"
-    elif wrong := [key for key, kinds in KEYS.items() if type(result[key]) not in kinds]:
-        fault = f"its {wrong[0]} is {str(result[wrong[0]])[:40]!r}"
-    elif not _is_verification(result.get("verified")):
-        fault = f"its verified is {str(result['verified'])[:40]!r}"
+    try:
+        found = _Result.model_validate(result, strict=True)
+    except ValidationError as error:
+        faults = error.errors()
+        lacks = [_place(item) for item in faults if item["type"] == "missing"]
+        first = f"its {_place(faults[0])} is {str(faults[0]['input'])[:40]!r}"
+        fault = f"it lacks {', '.join(lacks)}" if lacks else first
+    else:
+        fault = "it is valid without a machine" * (found.valid and not found.machine)
+        fault = fault or "it is valid without a stage" * (found.valid and not found.stages)
+        if not _is_verification(result.get("verified")):
+            fault = f"its verified is {str(result['verified'])[:40]!r}"
     if fault:
         raise RunError(f"{path / 'result.json'} is damaged: {fault}")
     return result
@@ -104,6 +140,10 @@ def _is_verification(verified: Any) -> bool:
     except (TypeError, ValueError):
         return False
     return isinstance(event, VerificationEvent) and bool(event.scores)
+
+
+def _place(fault: ErrorDetails) -> str:
+    return ".".join(map(str, fault["loc"]))
 
 
 def save_rollouts(path: Path, config: DesignConfig, execution: Execution) -> None:

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from agentflow.app.design.config import config_json
 from agentflow.app.design.models import cost_function
 from agentflow.app.design.plan import task_of_run
 from agentflow.app.design.results import read_finished
@@ -80,6 +81,7 @@ def run_details(path: Path) -> dict[str, Any]:
     return {
         **{key: value for key, value in document.items() if key != "schema"},
         **summary,
+        "config": config_json(config),
         "blocks": result.get("blocks", len(machine) if machine else None),
         "most_blocks": result.get("most_blocks"),
         "best_stage": result.get("best_stage"),

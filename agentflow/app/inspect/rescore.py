@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,15 @@ from agentflow.runs import read_document
 from agentflow.runs.events import EvaluationEvent, read_typed_events
 
 
-def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
+def rescore(
+    path: Path, workers: int | None = None, pool: RolloutPool | None = None
+) -> dict[str, Any]:
     """Simulate every machine of a run again and compare.
 
     Args:
         path: The run, finished or not; it is not changed.
         workers: Number of processes; None: as configured in the run.
+        pool: Simulates the machines; by default a new pool of `workers` processes.
 
     Returns:
         `run`, `task`, `note` (whether its level has changed), `constants` and `engine` (`recorded`
@@ -36,12 +40,16 @@ def rescore(path: Path, workers: int | None = None) -> dict[str, Any]:
             evaluations.setdefault(event.machine, event)
 
     async def compare() -> list[dict[str, Any]]:
-        async with RolloutPool(workers or plan.config.workers) as pool:
-            return list(await asyncio.gather(*(again(digest, pool) for digest in evaluations)))
+        async with AsyncExitStack() as stack:
+            simulator = pool
+            if simulator is None:
+                own = RolloutPool(workers or plan.config.workers)
+                simulator = await stack.enter_async_context(own)
+            return list(await asyncio.gather(*(again(one, simulator) for one in evaluations)))
 
-    async def again(digest: str, pool: RolloutPool) -> dict[str, Any]:
+    async def again(digest: str, simulator: RolloutPool) -> dict[str, Any]:
         machine, evaluation = recorded_machine(path, digest), evaluations[digest]
-        rollout = await pool.run(machine, plan.task, seed=plan.config.seed, recorded=True)
+        rollout = await simulator.run(machine, plan.task, seed=plan.config.seed, recorded=True)
         old, new = evaluation.score, rollout.score
         return {
             "machine": digest,

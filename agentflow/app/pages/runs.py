@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AsyncExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -157,7 +158,10 @@ async def film_machines(
             item.machine, rollout, shapes, remark, given=brief.given, played=trials
         )
 
-    async with RolloutPool(max(1, min(workers, total))) as pool:
+    async with AsyncExitStack() as stack:
+        pool = RolloutPool(max(1, min(workers, total)))
+        if total:
+            await stack.enter_async_context(pool)
         found = dict(await asyncio.gather(*(film(key, item) for key, item in chosen.items())))
     return {key: found[key] for key in chosen}
 

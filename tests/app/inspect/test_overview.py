@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 
 from agentflow.agents.registry import model_roles
+from agentflow.app.design.config import config_json
 from agentflow.app.inspect.overview import run_details, run_list
 from agentflow.app.inspect.rescore import rescore
 from agentflow.cli.display.show_records import show_rescored
+from agentflow.config.run import build_config
 from agentflow.errors import RunError
 from agentflow.runs import RunDirectory, read_calls, read_document, read_result
 from agentflow.runs.document import document_text
@@ -103,7 +105,7 @@ def test_one_run_with_what_it_holds() -> None:
     }
     assert found["spent"]["total"]["money"] == 0.0
     assert found["failures"]["machines"] == result["rollouts"]
-    assert found["config"] == read_document(RECORDED)["config"]
+    assert found["config"] == config_json(build_config(read_document(RECORDED)["config"]))
     assert json.loads(json.dumps(found)) == found
 
 
