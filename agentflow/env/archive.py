@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from agentflow.env.rollout import Broken, Feedback, Rollout, RolloutEvent, Trace
+from agentflow.env.rollout import Broken, Feedback, Marginal, Rollout, RolloutEvent, Trace
 from agentflow.errors import UsageError
 
 UNREADABLE = (
@@ -41,6 +41,7 @@ def rollout_json(rollout: Rollout) -> dict[str, Any]:
         "terms": dict(rollout.terms),
         "problems": [dict(problem) for problem in rollout.problems],
         "broken": [asdict(item) for item in rollout.broken],
+        "marginal": [asdict(item) for item in rollout.marginal],
         "events": [asdict(item) | {"blocks": list(item.blocks)} for item in rollout.events],
         "feedback": None if rollout.status == "invalid" else rollout.feedback.text,
         "digest": rollout.digest,
@@ -94,7 +95,8 @@ def load_npz(path: Path) -> Rollout:
 
 def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
     for field in fields(Rollout):
-        if field.name not in (*result, "trace", "scene", "engine"):  # old files lack the engine
+        optional = "trace", "scene", "engine", "marginal"  # old files lack the last two
+        if field.name not in (*result, *optional):
             raise KeyError(field.name)
     trace = None
     if states is not None:
@@ -108,6 +110,7 @@ def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
     feedback = Feedback(result.pop("feedback"), result.pop("feedback_data"))
     result["problems"] = tuple(result["problems"])
     result["broken"] = tuple(Broken(**item) for item in result["broken"])
+    result["marginal"] = tuple(Marginal(**item) for item in result.get("marginal") or ())
     result["events"] = tuple(
         RolloutEvent(**(item | {"blocks": tuple(item["blocks"])})) for item in result["events"]
     )

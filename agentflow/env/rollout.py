@@ -59,8 +59,8 @@ class Trace:
 
 
 @dataclass(frozen=True)
-class Broken:
-    """One connection that broke."""
+class _ConnectionLoad:
+    """The load of one connection at one moment."""
 
     block: int
     type: int
@@ -68,7 +68,18 @@ class Broken:
     time: float
     """Seconds since t = 0."""
     load: float
-    """Load over strength when it broke."""
+    """Load over strength."""
+
+
+@dataclass(frozen=True)
+class Broken(_ConnectionLoad):
+    """One connection that broke, as it broke."""
+
+
+@dataclass(frozen=True)
+class Marginal(_ConnectionLoad):
+    """One connection that came within 5 % of breaking, where its load was greatest, or that broke
+    under a load at most 5 % above its strength: small changes decide whether it breaks."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +125,8 @@ class Rollout:
     problems: tuple[Mapping[str, Any], ...] = ()
     """Why it is invalid: code, blocks and message of each problem."""
     broken: tuple[Broken, ...] = ()
+    marginal: tuple[Marginal, ...] = ()
+    """In order of time; of several trials, those of all."""
     events: tuple[RolloutEvent, ...] = ()
     trace: Trace | None = None
     digest: str | None = None

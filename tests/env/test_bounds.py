@@ -52,12 +52,12 @@ class StruckWorld(PyBulletWorld):
     velocity = 0.0
     steps = 0
 
-    def step(self) -> None:
+    def step(self, divisions: int = 1) -> None:
         self.steps += 1
         if self.steps == 100:
             uid = self._now.built[0].uid
             pybullet.resetBaseVelocity(uid, [0.0, self.velocity, 0.0], physicsClientId=self.client)
-        super().step()
+        super().step(divisions)
 
 
 class Struck(PyBulletEngine):

@@ -49,10 +49,6 @@ class JointDrive:
         """Whether its motors may aim at different speeds at once."""
         return len({motor[::2] for motor in self.motors}) > 1
 
-    def is_started_by(self, entry: str) -> bool:
-        """Whether a schedule entry gives any of its motors a speed."""
-        return any(motor.torque and motor.speed and motor.starts == entry for motor in self.motors)
-
     def command(self, levels: Mapping[str, float], speed: float = 0.0) -> Command:
         """The motors as one, at a speed of the joint.
 

@@ -73,8 +73,8 @@ class World(Protocol):
             level: Share of the full speed or thrust.
         """
 
-    def step(self) -> None:
-        """Advance by 1 / rate seconds; the engine may divide that into finer steps."""
+    def step(self, divisions: int = 1) -> None:
+        """Advance by 1 / (rate * divisions) seconds."""
 
     def split(self, broken: Sequence[int]) -> None:
         """Remove these joints, keeping every position and velocity."""

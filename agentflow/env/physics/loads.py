@@ -14,8 +14,10 @@ from agentflow.env.physics.model import Joint
 from agentflow.env.physics.spanning_tree import Link, Skeleton, skeleton
 from agentflow.env.rollout import Array
 
-SAFE = 0.333
-"""Three squares of at most this sum to less than 1."""
+NEAR = 0.05
+"""How near to its strength, as a share of it, the load of a marginal connection comes."""
+SAFE = (1.0 - NEAR) ** 2 / 3
+"""Three squares of at most this are no marginal load."""
 
 
 class _Plan(NamedTuple):
@@ -56,13 +58,15 @@ class Loads:
             (joint.strength.force, joint.strength.torque) if joint.strength else (np.inf, np.inf)
             for joint in joints
         ]
-        whole = max(step, usual)
-        blend = step / whole * round(1.0 - exp(-whole / window), 12)  # last digits: the libm's
-        self._keep = 1.0 - blend
-        self._take = blend * np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
+        self._window, self._step, self._usual = window, step, usual
+        self._per_strength = np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
+        self._weights: dict[int, tuple[float, Array]] = {}
+        """By number of divisions: the weight of earlier loads, and of this step's over strength."""
         self._level, self._before, self._spare = np.zeros((3, len(joints), 6))
         """Filtered load over strength, the same one step earlier, and scratch space: allocating
         arrays would take longer than the sums."""
+        self.near: Mapping[int, float] = {}
+        """The joints that nearly broke in the last step, and their load over strength."""
         self.finite = True
         """Whether the last step's loads were finite; otherwise the simulation diverged."""
         self._broken = np.zeros(len(joints), dtype=bool)
@@ -90,7 +94,16 @@ class Loads:
             **dict.fromkeys(plan.jammed, "a joint with another axis holds the same parts"),
         }
 
-    def update(self, reactions: Array) -> dict[int, float]:
+    def _weigh(self, divisions: int) -> tuple[float, Array]:
+        if divisions not in self._weights:
+            step = self._step / divisions
+            whole = max(step, self._usual)
+            share = round(1.0 - exp(-whole / self._window), 12)  # the last digits are the libm's
+            blend = step / whole * share
+            self._weights[divisions] = 1.0 - blend, blend * self._per_strength
+        return self._weights[divisions]
+
+    def update(self, reactions: Array, divisions: int = 1) -> dict[int, float]:
         """Filter one step's loads and find the joints that break.
 
         Where an impact overloads several joints along one load path, only the one furthest from the
@@ -100,6 +113,7 @@ class Loads:
 
         Args:
             reactions: (J, 6) force and torque through each joint of the spanning trees.
+            divisions: How many of these readings make a step.
 
         Returns:
             The joints that break and their load over strength, the most loaded first; none if a
@@ -111,16 +125,21 @@ class Loads:
                 reactions[loop.joints] = loop.share(reactions)
         level, before, spare = self._before, self._level, self._spare
         self._level, self._before = level, before
-        np.multiply(reactions, self._take, level)
-        np.multiply(before, self._keep, spare)
+        keep, take = self._weigh(divisions)
+        np.multiply(reactions, take, level)
+        np.multiply(before, keep, spare)
         np.add(level, spare, level)
         np.multiply(level, level, spare)
         peak = spare.max(initial=0.0)
-        self.finite = isfinite(peak)
+        self.finite, self.near = isfinite(peak), {}
         if peak <= SAFE or not self.finite:
             return {}
         share = np.sqrt(self._squares().max(axis=1))
-        if not np.maximum.reduce(share) >= 1.0:
+        most = np.maximum.reduce(share)
+        if most >= 1.0 - NEAR:
+            near = np.flatnonzero((share >= 1.0 - NEAR) & (share < 1.0)).tolist()
+            self.near = {joint: float(share[joint]) for joint in near}
+        if not most >= 1.0:
             return {}
         breaking = self._breaking_now(share)
         relieved = self._relieved(breaking)

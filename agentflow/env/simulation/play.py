@@ -10,8 +10,18 @@ from agentflow.env.constants import Constants
 from agentflow.env.feedback import stalled_motors
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
-from agentflow.env.physics.loads import Loads
-from agentflow.env.rollout import Broken, Feedback, Rollout, RolloutEvent, Status, Trace, Verdict
+from agentflow.env.physics.loads import NEAR, Loads
+from agentflow.env.physics.stepping import Stepping
+from agentflow.env.rollout import (
+    Broken,
+    Feedback,
+    Marginal,
+    Rollout,
+    RolloutEvent,
+    Status,
+    Trace,
+    Verdict,
+)
 from agentflow.env.simulation.recorder import Recorder, digest
 from agentflow.env.simulation.settling import Settling
 from agentflow.env.tasks.base import Task
@@ -58,6 +68,7 @@ class Play:
         self._loads = Loads(
             self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
         )
+        self._stepping = Stepping(physics, rate)
         self._recorder = Recorder(
             self._assembly,
             self._loads.connections,
@@ -68,10 +79,14 @@ class Play:
         self._speeds = 0.0, 0.0
         """Greatest linear and angular speed seen in the last step."""
         self._steps = 0
+        self._time = 0.0
+        """The same with parts of a step."""
         self._start_step = 0
         """Steps that settling took."""
-        self._broken: list[tuple[int, int, float]] = []
+        self._broken: list[tuple[float, int, float]] = []
         """Step, joint and load of each breakage."""
+        self._near: dict[int, tuple[float, float]] = {}
+        """Load and step of the greatest load of each joint that nearly broke."""
         self._released: list[int] = []
         """Joints that decouplers have released."""
         self._to_split: tuple[int, ...] = ()
@@ -127,8 +142,6 @@ class Play:
             status = self._step()
             if status != "ok":
                 return status
-            self._view.time = (elapsed + 1) / self._rate
-            self._referee.watch(self._view)
             if elapsed + 1 >= samples * self._sample_every - 1e-6:
                 samples += 1
                 self._sample()
@@ -146,6 +159,7 @@ class Play:
 
     def _switch(self, entry: str, level: float) -> None:
         """Apply a switch of the schedule; decouplers release their parents."""
+        self._stepping.switch()
         if entry != "decouplers":
             self._world.switch(entry, level)
             return
@@ -166,24 +180,40 @@ class Play:
             )
 
     def _step(self) -> Status:
-        """Take one step. Broken joints stay until the next, so contacts can still be read."""
+        """Take one step, which may be divided into finer ones."""
+        stepping = self._stepping
+        divisions = stepping.advance() if self._start_step else stepping.settling
+        for part in range(1, divisions + 1):
+            self._time = self._steps + part / divisions
+            status = self._advance(divisions)
+            if status != "ok":
+                return status
+            if self._start_step:
+                self._view.time = (self._time - self._start_step) / self._rate
+                self._referee.watch(self._view)
+        self._steps += 1
+        if perf_counter() - self._began > self._wall_limit:
+            return "timeout"
+        return "ok"
+
+    def _advance(self, divisions: int) -> Status:
+        """Take a part of a step. Broken joints stay until the next, so contacts can be read."""
         if self._to_split:
             self._world.split(self._to_split)
-        self._world.step()
-        self._steps += 1
+        self._world.step(divisions)
         thorough = self._steps % self._check_every == 0
         self._speeds = linear, angular = self._world.speeds(thorough)
         if not (linear <= self._fastest and isfinite(angular)):
             return "diverged"
-        broken = self._loads.update(self._world.reactions)
+        broken = self._loads.update(self._world.reactions, divisions)
         if not self._loads.finite:
             return "diverged"
         self._to_split = tuple(broken)
+        for joint, load in self._loads.near.items():
+            self._near[joint] = max(self._near.get(joint, (0.0, 0.0)), (load, self._time))
         for joint, load in broken.items():
-            self._broken.append((self._steps, joint, load))
+            self._broken.append((self._time, joint, load))
             self._recorder.lose(self._assembly.joints[joint])
-        if perf_counter() - self._began > self._wall_limit:
-            return "timeout"
         return "ok"
 
     @property
@@ -206,16 +236,8 @@ class Play:
         trace = None
         if self._start_step and status != "timeout":
             trace = self._recorder.trace(self._world.kept())
-        broken = tuple(
-            Broken(
-                block=self._assembly.joints[joint].block,
-                type=self._machine[self._assembly.joints[joint].block].type,
-                partner=self._assembly.joints[joint].partner,
-                time=(step - self._start_step) / self._rate,
-                load=load,
-            )
-            for step, joint, load in self._broken
-        )
+        broken = tuple(Broken(*self._connection(*item)) for item in self._broken)
+        marginal = tuple(Marginal(*self._connection(*item)) for item in self._nearly_broken())
         verdict, feedback = self._judge(status, trace, broken)
         events = sorted((*self._events, *verdict.events), key=lambda event: event.time)
         return Rollout(
@@ -224,6 +246,7 @@ class Play:
             terms=verdict.terms,
             problems=(),
             broken=broken,
+            marginal=marginal,
             events=tuple(events),
             feedback=feedback,
             trace=trace,
@@ -234,6 +257,20 @@ class Play:
             scene=self._scene,
             engine=self._identity,
         )
+
+    def _connection(
+        self, step: float, joint: int, load: float
+    ) -> tuple[int, int, int, float, float]:
+        """Block, type, partner, time and load of a connection."""
+        own = self._assembly.joints[joint]
+        time = (step - self._start_step) / self._rate
+        return own.block, self._machine[own.block].type, own.partner, time, load
+
+    def _nearly_broken(self) -> list[tuple[float, int, float]]:
+        """Step, joint and load where the load was nearest to the strength, in order of time."""
+        broken = {joint for _, joint, _ in self._broken}
+        spared = [(step, i, load) for i, (load, step) in self._near.items() if i not in broken]
+        return sorted([*spared, *(item for item in self._broken if item[2] <= 1.0 + NEAR)])
 
     def _judge(
         self, status: Status, trace: Trace | None, broken: tuple[Broken, ...]

@@ -23,8 +23,8 @@ def combine_trials(played: Sequence[Rollout]) -> Rollout:
     The score is the number of successful trials. A trial that diverged has failed; the combined
     rollout has diverged if all trials have. Terms and feedback cover every trial. Trace, scene,
     breakages and events are those of one trial: the first that failed, or else the first. The
-    digest covers all. If a trial is invalid, timed out or crashed, the first such trial is
-    returned unchanged.
+    digest covers all, and marginal connections are those of all. If a trial is invalid, timed out
+    or crashed, the first such trial is returned unchanged.
 
     Args:
         played: At least one; all of one machine at one task's trials.
@@ -55,6 +55,7 @@ def _combine_scored(played: Sequence[Rollout]) -> Rollout:
         score=score,
         terms=terms,
         feedback=_feedback(played, score, index),
+        marginal=tuple(item for rollout in played for item in rollout.marginal),
         digest=_digest(played),
         sim_seconds=sum(rollout.sim_seconds or 0.0 for rollout in played),
         wall_seconds=sum(rollout.wall_seconds or 0.0 for rollout in played),

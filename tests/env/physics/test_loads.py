@@ -52,6 +52,20 @@ def test_force_and_torque_are_judged_apart() -> None:
     assert loads.update(pull(10.0, torque=51.0)) == {0: pytest.approx(1.02)}
 
 
+def test_loads_just_below_the_strength_are_named() -> None:
+    loads = Loads(joints(3), SHORT, STEP)
+    assert loads.update(pull(94.0, 97.0, 95.5)) == {}
+    assert loads.near == {1: pytest.approx(0.97), 2: pytest.approx(0.955)}
+    assert loads.update(pull(10.0, 10.0, 10.0)) == {}
+    assert loads.near == {}
+
+
+def test_a_hit_in_a_part_of_a_step_counts_as_in_a_whole_one() -> None:
+    loads = Loads(joints(1), 0.02, STEP, STEP)
+    loads.update(pull(200.0), 4)
+    assert loads.utilisation()[0] == pytest.approx(0.5 * BLEND, rel=1e-9)
+
+
 def test_a_joint_gives_way_at_just_its_strength() -> None:
     assert Loads(joints(1), SHORT, STEP).update(pull(100.0)) == {0: 1.0}
 

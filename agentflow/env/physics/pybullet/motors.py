@@ -53,10 +53,6 @@ class Motors:
         self._balls = found["spherical"]
         self.set()
 
-    def are_started_by(self, entry: str) -> bool:
-        """Whether a schedule entry starts any motor."""
-        return any(drive.is_started_by(entry) for _, _, drive in self._single)
-
     def set(self) -> None:
         """Set every motor; joints without one turn freely except for their friction."""
         for handled in self._single:

@@ -69,10 +69,7 @@ class PyBulletWorld:
         pybullet.setGravity(0.0, 0.0, -physics["gravity"], physicsClientId=client)
         self.client, self._physics = client, physics
         self._assembly, self._scene = assembly, scene
-        self._rate, self._interval, self._gust_time = rate, 1.0 / rate, 0.0
-        self._finer = max(1, round(physics["start_rate"] / rate))
-        self._steps_divided = 0
-        """How many of the next steps are divided into finer ones, as motors are starting."""
+        self._rate, self._divisions, self._gust_time = rate, 1, 0.0
         self._broken: frozenset[int] = frozenset()
         self._levels = dict.fromkeys(
             ("motors", "steering_hinges", "springs", "winches", "gusts"), 0.0
@@ -88,7 +85,7 @@ class PyBulletWorld:
         self.reactions = np.zeros((len(assembly.joints), 6))
         self._kept: list[tuple[Readings, list[Row]]] = []
         self._couplings = Couplings(client)
-        self._winches = WinchForce(assembly.devices.winches, self._levels, self._interval)
+        self._winches = WinchForce(assembly.devices.winches, self._levels, 1.0 / rate)
         self._grips = Grippers(client, assembly.devices.grippers, moving)
         self._now = self._build_structure(skeleton(len(assembly.parts), assembly.joints), {})
         place_at_start(client, self._now.built, scene.start)
@@ -98,27 +95,19 @@ class PyBulletWorld:
         self._levels[entry] = float(level)
         if entry == "grabbers":
             self._grips.switch(level > 0)
-        elif self._now.motors.are_started_by(entry):
-            self._steps_divided = round(self._physics["start_time"] * self._rate)
-            self._divide_steps(self._finer)
+        else:
+            self._now.motors.set()
 
-    def step(self) -> None:
-        """Advance by one step, then read everything once.
-
-        For `start_time` after motors are started it takes finer steps: the arms that they swing
-        reach full speed within hundredths of a second, and may hit a projectile in mid-step.
-        """
-        if not self._steps_divided:
-            self._advance()
-            return
-        total = np.zeros_like(self.reactions)
-        for _ in range(self._finer):
-            self._advance()
-            total += self.reactions
-        self.reactions[:] = total / self._finer
-        self._steps_divided -= 1
-        if not self._steps_divided:
-            self._divide_steps(1)
+    def step(self, divisions: int = 1) -> None:
+        if divisions != self._divisions:
+            self._set_length(divisions)
+        now = self._now
+        now.forces()
+        now.motors.set_for_step()
+        pybullet.stepSimulation(self.client)
+        self._read()
+        if self._grips:
+            self._grips.watch()
 
     def split(self, broken: Sequence[int]) -> None:
         """Remove joints and rebuild the bodies that they were part of."""
@@ -219,16 +208,6 @@ class PyBulletWorld:
             rows=rows,
         )
 
-    def _advance(self) -> None:
-        """Apply forces, step, read."""
-        now = self._now
-        now.forces()
-        now.motors.set_for_step()
-        pybullet.stepSimulation(self.client)
-        self._read()
-        if self._grips:
-            self._grips.watch()
-
     def _read(self) -> None:
         """Read the rows of the heads and the reactions of all joints."""
         self._now.rows.read()
@@ -237,15 +216,23 @@ class PyBulletWorld:
     def _row(self, block: int) -> Row:
         return self._now.rows[self._now.readings.row_of[block]]
 
-    def _divide_steps(self, finer: int) -> None:
-        """Divide every step into `finer` from now on."""
-        self._interval = 1.0 / (self._rate * finer)
+    def _set_length(self, divisions: int) -> None:
+        """Take steps of 1 / (rate * divisions) seconds from now on.
+
+        Bullet stores the limits of motors and grips as impulses per step.
+        """
+        self._divisions = divisions
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self._interval, physicsClientId=self.client
         )
         self._winches.step = self._interval
         self._now.motors.set()
         self._grips.tighten()
+
+    @property
+    def _interval(self) -> float:
+        """Length of a step, s."""
+        return 1.0 / (self._rate * self._divisions)
 
     def _wind_strength(self) -> float:
         """Wind in this step as a share of the mean wind."""
