@@ -87,7 +87,13 @@ def compare(
             machine_data(machine, rollout, shapes, given=level.brief.given, played=trials)
             for machine, rollout, trials in zip(machines, rollouts, played, strict=True)
         ]
-        data = {"kind": "compare", **found, "films": films, "shapes": shapes.rows}
+        data = {
+            "kind": "compare",
+            **found,
+            "films": films,
+            "shapes": shapes.rows,
+            "files": shapes.files,
+        }
         write_page(out, page("Comparison · agentflow", {**data, "asked": _asked(level.brief)}))
     return found
 

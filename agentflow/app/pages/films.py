@@ -36,19 +36,31 @@ Row = list[Any]
 
 
 class Shapes:
-    """The distinct solids of all machines on a page; blocks of one type share theirs."""
+    """What the machines on a page share: distinct solids, and one stream of files to download."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], int] = {}
+        self._files = bytearray()
 
     @property
     def rows(self) -> list[Row]:
         """Every solid in page format, in order of number."""
         return [list(row) for row in self._known]
 
+    @property
+    def files(self) -> str:
+        """All files one after another, deflated together: similar machines have similar files."""
+        return deflate(bytes(self._files))
+
     def number(self, solid: Thing) -> int:
         """The number of a solid given in its block's frame."""
         return self._known.setdefault(tuple(_solid_row(solid)), len(self._known))
+
+    def attach(self, content: bytes) -> tuple[int, int]:
+        """Add a file; where it begins and ends in `files`."""
+        begin = len(self._files)
+        self._files += content
+        return begin, len(self._files)
 
 
 def machine_data(
@@ -65,7 +77,7 @@ def machine_data(
     Args:
         machine: File-valid.
         rollout: Its rollout; None if it was not simulated.
-        shapes: Collects the machine's solids.
+        shapes: Collects the machine's solids and files.
         remark: Text below the film.
         given: Blocks given by the task, which get special colours.
         played: All trials in order, if each gets a film.
@@ -82,21 +94,17 @@ def machine_data(
         "given": [[name, list(color[:3])] for name, color in dict(marks.values()).items()],
         "feedback": rollout.feedback.text if rollout is not None else "",
         "remark": remark,
-        "files": _files(machine),
+        "files": _files(machine, shapes),
         "trials": _trial_data(machine, figures, rollout, played),
         **_film_data(machine, figures, rollout),
     }
 
 
-def _files(machine: Machine) -> dict[str, str]:
-    """Name -> deflated content of the files of a machine; plates are no blocks of the game."""
-    writers = {
-        ".json": WRITERS[".json"],
-        **({} if plate_of(machine[0].type) else {".bsg": WRITERS[".bsg"]}),
-        ".glb": WRITERS[".glb"],
-    }
+def _files(machine: Machine, shapes: Shapes) -> dict[str, tuple[int, int]]:
+    """Name -> place of the files of a machine; plates are no blocks of the game."""
+    formats = (".json", ".glb") if plate_of(machine[0].type) else (".json", ".bsg", ".glb")
     name = f"machine-{machine.digest}"
-    return {f"{name}{suffix}": deflate(write(machine)) for suffix, write in writers.items()}
+    return {f"{name}{suffix}": shapes.attach(WRITERS[suffix](machine)) for suffix in formats}
 
 
 def _film_data(

@@ -49,6 +49,7 @@ def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Progress) 
         "kind": "gallery",
         "title": "Machines",
         "shapes": shapes.rows,
+        "files": shapes.files,
         "machines": machines,
         "cards": [{"machine": str(place), **card} for place, (card, _) in enumerate(runs)],
     }

@@ -104,7 +104,12 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
     shapes = Shapes()
     chosen = _machines_to_report(path, story, films)
     machines = asyncio.run(film_machines(chosen, shapes, workers, say))
-    data |= {"machines": machines, "shapes": shapes.rows, "task": task_summary(path, document)}
+    data |= {
+        "machines": machines,
+        "shapes": shapes.rows,
+        "files": shapes.files,
+        "task": task_summary(path, document),
+    }
     if note := level_note(path, document):
         data["facts"].append(["Level", note])
     write_page(out, page(f"{config.task} · agentflow", data))

@@ -8,7 +8,7 @@ const NAMES = ["A", "B"];
 
 export function comparePage(data) {
   const players = data.machines.map((machine, side) => {
-    const player = new Player(data.shapes);
+    const player = new Player(data.shapes, data.files);
     const score = machine.score === null ? "no score" : formatNumber(machine.score);
     player.show(data.films[side], `${NAMES[side]} · ${score}`, machine.source);
     return player;

@@ -5,7 +5,7 @@ import { Player } from "./player.js";
 import { taskDetails, problem } from "./text.js";
 
 export function galleryPage(data) {
-  const player = new Player(data.shapes);
+  const player = new Player(data.shapes, data.files);
   const chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
   const cards = data.cards.map((card) =>
     el("button", { class: "card", click: () => choose(card) },

@@ -13,9 +13,11 @@ const SLOW = 32; // milliseconds per frame above which the resolution is reduced
 const COARSEST = 0.4; // lowest resolution, as a share of the canvas
 
 export class Player {
-  /** @param shapes the solids that machines share, by index */
-  constructor(shapes) {
+  /** @param shapes the solids that machines share, by index
+   *  @param packed the files of all machines, one after another, deflated */
+  constructor(shapes, packed) {
     this.shapes = shapes;
+    this.packed = packed;
     this.time = 0;
     this.speed = 1;
     this.playing = this.byLoad = false;
@@ -66,10 +68,10 @@ export class Player {
     };
   }
 
-  /** Offer the machine's files for download: name -> deflated content. */
+  /** Offer the machine's files for download: name -> where its content begins and ends. */
   offer(files) {
-    const buttons = Object.entries(files).map(([name, packed]) =>
-      el("button", { title: name, click: () => save(name, packed) }, name.slice(name.lastIndexOf("."))));
+    const buttons = Object.entries(files).map(([name, place]) =>
+      el("button", { title: name, click: async () => save(name, (await inflate(this.packed)).slice(...place)) }, name.slice(name.lastIndexOf("."))));
     this.files.replaceChildren("Download this machine: ", ...buttons);
   }
 
@@ -280,9 +282,9 @@ export class Player {
   }
 }
 
-/** Save deflated content as a file. */
-async function save(name, packed) {
-  const url = URL.createObjectURL(new Blob([await inflate(packed)]));
+/** Save content as a file. */
+function save(name, content) {
+  const url = URL.createObjectURL(new Blob([content]));
   el("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 1000);
 }

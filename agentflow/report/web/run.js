@@ -10,7 +10,7 @@ import { Tree } from "./tree.js";
 const PLURAL = { reply: "replies", machine: "machines" };
 
 export function runPage(data) {
-  const player = new Player(data.shapes);
+  const player = new Player(data.shapes, data.files);
   const calls = once(() => readCalls(data.calls));
   const chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
   const choose = (node) => {
