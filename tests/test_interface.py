@@ -13,15 +13,18 @@ from pathlib import Path
 import pytest
 
 import agentflow
+from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.replay import replay
-from agentflow.config.run import DesignConfig
-from agentflow.errors import ConfigError, UnknownNameError, UsageError
-from agentflow.runs import read_document
+from agentflow.cli import main
+from agentflow.config.run import DesignConfig, build_config
+from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
+from agentflow.runs import RunDirectory, read_document
 from tests.workflows.world import Author
 
 ROOT = Path(__file__).parents[1]
 CAR = ROOT / "examples" / "car.json"
 TEXT = CAR.read_text()
+ONE = {"trajectories": 1}
 TINY = {"trajectories": 1, "search.rounds": 0}
 
 
@@ -238,3 +241,23 @@ def test_an_interrupted_run_with_a_function_can_be_resumed(tmp_path: Path) -> No
 def test_a_mapping_can_be_the_configuration(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="unknown configuration key 'sed'; known: seed"):
         agentflow.design(config={"sed": 1}, out=tmp_path)
+
+
+def test_a_run_of_a_function_is_resumed_with_a_function(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = RunPlan.of(build_config({"task": "movement", "workflow": "single", "settings": ONE}))
+    directory = RunDirectory.create(tmp_path, "run", {**plan.run_document, "answer": "car"})
+    directory.close()
+    run = directory.path
+    problem = (
+        f"{run} was started with the Python function 'car', which answers instead of a model; "
+        f"continue it in Python: agentflow.resume({str(run)!r}, answer=...)"
+    )
+    assert main(["design", "--resume", str(run)]) == 2
+    assert capsys.readouterr().err == f"agentflow: {problem}\n"
+    with pytest.raises(RunError, match="answer="):
+        agentflow.resume(run)
+    assert agentflow.resume(run, answer=car).valid
+    done = agentflow.design("movement", workflow="single", answer=car, settings=TINY, out=tmp_path)
+    assert read_document(done.run)["answer"] == "car"

@@ -100,9 +100,12 @@ class RunStory:
         place = "/".join(self.path.resolve().parts[-2:])
         again = "Resume" if self.result is None else "Replay"
         command = "design --resume" if self.result is None else "replay"
+        how = f"agentflow {command} {shlex.quote(place)}"
+        if self.result is None and "answer" in document:
+            how = f"agentflow.resume({place!r}, answer=...) in Python"
         facts = {
             "Run": str(self.path.name),
-            again: f"agentflow {command} {shlex.quote(place)}",
+            again: how,
             "Knobs": ", ".join(f"{k} = {v}" for k, v in config.get("knobs", {}).items()) or "none",
             "Prompt set": f"{config.get('prompts', '')} {document.get('prompts', '')}",
             "Physical constants": str(document.get("constants", "")),

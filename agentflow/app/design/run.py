@@ -25,6 +25,9 @@ from agentflow.llm.wrappers.limits import Limiter
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, state_of
 
+ANSWER = "answer"
+"""Key of run.yaml: the name of the Python function that answers instead of a model."""
+
 
 @dataclass(frozen=True)
 class RunOptions:
@@ -118,7 +121,9 @@ class DesignRun:
     def create(cls, config: DesignConfig, out: Path, options: RunOptions, name: str) -> DesignRun:
         """Start a new run; see `design_async`."""
         plan = RunPlan.of(with_rationales(config))
-        directory = RunDirectory.create(out, name or plan.run_name, plan.run_document)
+        client = options.client
+        document = plan.run_document | ({} if client is None else {ANSWER: client.name})
+        directory = RunDirectory.create(out, name or plan.run_name, document)
         if plan.model_note and options.client is None:
             options.notify(plan.model_note)
         return cls(plan, directory, options)
@@ -127,6 +132,11 @@ class DesignRun:
     def reopen(cls, path: Path, options: RunOptions) -> DesignRun:
         """Open an unfinished run; see `resume_async`."""
         document = read_document(path)
+        if options.client is None and ANSWER in document:
+            raise RunError(
+                f"{path} was started with the Python function {document[ANSWER]!r}, which answers "
+                f"instead of a model; continue it in Python: {_resume_call(path)}"
+            )
         if options.client is None:
             require_trusted_run(path, options.approve, options.named)
         plan = RunPlan.of_run(path, document)
@@ -217,5 +227,12 @@ class DesignRun:
 
     @property
     def _resume_hint(self) -> str:
+        path = self.directory.path
+        if self.options.client is not None:
+            return f"continue in Python: {_resume_call(path)}"
         trust = trust_option([self.plan.config.model])
-        return f"continue with: agentflow design --resume {quote(str(self.directory.path))}{trust}"
+        return f"continue with: agentflow design --resume {quote(str(path))}{trust}"
+
+
+def _resume_call(path: Path) -> str:
+    return f"agentflow.resume({str(path)!r}, answer=...)"

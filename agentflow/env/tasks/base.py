@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict
 from agentflow.env.constants import constants
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
+from agentflow.env.tasks.guard import guard_family
 from agentflow.machine.brief import Brief
 from agentflow.machine.geometry.vectors import Quat, Vec3
 from agentflow.machine.tree import Machine
@@ -104,6 +105,9 @@ class Task(ABC):
     window: float = 5.0
     """Length of the scored window, s."""
     schedule: Schedule = field(default_factory=Schedule)
+
+    def __init_subclass__(cls) -> None:
+        guard_family(cls)
 
     @property
     @abstractmethod

@@ -76,6 +76,6 @@ def test_without_a_reply_a_new_run_is_removed_and_a_resumed_one_kept(tmp_path: P
     with pytest.raises(UnreachableError) as caught:
         resume(run.path, RunOptions(client=client))
     assert str(caught.value) == (
-        f"nobody answers; continue with: agentflow design --resume {run.path}"
+        f"nobody answers; continue in Python: agentflow.resume({str(run.path)!r}, answer=...)"
     )
     assert (run.path / "machines" / "ab.json").read_text() == "[]\n"

@@ -1,0 +1,106 @@
+"""Checks what task families of other distributions do; their faults name family and method.
+
+Faults of our own families are bugs, which propagate as ordinary exceptions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from math import isfinite
+from typing import Any
+
+from agentflow.env.rollout import Feedback, Trace, Verdict
+from agentflow.env.scene import Scene
+from agentflow.errors import AgentflowError, FamilyError
+from agentflow.machine.brief import Brief
+
+OURS = "agentflow."
+
+
+def guard_family(family: type) -> None:
+    """Make the methods that a class defines raise FamilyError for exceptions and wrong results."""
+    if family.__module__.startswith(OURS):
+        return
+    for name, (expected, fits) in _RESULTS.items():
+        method = vars(family).get(name)
+        if isinstance(method, property) and method.fget is not None:
+            setattr(family, name, property(_guarded(method.fget, family, name, expected, fits)))
+        elif callable(method):
+            setattr(family, name, _guarded(method, family, name, expected, fits))
+    referee = vars(family).get("referee")
+    if callable(referee):
+        family.referee = _with_guarded_referee(referee, family)  # type: ignore[attr-defined]
+
+
+def _guarded(
+    method: Callable[..., Any],
+    family: type,
+    name: str,
+    expected: str = "",
+    fits: Callable[[Any], bool] = lambda _result: True,
+) -> Callable[..., Any]:
+    where = f"the task family {getattr(family, 'family', family.__name__)!r} ({family.__module__})"
+
+    @wraps(method)
+    def call(*args: Any, **options: Any) -> Any:
+        try:
+            result = method(*args, **options)
+        except AgentflowError:
+            raise
+        except Exception as error:
+            what = f"{type(error).__name__}: {error}"
+            raise FamilyError(f"{where} failed: {name} raised {what}") from error
+        if not fits(result):
+            raise FamilyError(f"{where} failed: {name} returned {result!r:.80}, not {expected}")
+        return result
+
+    return call
+
+
+def _with_guarded_referee(method: Callable[..., Any], family: type) -> Callable[..., Any]:
+    @wraps(method)
+    def call(*args: Any, **options: Any) -> Any:
+        return _GuardedReferee(method(*args, **options), family)
+
+    return call
+
+
+class _GuardedReferee:
+    """A referee whose faults raise FamilyError."""
+
+    def __init__(self, referee: Any, family: type) -> None:
+        self.start = _guarded(referee.start, family, "referee.start")
+        self.watch = _guarded(referee.watch, family, "referee.watch")
+        self.verdict: Callable[[Trace], Verdict] = _guarded(
+            referee.verdict, family, "referee.verdict", "a Verdict with finite numbers", _is_verdict
+        )
+
+
+def _is_verdict(result: Any) -> bool:
+    if not isinstance(result, Verdict) or not _is_number(result.score):
+        return False
+    terms = dict(result.terms).values()
+    return all(term is None or isinstance(term, str | bool) or _is_number(term) for term in terms)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, float | int) and not isinstance(value, bool) and isfinite(value)
+
+
+def _is_feedback(result: Any) -> bool:
+    return isinstance(result, Feedback) and isinstance(result.text, str)
+
+
+def _is_referee(result: Any) -> bool:
+    return all(callable(getattr(result, name, None)) for name in ("start", "watch", "verdict"))
+
+
+_RESULTS: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "brief": ("a Brief", lambda result: isinstance(result, Brief)),
+    "scene": ("a Scene", lambda result: isinstance(result, Scene)),
+    "trials": ("a tuple of tasks", lambda result: isinstance(result, tuple) and bool(result)),
+    "referee": ("an object with start, watch and verdict", _is_referee),
+    "feedback": ("a Feedback with a text", _is_feedback),
+}
+"""Method of a task -> what it returns, in words and as a check."""
