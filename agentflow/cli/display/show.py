@@ -183,7 +183,7 @@ def show_comparison(found: Data) -> None:
         table.add_row("score", *score)
     for kind in found["types"]:
         table.add_row(f"{kind['type']} {kind['name']}", *map(str, kind["counts"]))
-    console.print(table)
+    console.print_wide(table)
     for name, machine in zip("AB", found["machines"], strict=True):
         for problem in machine["problems"]:
             console.print(f"{name} is not valid for {found['task']}: {problem}")
