@@ -10,10 +10,10 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
-from agentflow.env.physics.load_sharing import load_loops
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.physics.structure.load_sharing import load_loops
+from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 from agentflow.machine.blocks.library import library

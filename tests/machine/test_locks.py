@@ -8,7 +8,7 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.machine.edits.random import random_machine
 from agentflow.machine.geometry.locks import locked_joints
 from agentflow.machine.geometry.placement import place

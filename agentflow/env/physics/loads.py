@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER
-from agentflow.env.physics.load_sharing import LoadLoop, load_loops
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.spanning_tree import Link, Skeleton, skeleton
+from agentflow.env.physics.structure.load_sharing import LoadLoop, load_loops
+from agentflow.env.physics.structure.spanning_tree import Link, Skeleton, skeleton
 from agentflow.env.rollout import Array
 
 NEAR = 0.05

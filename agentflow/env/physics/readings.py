@@ -15,9 +15,9 @@ from agentflow.env.physics.frames import (
     swap_turn,
     swap_turns,
 )
-from agentflow.env.physics.layout import RowLayout
 from agentflow.env.physics.model import Assembly, Joint, Part, State
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, WIDTH, Row, move_rows
+from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import compose, conjugate, cross, matrices, turn, turn_back
 from agentflow.machine.geometry.vectors import (

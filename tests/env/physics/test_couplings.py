@@ -13,7 +13,7 @@ from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.assembly.devices import cog_meshes
 from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.model import Assembly, CogMesh, Joint, JointKind, Part, Shape
-from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.placement import place

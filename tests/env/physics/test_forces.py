@@ -9,9 +9,9 @@ from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.laws.air import DragForce, WindForce
 from agentflow.env.physics.laws.forces import PartLocations, Wrench
-from agentflow.env.physics.layout import drag_locations
 from agentflow.env.physics.model import Part
-from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.physics.structure.layout import drag_locations
+from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import matrices
 from agentflow.machine.geometry.placement import place

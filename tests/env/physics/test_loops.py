@@ -11,7 +11,7 @@ import pytest
 
 from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.model import Assembly, Drive, Joint, Part, Shape, Strength
-from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import IDENTITY
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.drives import Command, Motor, merge_drives
 from agentflow.env.physics.engine import Engine, World
-from agentflow.env.physics.load_sharing import load_loops
 from agentflow.env.physics.model import Assembly, Drive, Joint, JointKind, Part, Shape, Strength
-from agentflow.env.physics.spanning_tree import Parallel, skeleton
+from agentflow.env.physics.structure.drives import Command, Motor, merge_drives
+from agentflow.env.physics.structure.load_sharing import load_loops
+from agentflow.env.physics.structure.spanning_tree import Parallel, skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import IDENTITY, Vec3

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.physics.load_sharing import load_loops, product, solve
 from agentflow.env.physics.model import Joint, Strength
-from agentflow.env.physics.spanning_tree import skeleton
+from agentflow.env.physics.structure.load_sharing import load_loops, product, solve
+from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.rollout import Array
 
 WOOD, METAL = Strength(15000.0, 5000.0), Strength(25000.0, 8000.0)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from agentflow.env.physics.model import Joint, JointKind
-from agentflow.env.physics.spanning_tree import Link, Parallel, Piece, skeleton
+from agentflow.env.physics.structure.spanning_tree import Link, Parallel, Piece, skeleton
 from agentflow.machine.geometry.vectors import Vec3
 
 

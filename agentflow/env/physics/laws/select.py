@@ -11,9 +11,9 @@ from agentflow.env.physics.laws.air import WindForce
 from agentflow.env.physics.laws.flight import BladeForce, ThrustForce
 from agentflow.env.physics.laws.forces import PartForce, PartLocations
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
-from agentflow.env.physics.layout import RowLayout
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row
+from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.scene import Scene
 
 Law = Callable[[Sequence[Row]], list[PartForce]]

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from math import cos, pi, sin, sqrt
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.drives import merge_drives
 from agentflow.env.physics.engine import TooLargeError
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.model import Joint, Part, Shape
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.spanning_tree import Link, Piece
+from agentflow.env.physics.structure.drives import merge_drives
+from agentflow.env.physics.structure.spanning_tree import Link, Piece
 from agentflow.env.scene import Thing
 from agentflow.machine.geometry.vectors import (
     IDENTITY,

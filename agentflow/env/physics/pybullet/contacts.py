@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Handle
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.spanning_tree import Skeleton
+from agentflow.env.physics.structure.spanning_tree import Skeleton
 from agentflow.env.tasks.base import Body
 
 TOUCH = 0.005

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.spanning_tree import Skeleton
+from agentflow.env.physics.structure.spanning_tree import Skeleton
 
 STRONGEST = 1e6
 """N or N m: more than anything that a machine can exert."""

@@ -9,13 +9,13 @@ import numpy as np
 from agentflow.env.physics.frames import swap_all
 from agentflow.env.physics.laws.air import DragForce
 from agentflow.env.physics.laws.select import Law
-from agentflow.env.physics.layout import RowLayout, drag_locations
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.sensing import Rows
 from agentflow.env.physics.rows import POSITION
-from agentflow.env.physics.spanning_tree import Skeleton
+from agentflow.env.physics.structure.layout import RowLayout, drag_locations
+from agentflow.env.physics.structure.spanning_tree import Skeleton
 
 CENTRE = (0.0, 0.0, 0.0)
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from agentflow.env.physics.drives import JointDrive, merge_drives
 from agentflow.env.physics.model import Assembly, Joint
 from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.spanning_tree import Link, Skeleton
+from agentflow.env.physics.structure.drives import JointDrive, merge_drives
+from agentflow.env.physics.structure.spanning_tree import Link, Skeleton
 from agentflow.machine.geometry.vectors import IDENTITY, dot
 
 INNER_ITERATIONS = 200

@@ -10,12 +10,12 @@ from struct import Struct
 import numpy as np
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS
-from agentflow.env.physics.layout import RowLayout
 from agentflow.env.physics.model import Joint
 from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
-from agentflow.env.physics.spanning_tree import Link
+from agentflow.env.physics.structure.layout import RowLayout
+from agentflow.env.physics.structure.spanning_tree import Link
 from agentflow.env.rollout import Array
 
 _FORCES = itemgetter(2)

@@ -13,7 +13,6 @@ from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.select import device_laws, wind_laws
 from agentflow.env.physics.laws.tension import WinchForce
-from agentflow.env.physics.layout import RowLayout, lay_out
 from agentflow.env.physics.model import Assembly, State
 from agentflow.env.physics.pybullet.bodies import BodyBuilder, Built
 from agentflow.env.physics.pybullet.contacts import (
@@ -30,7 +29,8 @@ from agentflow.env.physics.pybullet.restoring import place_at_start, restore
 from agentflow.env.physics.pybullet.sensing import Rows, Sensors
 from agentflow.env.physics.readings import Readings
 from agentflow.env.physics.rows import Row, top_speeds
-from agentflow.env.physics.spanning_tree import Piece, Skeleton, skeleton
+from agentflow.env.physics.structure.layout import RowLayout, lay_out
+from agentflow.env.physics.structure.spanning_tree import Piece, Skeleton, skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Body

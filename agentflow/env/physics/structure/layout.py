@@ -10,7 +10,7 @@ import numpy as np
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.laws.forces import PartLocations
 from agentflow.env.physics.model import Assembly, Joint, Part
-from agentflow.env.physics.spanning_tree import Skeleton
+from agentflow.env.physics.structure.spanning_tree import Skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Thing
 from agentflow.machine.geometry.vectors import cross, length, subtract

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.spanning_tree import Parallel
+from agentflow.env.physics.structure.spanning_tree import Parallel
 
 
 class Motor(NamedTuple):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from agentflow.env.physics.frames import WRENCH_ORDER, WRENCH_SIGNS, swap
 from agentflow.env.physics.model import Joint, Strength
-from agentflow.env.physics.spanning_tree import Link, Skeleton
+from agentflow.env.physics.structure.spanning_tree import Link, Skeleton
 from agentflow.env.rollout import Array
 from agentflow.machine.geometry.vectors import subtract
 

@@ -1,0 +1,1 @@
+"""How the parts of a machine hold together: trees, loops, drives and shared loads of joints."""
