@@ -21,7 +21,11 @@ UNFINISHED: Mapping[str, tuple[str, str]] = {
         "truncated",
         "It was cut off at the length limit. Send a shorter one: less thought, the whole format.",
     ),
-    "empty": ("empty", "It was empty. Send the whole format."),
+    "empty": ("empty_reply", "It was empty. Send the whole format."),
+    "tool_calls": (
+        "tool_calls",
+        "It only called tools, but there are none. Send the whole format as text.",
+    ),
     "content_filter": (
         "content_filter",
         "A content filter stopped it. Put it in other words and send the whole format.",

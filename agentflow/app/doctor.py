@@ -3,18 +3,49 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 from agentflow.app.design.models import choose_models
 from agentflow.config.run import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError
-from agentflow.llm.doctor import Diagnosis, diagnose
+from agentflow.llm.doctor import diagnose
+from agentflow.llm.messages import JsonSchema, Message, Request, Sampling
+from agentflow.machine import check, library, read_machine
 
+_FORM = JsonSchema(
+    name="answer",
+    content={
+        "type": "object",
+        "properties": {"machine": {"type": "array", "items": {"type": "object"}}},
+        "required": ["machine"],
+        "additionalProperties": False,
+    },
+)
+_QUESTION = Request(
+    role="doctor",
+    label="doctor",
+    messages=(
+        Message(
+            role="user",
+            text="Write a machine of three blocks as a JSON object: "
+            '{"machine": [{"type": 0, "id": 0, "parent": -1, "face_id": -1}, ...]}. Keep the first '
+            "block. Add a small wooden block (type 15, id 1) at face 0 of block 0, and a "
+            "powered wheel (type 2, id 2) at face 0 of block 1. Reply with the object only.",
+        ),
+    ),
+    sampling=Sampling(max_tokens=2048, seed=1, stop=("###",), response_format=_FORM),
+)
+"""Uses every optional parameter, to find the unsupported ones."""
 _IDLE_S, _TOTAL_S = 60.0, 120.0
 """Time-outs for one small reply, shorter than in a run."""
 
 
-def check_endpoint(config: DesignConfig, role: str) -> Diagnosis:
-    """Send one small request to the model of a role.
+def check_endpoint(config: DesignConfig, role: str) -> dict[str, Any]:
+    """Ask the model of a role for one small machine.
+
+    Returns:
+        The fields of `Diagnosis`, with `machine` (a verdict on the machine in the reply, "" without
+        a usable reply) in place of `reply`.
 
     Raises:
         UnknownNameError: There is no such role.
@@ -32,4 +63,17 @@ def check_endpoint(config: DesignConfig, role: str) -> Diagnosis:
     settings = http.model_copy(
         update={"idle_s": min(http.idle_s, _IDLE_S), "total_s": min(http.total_s, _TOTAL_S)}
     )
-    return asyncio.run(diagnose(choices[role].endpoint(), settings))
+    found = asyncio.run(diagnose(choices[role].endpoint(), settings, _QUESTION)).model_dump()
+    reply = found.pop("reply")
+    return {**found, "machine": "" if found["problem"] else _judge(reply)}
+
+
+def _judge(reply: str) -> str:
+    """What the machine in a reply is worth, in one line."""
+    text = reply[reply.find("[") : reply.rfind("]") + 1]
+    report = check(read_machine(text, tuple(library())))
+    if not text or (report.problems[:1] and report.problems[0].code == "not_json"):
+        return "none in the reply: the model may be too small to design machines"
+    if report.problems:
+        return f"invalid: {report.problems[0].message}"
+    return f"valid, {len(report.machine or ())} blocks"

@@ -10,25 +10,20 @@ from agentflow.errors import EndpointError, ModelNotFoundError, UnauthorisedErro
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.faults import TransientFault
 from agentflow.llm.endpoint.http import OpenAIClient
-from agentflow.llm.messages import JsonSchema, Message, Request, Sampling
+from agentflow.llm.messages import Reply, Request
 from agentflow.llm.settings import HttpSettings
 
-_FORM = JsonSchema(
-    name="answer",
-    content={
-        "type": "object",
-        "properties": {"ok": {"type": "boolean"}},
-        "required": ["ok"],
-        "additionalProperties": False,
-    },
-)
-_QUESTION = Request(
-    role="doctor",
-    label="doctor",
-    messages=(Message(role="user", text='Reply with the JSON object {"ok": true}.'),),
-    sampling=Sampling(max_tokens=256, seed=1, stop=("###",), response_format=_FORM),
-)
-"""Uses every optional parameter, to find the unsupported ones."""
+UNUSABLE = {
+    "empty": "the reply has no text: if the model reasons, its server may return only the "
+    "reasoning; else its chat template may not fit the model; change the server's settings or the "
+    "model",
+    "tool_calls": "the reply has only tool calls, but agentflow reads text: switch off tool "
+    "calling at the server, or use another model",
+    "length": "the reply was cut off at {tokens} tokens: use a model that reasons less, or raise "
+    "the server's limit of output tokens",
+    "content_filter": "the endpoint filtered the reply: use another model or endpoint",
+}
+"""Finish reason of a reply without an answer -> what it means and how to mend it."""
 
 
 class Diagnosis(BaseModel, frozen=True):
@@ -49,15 +44,17 @@ class Diagnosis(BaseModel, frozen=True):
     answered_as: str = ""
     """Model name in the answer."""
     latency_s: float | None = None
+    reply: str = ""
+    """Text of the reply."""
     problem: str = ""
-    """Why there is no reply, in one line; empty on success."""
+    """Why there is no usable reply, and how to mend it, in one line; empty on success."""
 
 
-async def diagnose(endpoint: Endpoint, settings: HttpSettings) -> Diagnosis:
-    """Send one small request without retries and report what the endpoint does."""
+async def diagnose(endpoint: Endpoint, settings: HttpSettings, question: Request) -> Diagnosis:
+    """Send one request without retries and report what the endpoint does."""
     client = OpenAIClient(endpoint, settings, warn=lambda _line: None)
     try:
-        reply = await client.complete(_QUESTION)
+        reply = await client.complete(question)
     except EndpointError as problem:
         error = problem.error if isinstance(problem, TransientFault) else problem
         return _diagnose_error(endpoint, error, client.unsupported.actions)
@@ -75,7 +72,16 @@ async def diagnose(endpoint: Endpoint, settings: HttpSettings) -> Diagnosis:
         reasoning=bool(reply.reasoning or reply.usage.reasoning),
         answered_as=reply.model,
         latency_s=reply.latency_s,
+        reply=reply.text,
+        problem=_problem_of(endpoint, reply, question),
     )
+
+
+def _problem_of(endpoint: Endpoint, reply: Reply, question: Request) -> str:
+    if reply.finish == "stop":
+        return ""
+    meaning = UNUSABLE[reply.finish].format(tokens=question.sampling.max_tokens)
+    return f"{endpoint.base_url}, model {endpoint.model!r}: {meaning}"
 
 
 def _diagnose_error(

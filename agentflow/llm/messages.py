@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, Field
 
-Finish = Literal["stop", "length", "empty", "content_filter"]
-"""Why a reply ended. Only `stop` is a complete answer."""
+Finish = Literal["stop", "length", "empty", "tool_calls", "content_filter"]
+"""Why a reply ended. Only `stop` is a complete answer; `tool_calls` has nothing else."""
 CHARS_PER_TOKEN = 4
 """Typical ratio for English and JSON; used only where the true count is unknown."""
 

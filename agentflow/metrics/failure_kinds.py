@@ -26,9 +26,22 @@ class FailureKind:
     """What is counted: replies, or simulated machines (each once)."""
 
 
-UNPARSABLE = FailureKind(
-    "unparsable", "format", "the reply is empty, cut off or not in the required format"
+EMPTY = FailureKind(
+    "empty reply",
+    "format",
+    "the reply has no text, or only tool calls",
+    frozenset({"empty_reply", "tool_calls"}),
 )
+CUT_OFF = FailureKind(
+    "cut-off reply", "format", "the reply reached the length limit", frozenset({"truncated"})
+)
+FILTERED = FailureKind(
+    "filtered reply",
+    "format",
+    "the endpoint's content filter stopped the reply",
+    frozenset({"content_filter"}),
+)
+UNPARSABLE = FailureKind("unparsable", "format", "the reply is not in the required format")
 MISSING = FailureKind(
     "missing component",
     "planning",
@@ -126,6 +139,9 @@ OTHER = FailureKind(
     ),
 )
 KINDS = (
+    EMPTY,
+    CUT_OFF,
+    FILTERED,
     UNPARSABLE,
     MISSING,
     PLAN,

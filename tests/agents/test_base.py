@@ -102,8 +102,8 @@ async def test_all_attempts_fail() -> None:
             "It was cut off at the length limit. Send a shorter one: less thought, the whole "
             "format.",
         ),
-        (Reply(text="", finish="empty"), "empty", "It was empty. Send the whole format."),
-        (Reply(text=" \n", finish="stop"), "empty", "It was empty. Send the whole format."),
+        (Reply(text="", finish="empty"), "empty_reply", "It was empty. Send the whole format."),
+        (Reply(text=" \n", finish="stop"), "empty_reply", "It was empty. Send the whole format."),
         (
             Reply(text="4", finish="content_filter"),
             "content_filter",

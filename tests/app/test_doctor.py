@@ -88,6 +88,7 @@ def test_a_limited_server_as_json(capsys: pytest.CaptureFixture[str]) -> None:
         "reasoning": True,
         "answered_as": "model-as-answered",
         "problem": "",
+        "machine": "none in the reply: the model may be too small to design machines",
     }
     formats = [asked.body.get("response_format", {}).get("type") for asked in server.asked]
     assert formats == ["json_schema", "json_schema", "json_object", None]

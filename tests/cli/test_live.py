@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -45,7 +46,7 @@ EVENTS = (
     Event("run", "start", {"task": "throwing", "workflow": "iterative", "model": "a model"}),
     Event("stage_begin", "initial", {"trajectories": 8}),
     Event("calls", "designer/traj-1/attempt-1", {"under_way": 3, "cost": 0.01234}),
-    attempt(False, 100, "The reply holds no [bold]machine[/bold]:\n- nothing at all"),
+    attempt(False, 100, "The reply holds no [bold]machine[/bold]:\n- nothing [bold]at all[/bold]"),
     attempt(True, 250),
     Event("beam", "structure-1", {"machines": ["00"]}),
     evaluation("initial/traj-1", 12.5).to_event(),
@@ -84,7 +85,7 @@ def test_the_view_says_what_is_going_on(progress: Progress) -> None:
     assert lines[3] == "best 12.50  ██"
     assert lines[4].split() == ["stage", "valid", "mean", "best"]
     assert lines[5].split() == ["initial", "7/8", "12.50", "20.00"]
-    assert lines[6] == "designer/traj-1/attempt-1: The reply holds no [bold]machine[/bold]:"
+    assert lines[6] == "designer/traj-1/attempt-1: nothing [bold]at all[/bold]"
 
 
 @pytest.mark.parametrize("width", [20, 44, 80, 200])
@@ -128,7 +129,7 @@ def test_without_a_terminal_there_is_one_line_per_event(
     assert captured.err.splitlines() == [
         "throwing, iterative, a model",
         "stage initial begins, 8 trajectories",
-        "designer/traj-1/attempt-1: The reply holds no [bold]machine[/bold]:",
+        "designer/traj-1/attempt-1: nothing [bold]at all[/bold]",
         "designer/traj-1/attempt-1: valid",
         "initial/traj-1: ok, score 12.50",
         "initial/traj-2: timeout, score -",
@@ -157,3 +158,33 @@ def test_quiet_leaves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
         assert listener is None
         say("a remark")
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("code", "parsed", "problem", "shown"),
+    [
+        ("truncated", False, "It was cut off at the length limit. Send a shorter one", "cut-off"),
+        ("tool_calls", False, "It only called tools, but there are none.", "empty reply"),
+        ("content_filter", False, "Put it in other words", "filtered reply"),
+        ("not_json", False, "no JSON list found; write the whole machine", "no JSON list found"),
+        (
+            "overlap",
+            True,
+            "The machine is not valid:\n- block 3 overlaps block 5; move it",
+            "block 3",
+        ),
+    ],
+)
+def test_progress_gives_the_reason_of_a_refused_reply_in_words_for_people(
+    code: str, parsed: bool, problem: str, shown: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    event = answered("designer/traj-1/attempt-1", 3, valid=False, problem=problem)
+    refused = replace(event, code=code, parsed=parsed)
+    with watch(quiet=False) as (listener, _):
+        assert listener is not None
+        listener(refused.to_event())
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"designer/traj-1/attempt-1: {shown}")
+    assert "Send" not in line
+    assert "Put" not in line
+    assert "write" not in line

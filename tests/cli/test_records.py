@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from agentflow.cli import main
+from agentflow.metrics.failure_kinds import KINDS
 from agentflow.runs import read_result
 
 RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
@@ -87,7 +88,7 @@ def test_failures_are_a_table(capsys: Captured) -> None:
     machines = str(read_result(RECORDED)["rollouts"])
     (row,) = (line.split() for line in lines if line.startswith("planning      no motion"))
     assert (row[:3], row[-2:]) == (["planning", "no", "motion"], [machines, "machines"])
-    assert len(lines) == 2 + 12
+    assert len(lines) == 2 + len(KINDS)
 
 
 def test_a_configuration_is_shown_as_one(capsys: Captured, tmp_path: Path) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import ssl
+import struct
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -152,3 +154,13 @@ async def silence(_writer: asyncio.StreamWriter) -> None:
 async def hang_up(writer: asyncio.StreamWriter) -> None:
     """The connection dropped before the headers."""
     writer.close()
+
+
+async def reset(writer: asyncio.StreamWriter) -> None:
+    """The connection reset, after some data, while the answer is read."""
+    writer.write(b"HTTP/1.1 200 OK\r\nContent-Length: 900\r\n\r\n{")
+    await writer.drain()
+    await asyncio.sleep(0.1)
+    linger = struct.pack("ii", 1, 0)
+    writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+    writer.transport.abort()

@@ -124,8 +124,8 @@ async def test_a_wrong_path_names_the_base_url(stub_url: str) -> None:
         with pytest.raises(ModelNotFoundError) as caught:
             await client.complete(ask("hi"))
     assert str(caught.value) == (
-        f"model 'gpt-4o' not found at {stub_url}/wrong (404: Not Found); "
-        "check --model and --base-url"
+        f"{stub_url}/wrong has no /chat/completions, or does not know model 'gpt-4o' "
+        "(404: Not Found); check OPENAI_BASE_URL or --base-url, then --model"
     )
 
 
@@ -135,7 +135,7 @@ async def test_no_server() -> None:
         with pytest.raises(UnreachableError) as caught:
             await client.complete(ask("hi"))
     assert str(caught.value) == (
-        f"no answer from {base_url} (All connection attempts failed); "
+        f"no answer from {base_url} (connection refused: is the server running?); "
         "check OPENAI_BASE_URL or --base-url (after 3 attempts)"
     )
 

@@ -7,12 +7,14 @@ import pytest
 from agentflow.llm.doctor import Diagnosis, diagnose
 from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.settings import HttpSettings
-from tests.llm.helpers import KEY
+from tests.llm.helpers import KEY, ask
 from tests.llm.hostile import body, reply, serving
 
 
 async def examined(base_url: str, key: str | None = KEY) -> Diagnosis:
-    return await diagnose(Endpoint("m", base_url, key), HttpSettings(connect_s=10, idle_s=60))
+    return await diagnose(
+        Endpoint("m", base_url, key), HttpSettings(connect_s=10, idle_s=60), ask("hello", seed=1)
+    )
 
 
 @pytest.mark.slow

@@ -71,7 +71,8 @@ def test_retry_after(value: str | None, seconds: float | None) -> None:
         (
             404,
             ModelNotFoundError,
-            "model 'm' not found at http://h/v1 (404: problem); check --model and --base-url",
+            "http://h/v1 has no /chat/completions, or does not know model 'm' (404: problem); "
+            "check OPENAI_BASE_URL or --base-url, then --model",
         ),
         (429, TransientFault, "http://h/v1 is temporarily unavailable (429: problem)"),
     ],

@@ -117,9 +117,9 @@ def test_finish(text: str | None, word: str, finish: str) -> None:
     assert gathered(completion(text, word)).finish == finish
 
 
-def test_a_tool_call_is_an_empty_reply() -> None:
+def test_a_reply_of_tool_calls_only() -> None:
     calls = [{"type": "function", "function": {"name": "f", "arguments": "{}"}}]
-    assert gathered(completion(None, "tool_calls", tool_calls=calls)).finish == "empty"
+    assert gathered(completion(None, "tool_calls", tool_calls=calls)).finish == "tool_calls"
 
 
 def test_a_refusal_counts_as_filtered_content() -> None:

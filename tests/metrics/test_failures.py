@@ -28,7 +28,11 @@ def evaluation(machine: str, broken: int = 0, **more: Any) -> EvaluationEvent:
 @pytest.mark.parametrize(
     ("event", "name"),
     [
-        (attempt("truncated", parsed=False), "unparsable"),
+        (attempt("truncated", parsed=False), "cut-off reply"),
+        (attempt("empty_reply", parsed=False), "empty reply"),
+        (attempt("tool_calls", parsed=False), "empty reply"),
+        (attempt("content_filter", parsed=False), "filtered reply"),
+        (attempt("empty", parsed=False), "unparsable"),
         (attempt("not_json", parsed=False), "unparsable"),
         (attempt("missing_section", "refiner", parsed=False), "unparsable"),
         (attempt("required_count"), "missing component"),

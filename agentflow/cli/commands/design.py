@@ -163,14 +163,14 @@ def doctor(
     trust: Trust = False,
     as_json: Json = False,
 ) -> None:
-    """Send one small request to a model endpoint and report what works."""
+    """Ask a model endpoint for one small machine, and report what works."""
     from agentflow.app.design.config import load_config
     from agentflow.app.doctor import check_endpoint
     from agentflow.cli.display.show import show_diagnosis
 
     options = {"model.name": model, "model.base_url": base_url}
     allowed = allow if trust else approve
-    found = check_endpoint(load_config(config, settings or (), options, allowed), role).model_dump()
+    found = check_endpoint(load_config(config, settings or (), options, allowed), role)
     print_result(found, as_json, show_diagnosis)
     if found["problem"]:
         raise EndpointError(found["problem"])

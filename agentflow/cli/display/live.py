@@ -16,6 +16,7 @@ from rich.text import Text
 
 from agentflow.cli.display.output import SafeConsole
 from agentflow.cli.display.text import escape_controls, number
+from agentflow.metrics.failure_kinds import CUT_OFF, EMPTY, FILTERED
 from agentflow.runs import Event, Listener, Notify
 from agentflow.runs.events import (
     AttemptEvent,
@@ -86,7 +87,7 @@ class Progress:
         elif isinstance(item, DrawingEvent):
             self.ending = "drawing pictures"
         elif isinstance(item, AttemptEvent) and not item.valid:
-            self.failures.append(f"{item.label}: {_first_line(item.problem)}")
+            self.failures.append(f"{item.label}: {_refusal(item)}")
         elif isinstance(item, EvaluationEvent) and self.record.best is not None:
             self.curve.append(self.record.best)
 
@@ -144,8 +145,15 @@ def _stage_table(rows: list[StageEvent]) -> Table:
     return table
 
 
-def _first_line(text: str) -> str:
-    return text.strip().partition("\n")[0]
+def _refusal(event: AttemptEvent) -> str:
+    """Why a reply was refused, in one line for people; the recorded problem is for the model."""
+    for kind in (EMPTY, CUT_OFF, FILTERED):
+        if event.code in kind.codes:
+            return kind.name
+    lines = event.problem.strip().split("\n")
+    listed = lines[0].endswith(":") and len(lines) > 1
+    reason = lines[1].removeprefix("- ") if listed else lines[0]
+    return reason if event.parsed else reason.partition(";")[0]
 
 
 def _print_event(event: Event) -> None:
@@ -156,7 +164,7 @@ def _print_event(event: Event) -> None:
 def _line(event: RunEvent | Event) -> str:
     """One line about an event; "" for those that add nothing to an attempt or evaluation."""
     if isinstance(event, AttemptEvent):
-        return f"{event.label}: {'valid' if event.valid else _first_line(event.problem)}"
+        return f"{event.label}: {'valid' if event.valid else _refusal(event)}"
     if isinstance(event, EvaluationEvent):
         return f"{event.label}: {event.status}, score {number(event.score)}"
     if isinstance(event, StageEvent):

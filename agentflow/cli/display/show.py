@@ -282,6 +282,8 @@ def show_diagnosis(found: Data) -> None:
     for key in ("reachable", "authorised", "model_exists", "streaming", "usage", "reasoning"):
         words = {True: "yes", False: "no", None: "unknown"}[found[key]]
         console.print(f"{_DIAGNOSED.get(key, key)}: {words}")
+    if found["machine"]:
+        console.print(f"machine: {found['machine']}")
     for parameter, action in found["refused"].items():
         console.print(f"rejects {parameter}: {action}")
     if found["latency_s"] is not None:

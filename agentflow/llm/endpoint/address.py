@@ -14,8 +14,10 @@ import httpx
 from agentflow.errors import ConfigError
 
 DEFAULT_BASE_URL = "https://api.openai.com/v1"
+_PATH = "/chat/completions"
 _SHORTEST_SECRET = 6
 """Shorter keys are placeholders for local servers ("EMPTY") and occur in ordinary text."""
+_VERSION = re.compile(r"/v\d+\w*(?:/|$)")
 _LOOKS_LIKE_A_KEY = re.compile(r"(?i)(?<=bearer )[\w.~+/*=-]{6,}|\bsk-[A-Za-z0-9_*.-]{6,}")
 
 
@@ -59,8 +61,14 @@ class Endpoint:
         self.key_variable = key_variable
         self.has_key = bool(key)
         self.base_url = str(bare.copy_with(query=None, fragment=None)).rstrip("/")
+        if self.base_url.endswith(_PATH):
+            right = self.base_url.removesuffix(_PATH)
+            raise ConfigError(
+                f"the base URL {self.base_url} must end before {_PATH}: change --base-url or "
+                f"OPENAI_BASE_URL to {right}"
+            )
         """Shown in messages: without credentials and query."""
-        self.url = bare.copy_with(path=bare.path.rstrip("/") + "/chat/completions")
+        self.url = bare.copy_with(path=bare.path.rstrip("/") + _PATH)
         basic = b64encode(f"{given.username}:{given.password}".encode()).decode()
         # URLs may carry a token as the user name, with no password or a dummy one.
         credential = max(given.password, given.username, key=_is_secret)
@@ -69,6 +77,11 @@ class Endpoint:
         """Authentication for httpx."""
         if self.auth is None and given.username:
             self.auth = httpx.BasicAuth(given.username, given.password)
+
+    @property
+    def versioned_url(self) -> str:
+        """The base URL with `/v1`, if it has no such part; else ""."""
+        return "" if _VERSION.search(self.base_url) else f"{self.base_url}/v1"
 
     @property
     def origin(self) -> str:

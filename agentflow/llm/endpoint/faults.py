@@ -37,7 +37,8 @@ _WORD_STATUS = {
 """HTTP statuses of vendors' error codes, which may arrive with status 200 or in a stream."""
 
 _UNKNOWN_MODEL = re.compile(
-    r"(?i)(?:invalid|unknown|no such) model|model\b.{0,80}\b(?:does not exist|not found)"
+    r"(?i)(?:invalid|unknown|no such) model|model_not_found"
+    r"|model\b.{0,80}\b(?:does not exist|not found)"
     r"|server is pinned to '.{1,80}'; requested"
 )
 """Messages of gateways and of the transformers server, which use status 400 instead of 404."""
@@ -144,10 +145,15 @@ def error_for(endpoint: Endpoint, response: ErrorResponse) -> EndpointError:
             f"{where} rejected the API key or denied it access to "
             f"model {endpoint.model!r} ({status}: {message}); check {endpoint.key_variable}"
         )
-    if status == 404 or (status == 400 and _UNKNOWN_MODEL.search(response.message)):
+    if status in (400, 404) and _UNKNOWN_MODEL.search(f"{response.message} {response.code}"):
         return ModelNotFoundError(
             f"model {endpoint.model!r} not found at {where} ({status}: {message}); "
             "check --model and --base-url"
+        )
+    if status in (404, 405):
+        return ModelNotFoundError(
+            f"{where} has no /chat/completions, or does not know model {endpoint.model!r} "
+            f"({status}: {message}); {_address_advice(endpoint)}"
         )
     if status in TRANSIENT_STATUSES:
         error = RefusedError(f"{where} is temporarily unavailable ({status}: {message})")
@@ -169,8 +175,24 @@ def not_a_completion(endpoint: Endpoint, reason: str) -> RefusedError:
     """The error for a successful response that is not a chat completion."""
     return RefusedError(
         f"{endpoint.base_url} did not return a chat completion "
-        f"({printable_excerpt(endpoint, reason)}); check OPENAI_BASE_URL or --base-url"
+        f"({printable_excerpt(endpoint, reason)}); {_address_advice(endpoint)}"
     )
+
+
+def incomplete(endpoint: Endpoint, reason: str) -> TransientFault:
+    """The error for a reply that ended early although the connection did not fail."""
+    return TransientFault(
+        UnreachableError(
+            f"no complete reply from {endpoint.base_url} ({printable_excerpt(endpoint, reason)}); "
+            "the server, or a proxy before it, cut it off: check their logs and size limits"
+        )
+    )
+
+
+def _address_advice(endpoint: Endpoint) -> str:
+    if url := endpoint.versioned_url:
+        return f"most servers answer at {url}: check OPENAI_BASE_URL or --base-url"
+    return "check OPENAI_BASE_URL or --base-url, then --model"
 
 
 def printable_excerpt(endpoint: Endpoint, text: str) -> str:

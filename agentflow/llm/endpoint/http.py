@@ -89,7 +89,7 @@ class OpenAIClient:
         except httpx.RequestError as problem:
             raise self._unreachable(problem) from None
         except (wire.TruncatedAnswerError, UndecodableError) as problem:
-            raise faults.unreachable(self._endpoint, str(problem)) from None
+            raise faults.incomplete(self._endpoint, str(problem)) from None
         except wire.NotACompletionError as problem:
             raise faults.not_a_completion(self._endpoint, str(problem)) from None
         if isinstance(answer, faults.ErrorResponse):
@@ -112,6 +112,10 @@ class OpenAIClient:
             reason = f"no data for {self._settings.idle_s:g} s"
         elif isinstance(problem, httpx.ConnectTimeout):
             reason = f"no connection within {self._settings.connect_s:g} s"
+        elif isinstance(problem, httpx.ConnectError) and "All connection" in reason:
+            reason = "connection refused: is the server running?"
+        elif isinstance(problem, httpx.ReadError | httpx.WriteError):
+            reason = "connection reset"
         return faults.unreachable(self._endpoint, reason)
 
     async def _exchange(self, body: dict[str, object]) -> Reply | faults.ErrorResponse:

@@ -118,6 +118,8 @@ class ReplyBuilder:
     """Whether a non-empty chunk (`delta`) was received."""
     has_choice: bool = False
     """Whether any choice was received."""
+    calls_tools: bool = False
+    """Whether any tool call was received."""
 
     def add(self, content: Mapping[str, object]) -> None:
         """Add a complete answer (`message`) or a chunk (`delta`)."""
@@ -152,6 +154,7 @@ class ReplyBuilder:
                 break
         if isinstance(refusal := part.get("refusal"), str) and refusal:
             self.refusal.append(refusal)
+        self.calls_tools |= bool(part.get("tool_calls") or part.get("function_call"))
         content = part.get("content")
         if isinstance(content, str) and content:
             self.text.append(content)
@@ -187,7 +190,7 @@ class ReplyBuilder:
         if refusal and not text:
             text, finish = refusal, "content_filter"
         if finish == "stop" and not text.strip():
-            finish = "empty"
+            finish = "tool_calls" if self.calls_tools else "empty"
         reasoning = "\n".join(
             part for part in (fix_surrogates("".join(self.reasoning)), thought) if part
         )

@@ -104,7 +104,7 @@ FAULTS: dict[str, tuple[list[Answer], type[Reply] | type[EndpointError], str]] =
         '"text":"key *** Bearer ***"',
     ),
     "401": ([body({"error": {"message": LEAK}}, 401)], EndpointError, "check OPENAI_API_KEY"),
-    "404": ([body({"detail": LEAK}, 404)], EndpointError, "check --model and --base-url"),
+    "404": ([body({"detail": LEAK}, 404)], EndpointError, "does not know model"),
 }
 
 
