@@ -28,15 +28,23 @@ def encoded(data: bytes, *encodings: str) -> Answer:
     return raw(f"{head}Content-Length: {len(data)}\r\n\r\n".encode() + data)
 
 
-def nested(fill: bytes) -> bytes:
-    """Gzip within gzip, a few kilobytes that hold 7 GB of the same byte; its check sum is missing.
+HEADER = gzip.compress(b"")[:10]
 
-    One compressed stretch of 64 MB is repeated, because compressing 7 GB takes minutes.
+
+def repeated(start: bytes, stretch: bytes) -> bytes:
+    """Raw deflate data of `start` and 7 GB of the same stretch.
+
+    One compressed stretch is repeated, because compressing 7 GB takes minutes.
     """
-    stretch = 2**26
     deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
-    part = deflate.compress(fill * stretch) + deflate.flush(zlib.Z_FULL_FLUSH)
-    return gzip.compress(gzip.compress(b"")[:10] + part * (GIGABYTES // stretch))
+    head = deflate.compress(start) + deflate.flush(zlib.Z_FULL_FLUSH)
+    part = deflate.compress(stretch) + deflate.flush(zlib.Z_FULL_FLUSH)
+    return head + part * (GIGABYTES // len(stretch))
+
+
+def nested(fill: bytes) -> bytes:
+    """Gzip within gzip, a few kilobytes that hold 7 GB of the same byte, without check sum."""
+    return gzip.compress(HEADER + repeated(b"", fill * 2**26))
 
 
 @pytest.mark.parametrize("fill", [b"\0", b"\n", b" "])
@@ -101,10 +109,10 @@ async def test_what_cannot_be_decoded_may_be_retried(
 
 
 async def test_the_time_out_also_ends_decoding() -> None:
-    """Two megabytes that decompress for minutes to two gigabytes of gzip, which hold nothing."""
+    """The outer layer holds 7 GB of gzip; the inner layer of that holds nothing."""
     empty = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS).flush(zlib.Z_FULL_FLUSH)
-    inner = gzip.compress(b"")[:10] + empty * (2**27 // len(empty))
-    async with serving(encoded(gzip.compress(inner, 1), "gzip", "gzip")) as server:
+    bomb = HEADER + repeated(HEADER, empty * (2**23 // len(empty)))
+    async with serving(encoded(bomb, "gzip", "gzip")) as server:
         started = time.process_time()
         with pytest.raises(TransientFault, match=r"no complete reply within 0\.2 s"):
             await once(server.base_url, total_s=0.2)
