@@ -84,7 +84,9 @@ class DesignConfig(BaseModel):
         None,
         description="run whose designers' rationales to follow; read once, then stored in settings",
     )
-    max_retry: int = Field(5, ge=1, description="attempts per request outside a search")
+    max_retry: int = Field(
+        5, ge=1, description="attempts per request; refiners in a search and placers have one"
+    )
     settings: WorkflowSettings = Field(WorkflowSettings(), description="settings of the workflow")
     verify: bool = Field(
         True, description="simulate the best machine again under small variations of physics"

@@ -75,10 +75,11 @@ async def test_a_decoder_stops_at_stop_words_and_limits(decoder: Endpoint, strea
 
 
 async def test_diagnosis_of_a_decoder(decoder: Endpoint) -> None:
-    found = await diagnose(decoder, HttpSettings())
+    found = await diagnose(decoder, HttpSettings(), ask("hi", seed=1, max_tokens=32))
     assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
     assert (found.streaming, found.usage, found.reasoning) == (True, True, False)
-    assert (dict(found.refused), found.answered_as, found.problem) == ({}, "tiny@main", "")
+    assert (dict(found.refused), found.answered_as) == ({}, "tiny@main")
+    assert found.problem == "" or "cut off at 32 tokens" in found.problem  # by random weights
 
 
 async def test_an_unknown_model_of_a_decoder(decoder: Endpoint) -> None:

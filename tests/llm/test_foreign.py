@@ -140,11 +140,11 @@ async def test_a_gateways_final_answers_are_final(gateway: str) -> None:
 
 
 async def test_diagnosis_of_a_gateway(gateway: str) -> None:
-    found = await diagnose(Endpoint("greeting", gateway, KEY), HttpSettings())
+    found = await diagnose(Endpoint("greeting", gateway, KEY), HttpSettings(), ask("hi", seed=1))
     assert (found.reachable, found.authorised, found.model_exists) == (True, True, True)
     assert (found.streaming, found.usage, found.reasoning) == (True, True, False)
     assert (dict(found.refused), found.answered_as, found.problem) == ({}, "greeting", "")
-    missing = await diagnose(Endpoint("nonesuch", gateway, KEY), HttpSettings())
+    missing = await diagnose(Endpoint("nonesuch", gateway, KEY), HttpSettings(), ask("hi", seed=1))
     assert (missing.reachable, missing.model_exists) == (True, False)
 
 
