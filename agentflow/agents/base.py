@@ -16,22 +16,25 @@ from agentflow.prompts.render import PromptSet
 In = TypeVar("In")
 Out = TypeVar("Out", covariant=True)
 
-UNFINISHED: Mapping[str, tuple[str, str]] = {
+UNFINISHED: Mapping[str, tuple[str, str, str]] = {
     "length": (
         "truncated",
-        "It was cut off at the length limit. Send a shorter one: less thought, the whole format.",
+        "It was cut off at the length limit.",
+        "Send a shorter one: less thought, the whole format.",
     ),
-    "empty": ("empty_reply", "It was empty. Send the whole format."),
+    "empty": ("empty_reply", "It was empty.", "Send the whole format."),
     "tool_calls": (
         "tool_calls",
-        "It only called tools, but there are none. Send the whole format as text.",
+        "It only called tools, but there are none.",
+        "Send the whole format as text.",
     ),
     "content_filter": (
         "content_filter",
-        "A content filter stopped it. Put it in other words and send the whole format.",
+        "A content filter stopped it.",
+        "Put it in other words and send the whole format.",
     ),
 }
-"""Finish reason of an incomplete reply -> code and problem."""
+"""Finish reason of an incomplete reply -> code, problem, and what to ask of the model."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,15 @@ class RoleAttempt(Generic[Out]):
     label: str
     reply: Reply
     parsed: Parsed[Out]
+
+    @property
+    def reason(self) -> str:
+        """Why the reply was refused, for people: without what the model is asked to do."""
+        for code, problem, _ in UNFINISHED.values():
+            if code == self.parsed.code:
+                return f"a model's reply was refused. {problem}"
+        lines = self.parsed.problem.split("\n")
+        return "\n".join(lines if self.parsed.parsed else (line.split(";")[0] for line in lines))
 
 
 @dataclass(frozen=True)
@@ -156,6 +168,6 @@ def _parse(role: Role[In, Out], given: In, reply: Reply) -> Parsed[Out]:
     """Parse a complete reply; give the problem of an incomplete one."""
     finish = reply.finish if reply.finish != "stop" or reply.text.strip() else "empty"
     if finish != "stop":
-        code, problem = UNFINISHED[finish]
-        return Parsed(None, problem, code, parsed=False)
+        code, problem, request = UNFINISHED[finish]
+        return Parsed(None, f"{problem} {request}", code, parsed=False)
     return role.parse(reply.text, given)

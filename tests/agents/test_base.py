@@ -93,6 +93,9 @@ async def test_all_attempts_fail() -> None:
     assert [len(request.messages) for request in client.requests] == [2, 4, 6]
 
 
+EMPTY = "a model's reply was refused. It was empty."
+
+
 @pytest.mark.parametrize(
     ("reply", "code", "problem"),
     [
@@ -117,3 +120,15 @@ async def test_unfinished_replies_are_not_parsed(reply: Reply, code: str, proble
     assert outcome.output == 5
     assert seen[0].parsed == Parsed(None, problem, code, parsed=False)
     assert client.requests[1].messages[2].text == (reply.text.strip() or "(no text)")
+
+
+@pytest.mark.parametrize(
+    ("parsed", "reason"),
+    [
+        (Parsed(None, "It was empty. Send the whole format.", "empty_reply", parsed=False), EMPTY),
+        (Parsed(None, "no list found; write the list", "not_json", parsed=False), "no list found"),
+        (Parsed(None, "not valid:\n- a; b\n- c", "overlap"), "not valid:\n- a; b\n- c"),
+    ],
+)
+def test_the_reason_for_people_asks_nothing_of_them(parsed: Parsed[str], reason: str) -> None:
+    assert RoleAttempt("designer", "designer/attempt-1", Reply(text=""), parsed).reason == reason

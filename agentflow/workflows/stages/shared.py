@@ -31,10 +31,10 @@ def first_attempt_of(outcome: RoleOutcome[Any] | None) -> FirstAttempt:
 
 
 def failure_reason(outcome: RoleOutcome[Any] | None) -> str:
-    """Why a question has no valid answer: the problem of its last attempt."""
+    """Why a question has no valid answer: the reason of its last attempt, for people."""
     if outcome is None:
         return UNANSWERED
-    return outcome.attempts[-1].parsed.problem if outcome.attempts else "no attempt was allowed"
+    return outcome.attempts[-1].reason if outcome.attempts else "no attempt was allowed"
 
 
 def candidate_of(trajectory: int, outcome: RoleOutcome[Any] | None) -> Candidate:
