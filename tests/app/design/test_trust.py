@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import pty
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -123,3 +127,24 @@ def test_what_the_user_names_is_allowed(
     require_trust(Path("file"), [config], {"model": named}, approve)
     assert len(asked) == bool(refused)
     assert all(sentence.startswith(f"file sends prompts to {refused}") for sentence in asked)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("answer", "status"), [("n", 2), ("y", 4)])
+def test_on_a_terminal_the_user_is_asked(answer: str, status: int, tmp_path: Path) -> None:
+    endpoint = {"retry": {"attempts": 1}}
+    model = {"name": "m", "base_url": "http://127.0.0.1:9/v1", "endpoint": endpoint}
+    (tmp_path / "c.yaml").write_text(yaml.safe_dump({**TINY, "model": model}))
+    command = ["design", "--config", str(tmp_path / "c.yaml"), "--quiet", "--out", str(tmp_path)]
+    code = "import sys; from agentflow.cli import main; sys.exit(main())"
+    child, terminal = pty.fork()
+    if child == 0:
+        os.execv(sys.executable, [sys.executable, "-c", code, *command])
+    shown = b""
+    with suppress(OSError):  # how the end of a terminal reads on Linux
+        while part := os.read(terminal, 4096):
+            shown += part
+            if b"Allow it?" in part:
+                os.write(terminal, answer.encode() + b"\n")
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == status
+    assert b"sends prompts to http://127.0.0.1:9 with the key in OPENAI_API_KEY" in shown
