@@ -12,13 +12,13 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import ROOT, Machine
 
-THROWER = Path(__file__).parents[1] / "machines" / "jumping" / "spring_thrower.json"
+TOSSER = Path(__file__).parents[1] / "machines" / "jumping" / "tossing_arm.json"
 TASK = get_task("jumping", {"window": 1})
 
 
 @pytest.mark.slow
 def test_trials_in_parallel_give_the_same_rollout() -> None:
-    machine = read_one(str(THROWER))
+    machine = read_one(str(TOSSER))
     told: list[tuple[int, int]] = []
     found = simulate_in_parallel(
         machine, TASK, seed=3, workers=2, say=lambda *done: told.append(done), interval=0.1
