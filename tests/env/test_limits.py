@@ -20,6 +20,8 @@ from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.errors import ConfigError
 from agentflow.machine import ROOT, Machine, Step, check, library, place
 from agentflow.machine.brief import Limits
+from agentflow.machine.geometry.mobility import find_loops
+from agentflow.machine.geometry.pieces import extra_bonds, parent_bonds
 from agentflow.machine.geometry.placement import place_step
 from agentflow.machine.geometry.pose import Placed
 
@@ -71,6 +73,14 @@ def large_machines(count: int) -> Iterator[Machine]:
     return (large_machine(rng) for _ in range(count))
 
 
+def moving_joints_in_loops(machine: Machine) -> set[int]:
+    """Blocks whose moving joints are in loops."""
+    geometry = place(machine)
+    bonds = [*parent_bonds(geometry), *extra_bonds(geometry)]
+    loops = find_loops(bonds, range(len(bonds)), lambda end: end)
+    return {bonds[i].block for loop in loops for i, _ in loop if bonds[i].kind != "fixed"}
+
+
 def is_held(engine: Engine, machine: Machine) -> bool:
     try:
         engine.build(assemble(machine, place(machine), constants()), Scene(), 120.0)
@@ -80,13 +90,15 @@ def is_held(engine: Engine, machine: Machine) -> bool:
 
 
 def agreements(engine: Engine, spec: EngineSpec, count: int) -> list[bool]:
-    """Whether each machine is held, where check and engine must agree."""
+    """Whether each machine is held, where check and engine must agree; except that check may refuse
+    one with moving joints in loops, as breaks could make all of them close a loop."""
     limits, found = Limits((999.0, 999.0, 999.0), parts=spec.most_parts), []
     for machine in large_machines(count):
         problems = check(machine, limits=limits).problems
         assert {problem.code for problem in problems} <= {"too_many_parts"}
         held = is_held(engine, machine)
-        assert held == (not problems), (machine.digest, problems)
+        assert held or problems, machine.digest
+        assert not (held and problems) or moving_joints_in_loops(machine), problems
         found.append(held)
     return found
 
@@ -113,7 +125,7 @@ def test_a_check_without_a_task_names_what_the_default_engine_cannot_hold() -> N
     assert not report["machine_valid"]
     assert [problem["message"] for problem in report["problems"]] == [
         "the machine has 129 parts in one piece; the physics engine holds at most 128: "
-        "remove blocks (a two-ended block has 2 parts)"
+        "remove blocks (a two-ended block has 2 parts, a moving joint in a loop counts as one more)"
     ]
 
 

@@ -164,7 +164,8 @@ def test_more_parts_in_one_piece_than_the_engine_holds() -> None:
     assert (problem.code, problem.message) == (
         "too_many_parts",
         "the machine has 5 parts in one piece; the physics engine holds at most 4: "
-        "remove blocks (a two-ended block has 2 parts)",
+        "remove blocks (a two-ended block has 2 parts, a moving joint in a loop counts as one "
+        "more)",
     )
     brief = replace(TASK, limits=Limits(parts=5))
     (step,) = apply_script(ROW, "Add 15 to 0 in 4", brief).steps

@@ -13,6 +13,7 @@ from agentflow.env.physics.model import Joint
 from agentflow.env.physics.structure.load_sharing import LoadLoop, load_loops
 from agentflow.env.physics.structure.spanning_tree import Link, Skeleton, skeleton
 from agentflow.env.rollout import Array
+from agentflow.machine.geometry.mobility import JAMMED
 
 NEAR = 0.05
 """How near to its strength, as a share of it, the load of a marginal connection comes."""
@@ -91,7 +92,7 @@ class Loads:
         plan = self._plan.skeleton
         return {
             **dict.fromkeys(plan.locked, "rigid parts bridge it"),
-            **dict.fromkeys(plan.jammed, "a joint with another axis holds the same parts"),
+            **dict.fromkeys(plan.jammed, JAMMED),
         }
 
     def _weigh(self, divisions: int) -> tuple[float, Array]:

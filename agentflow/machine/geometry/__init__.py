@@ -1,1 +1,1 @@
-"""Where blocks are, and what follows from it: boxes, balance, gears, locked joints."""
+"""Where blocks are, and what follows from it: boxes, balance, gears, joints that cannot move."""

@@ -4,59 +4,73 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.types import DIRECTIONS
+from agentflow.machine.geometry.mobility import find_loops
 from agentflow.machine.geometry.placement import Geometry
-
-End = tuple[int, int]
-"""Block and end: 0 is the end at its parent, 1 the second end of a two-ended block."""
-Bond = tuple[End, End]
+from agentflow.machine.geometry.sets import Sets
+from agentflow.machine.geometry.vectors import Vec3
 
 
-class Groups:
-    """Disjoint sets of connected ends."""
+class Bond(NamedTuple):
+    """A connection of two ends. Ends are numbered: 2 x block, and 1 more for the second end."""
 
-    def __init__(self) -> None:
-        self._up: dict[End, End] = {}
-
-    def find(self, end: End) -> End:
-        """The end that names the group."""
-        while (above := self._up.get(end, end)) != end:
-            end = above
-        return end
-
-    def join(self, bond: Bond) -> None:
-        """Unite the groups of two ends."""
-        one, other = self.find(bond[0]), self.find(bond[1])
-        self._up[max(one, other)] = min(one, other)
-
-    def connected(self, bond: Bond) -> bool:
-        """Whether two ends are in one group."""
-        return self.find(bond[0]) == self.find(bond[1])
+    block: int
+    """The block that makes it."""
+    a: int
+    b: int
+    kind: str = "fixed"
+    """`JointType.kind`."""
+    pivot: Vec3 = (0.0, 0.0, 0.0)
+    """Of a moving joint, machine frame, m."""
+    axis: Vec3 = (0.0, 0.0, 1.0)
 
 
-def extra_bonds(geometry: Geometry) -> Iterator[tuple[Bond, int]]:
-    """Rigid connections other than to parents, each with the block that makes it (last)."""
+def parent_bonds(geometry: Geometry) -> Iterator[Bond]:
+    """The joint of each block to its parent; boulders, which lie loose, have none."""
+    for placed in geometry.blocks:
+        joint, parent = library()[placed.type].joint, placed.step.parent
+        if parent >= 0 and joint.kind != "loose":
+            ends = 2 * parent, 2 * placed.id
+            if joint.moves:
+                axis = placed.orientation.turn(DIRECTIONS[joint.axis])
+                x, y, z = map(float, axis)
+                yield Bond(placed.id, *ends, joint.kind, placed.origin, (x, y, z))
+            else:
+                yield Bond(placed.id, *ends)
+
+
+def extra_bonds(geometry: Geometry) -> Iterator[Bond]:
+    """Rigid connections other than to parents; `a` is of the other block, if there is one."""
     for placed in geometry.blocks:
         if placed.two_ended:
-            yield ((placed.step.parents[1], 0), (placed.id, 1)), placed.id
+            yield Bond(placed.id, 2 * placed.step.parents[1], 2 * placed.id + 1)
             if library()[placed.type].connector == "rod":
-                yield ((placed.id, 0), (placed.id, 1)), placed.id
+                yield Bond(placed.id, 2 * placed.id, 2 * placed.id + 1)
     for link in geometry.auto_connections:
-        yield ((link.partner, 0), (link.block, 0)), link.block
+        yield Bond(link.block, 2 * link.partner, 2 * link.block)
 
 
 def largest_piece(geometry: Geometry) -> int:
-    """Number of parts (`BlockType.parts`) of the piece that has most, before anything breaks."""
-    groups, parts = Groups(), Counter[End]()
-    for placed in geometry.blocks:
-        if placed.step.parent >= 0 and library()[placed.type].joint.kind != "loose":
-            groups.join(((placed.step.parent, 0), (placed.id, 0)))
-    for bond, _ in extra_bonds(geometry):
-        groups.join(bond)
+    """Number of parts (`BlockType.parts`) of the piece that has most, at any time.
+
+    Engines need one more part for a moving joint that closes a loop. Before anything breaks, such
+    joints may be fewer than the moving joints in loops, or than the loops, which are counted here.
+    """
+    bonds = [*parent_bonds(geometry), *extra_bonds(geometry)]
+    sets = Sets()
+    parts: Counter[int] = Counter()
+    for bond in bonds:
+        sets.join(bond.a, bond.b)
     for placed in geometry.blocks:
         if placed.two_ended:
-            parts.update(groups.find((placed.id, end)) for end in (0, 1))
+            parts.update(sets.find(2 * placed.id + end) for end in (0, 1))
         else:
-            parts[groups.find((placed.id, 0))] += library()[placed.type].parts
-    return max(parts.values())
+            parts[sets.find(2 * placed.id)] += library()[placed.type].parts
+    loops = list(find_loops(bonds, range(len(bonds)), lambda end: end))
+    count = Counter(sets.find(bonds[loop[0][0]].a) for loop in loops)
+    involved = {i for loop in loops for i, _ in loop if bonds[i].kind != "fixed"}
+    moving = Counter(sets.find(bonds[i].a) for i in involved)
+    return max(total + min(count[piece], moving[piece]) for piece, total in parts.items())

@@ -6,5 +6,5 @@ PYBULLET = EngineSpec(
     "pybullet",
     ("pybullet",),
     "agentflow.env.physics.pybullet.engine:PyBulletEngine",
-    most_parts=128,
+    most_parts=128,  # a root and 127 links; it truncates larger bodies without an error
 )

@@ -14,6 +14,7 @@ from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import TooLargeError
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.model import Joint, Part, Shape
+from agentflow.env.physics.pybullet import PYBULLET
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.spanning_tree import Link, Piece
@@ -28,8 +29,6 @@ from agentflow.machine.geometry.vectors import (
     subtract,
 )
 
-MOST_LINKS = 127
-"""PyBullet truncates longer bodies without an error."""
 FASTEST = 1e6
 """Speed limit of a body, m/s and rad/s. PyBullet's default of 100 would keep machines that explode
 from diverging. Set on a link instead of the base, the same setting changes contacts."""
@@ -98,8 +97,9 @@ class BodyBuilder:
             TooLargeError: It has more links than PyBullet can hold.
         """
         links = (*piece.links, *piece.loops)
-        if len(links) > MOST_LINKS:
-            raise TooLargeError(len(links) + 1, MOST_LINKS + 1)
+        most = PYBULLET.most_parts
+        if most is not None and len(links) >= most:
+            raise TooLargeError(len(links) + 1, most)
         frames = {piece.root: parts[piece.root].centre}
         frames |= {link.part: joints[link.joint].pivot for link in piece.links}
         order = {piece.root: 0} | {link.part: i for i, link in enumerate(piece.links, 1)}

@@ -1,21 +1,19 @@
 """Spanning trees of joints: which joints carry the machine and which close loops.
 
 Rigid joints are taken first, so a moving joint that rigid ones bridge is locked, as it would be in
-the real machine. Several moving joints may connect the same two rigid clusters. If they allow a
-common motion that is also the whole freedom of one of them (hinges with one axis, say), that one
-is in the tree and the others are parallel to it; if they allow none, they lock each other.
+the real machine. Then moving joints that others hold (`machine.geometry.mobility`) are rigid. Of
+parallel ones, one is in the tree or closes a loop and stands for all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from agentflow.env.physics.model import Joint
-from agentflow.machine.geometry.vectors import cross, dot, length, scale, subtract
-
-APART = 1e-6
-"""m, and sine of an angle: pivots and axes at rest are exact except for rounding."""
+from agentflow.machine.geometry.mobility import lock, parallel_joints
+from agentflow.machine.geometry.sets import Sets
+from agentflow.machine.geometry.vectors import dot
 
 
 @dataclass(frozen=True)
@@ -92,27 +90,6 @@ class Skeleton:
         return (other for link in (*self.links, *self.loops) for other in link.parallel)
 
 
-class _Sets:
-    """Disjoint sets of parts, each named by its lowest member."""
-
-    def __init__(self, count: int) -> None:
-        self._up = list(range(count))
-
-    def find(self, part: int) -> int:
-        while self._up[part] != part:
-            self._up[part] = self._up[self._up[part]]
-            part = self._up[part]
-        return part
-
-    def join(self, a: int, b: int) -> bool:
-        """Unite two sets; False if they already were one."""
-        a, b = self.find(a), self.find(b)
-        if a == b:
-            return False
-        self._up[max(a, b)] = min(a, b)
-        return True
-
-
 def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) -> Skeleton:
     """Spanning trees over the parts, from the joints that are not broken.
 
@@ -121,7 +98,7 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
         joints: All joints; earlier ones are preferred among those of equal `preference`.
         broken: Indices of joints that broke or were released.
     """
-    sets = _Sets(count)
+    sets = Sets()
     whole = [i for i in range(len(joints)) if i not in broken]
     used: list[int] = []
     redundant: list[int] = []
@@ -131,7 +108,7 @@ def skeleton(count: int, joints: Sequence[Joint], broken: Collection[int] = ()) 
     moving = [i for i in whole if joints[i].kind != "fixed"]
     moving.sort(key=lambda i: preference(joints[i]))
     locked = [i for i in moving if sets.find(joints[i].a) == sets.find(joints[i].b)]
-    rigid = _lock(joints, moving, sets)
+    rigid = lock(joints, moving, sets)
     cluster = tuple(sets.find(part) for part in range(count))
     jammed = {i for i in moving if cluster[joints[i].a] == cluster[joints[i].b]} - set(locked)
     leading = _leading(joints, moving, cluster)
@@ -151,68 +128,14 @@ def preference(joint: Joint) -> tuple[bool, bool]:
     return joint.kind == "spherical", joint.drive.torque == 0.0
 
 
-def _between(
-    joints: Sequence[Joint], moving: Sequence[int], cluster: Callable[[int], int]
-) -> dict[tuple[int, int], list[int]]:
-    """The moving joints between each two clusters."""
-    pairs: dict[tuple[int, int], list[int]] = {}
-    for i in moving:
-        a, b = cluster(joints[i].a), cluster(joints[i].b)
-        if a != b:
-            pairs.setdefault((min(a, b), max(a, b)), []).append(i)
-    return pairs
-
-
-def _lock(joints: Sequence[Joint], moving: Sequence[int], sets: _Sets) -> list[int]:
-    """Unite all clusters whose joints lock each other; returns the joint that unites each two."""
-    rigid: list[int] = []
-    while True:
-        for group in _between(joints, moving, sets.find).values():
-            if len(group) > 1 and not _can_move([joints[i] for i in group]):
-                sets.join(joints[group[0]].a, joints[group[0]].b)
-                rigid.append(group[0])
-                break
-        else:
-            return rigid
-
-
-def _can_move(group: Sequence[Joint]) -> bool:
-    """Whether joints between the same two clusters, balls last, allow any common motion."""
-    first = group[0]
-    if first.kind == "spherical":
-        lines = (subtract(joint.pivot, first.pivot) for joint in group)
-        line = next((line for line in lines if length(line) > APART), None)
-        if line is None:
-            return True
-        first = replace(first, kind="revolute", axis=scale(line, 1.0 / length(line)))
-    return all(_allows(joint, first) for joint in group)
-
-
-def _allows(joint: Joint, other: Joint) -> bool:
-    """Whether a joint between the same two clusters allows all the motion of another."""
-    arm = subtract(joint.pivot, other.pivot)
-    if joint.kind == "spherical":
-        off = cross(arm, other.axis) if other.kind == "revolute" else arm
-        return other.kind != "prismatic" and length(off) < APART
-    in_line = joint.kind == "prismatic" or length(cross(arm, other.axis)) < APART
-    return joint.kind == other.kind and in_line and length(cross(joint.axis, other.axis)) < APART
-
-
 def _leading(
     joints: Sequence[Joint], moving: Sequence[int], cluster: Sequence[int]
 ) -> dict[int, tuple[Parallel, ...]]:
     """The moving joints that are parallel to none before them, and those parallel to each."""
-    leading: dict[int, tuple[Parallel, ...]] = {}
-    for group in _between(joints, moving, cluster.__getitem__).values():
-        own: dict[int, tuple[Parallel, ...]] = {}
-        for i in group:
-            first = next((k for k in own if _allows(joints[i], joints[k])), None)
-            if first is None:
-                own[i] = ()
-            else:
-                own[first] += (Parallel(i, _sign(joints[i], joints[first], cluster)),)
-        leading |= own
-    return {i: leading[i] for i in moving if i in leading}
+    return {
+        lead: tuple(Parallel(i, _sign(joints[i], joints[lead], cluster)) for i in others)
+        for lead, others in parallel_joints(joints, moving, cluster.__getitem__).items()
+    }
 
 
 def _sign(joint: Joint, other: Joint, cluster: Sequence[int]) -> float:
