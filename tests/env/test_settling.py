@@ -54,9 +54,9 @@ def settled(path: Path, slow: bool = True) -> float | None:
 
 
 def test_what_rests_or_creeps_has_settled_and_what_rolls_out_is_watched_for_longer() -> None:
-    assert settled(lambda _: 1.0) == 0.4
-    assert settled(lambda time: 1.0 - 0.01 * time) == 0.4
-    assert settled(lambda time: exp(-time)) == 1.1
+    assert settled(lambda _: 1.0) == pytest.approx(4 / 15)
+    assert settled(lambda time: 1.0 - 0.01 * time) == pytest.approx(4 / 15)
+    assert settled(lambda time: exp(-time)) == pytest.approx(11 / 15)
 
 
 def test_what_is_too_fast_has_not_settled() -> None:
