@@ -69,8 +69,8 @@ def _duplicate_connections(geometry: Geometry) -> list[Problem]:
 
 
 def _piece_problems(geometry: Geometry, most: int | None) -> list[Problem]:
-    total = sum(library()[placed.type].parts for placed in geometry.blocks)
-    if most is None or total <= most:
+    types = [library()[placed.type] for placed in geometry.blocks]
+    if most is None or sum(each.parts + each.joint.moves for each in types) <= most:
         return []
     parts = largest_piece(geometry)
     return [size_of_piece(parts, most)] if parts > most else []

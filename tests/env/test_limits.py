@@ -108,6 +108,21 @@ def test_check_and_engine_agree_on_a_few(engine: Engine, engine_spec: EngineSpec
     assert engine_spec.most_parts is None or {*found} == {True, False}
 
 
+def test_a_moving_joint_that_closes_a_loop_counts_as_a_part(
+    engine: Engine, engine_spec: EngineSpec
+) -> None:
+    """A brace between two ball joints, which can swing, and a row of blocks."""
+    most = engine_spec.most_parts
+    for count in (most - 1, most) if most else ():
+        rows = [(44, 0, 0), (44, 0, 1), (BRACE, 1, 0, 2, 0), (15, 0, 2)]
+        rows += [(15, i, 0) for i in range(4, count - 2)]
+        machine = Machine((ROOT, *(Step(i, *row) for i, row in enumerate(rows, 1))))
+        assert sum(library()[step.type].parts for step in machine) == count
+        problems = check(machine, limits=Limits((999.0, 999.0, 999.0), parts=most)).problems
+        assert [problem.code for problem in problems] == ["too_many_parts"] * (count == most)
+        assert is_held(engine, machine) == (count < most)
+
+
 @pytest.mark.slow
 def test_check_and_engine_agree_on_500(engine: Engine, engine_spec: EngineSpec) -> None:
     agreements(engine, engine_spec, 500)

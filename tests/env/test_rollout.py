@@ -22,6 +22,7 @@ from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
+from agentflow.machine.validity import check
 from tests.env.machines import BALLASTED, CAR, PRINTED, machine, shipped
 
 KEYS = [
@@ -128,6 +129,16 @@ def test_a_locked_joint_is_told() -> None:
     told = [event for event in rollout.events if event.kind == "locked"]
     text = "the moving joint of block 1 cannot move: rigid parts bridge it"
     assert told == [RolloutEvent(0.0, "locked", (1,), text)]
+
+
+def test_joints_that_hold_each_other_are_told_in_the_words_of_the_check() -> None:
+    joints = (5, 0, 3), (22, 0, 1), (7, 1, 0, 2, 0)
+    tree = machine((0, -1, -1), *joints, (30, 0, 4), (36, 4, 0))
+    rollout = simulate(tree, get_task("throwing", {"window": 1}))
+    told = {event.blocks[0]: event.text for event in rollout.events if event.kind == "locked"}
+    reason = "cannot move: other moving joints hold the same parts"
+    assert told == {block: f"the moving joint of block {block} {reason}" for block in (1, 2)}
+    assert [warning.message.endswith(reason) for warning in check(tree).warnings] == [True, True]
 
 
 class ExplodingWorld(PyBulletWorld):

@@ -49,6 +49,20 @@ def test_a_closed_frame_beside_a_hinge_locks_it() -> None:
     )
 
 
+def test_two_hinges_side_by_side_lock_each_other() -> None:
+    """Their axes are parallel, but not in one line, and a brace joins what hangs on them."""
+    pair = check(machine((0, -1, -1), (5, 0, 3), (28, 0, 1), (7, 1, 0, 2, 0)))
+    assert [(warning.code, warning.blocks, warning.message) for warning in pair.warnings] == [
+        (
+            "locked",
+            (block,),
+            f"the moving joint of block {block} ({name}) cannot move: other moving joints hold "
+            "the same parts",
+        )
+        for block, name in ((1, "Hinge"), (2, "Steering Hinge"))
+    ]
+
+
 def test_a_decoupler_is_not_a_moving_joint() -> None:
     assert locked_joints(place(machine((0, -1, -1), (4, 0, 0), (63, 1, 0), (7, 0, 4, 1, 2)))) == []
 

@@ -11,7 +11,17 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engine import Engine, World
-from agentflow.env.physics.model import Assembly, Drive, Joint, JointKind, Part, Shape, Strength
+from agentflow.env.physics.model import (
+    Assembly,
+    CogMesh,
+    Devices,
+    Drive,
+    Joint,
+    JointKind,
+    Part,
+    Shape,
+    Strength,
+)
 from agentflow.env.physics.structure.drives import Command, Motor, merge_drives
 from agentflow.env.physics.structure.load_sharing import load_loops
 from agentflow.env.physics.structure.spanning_tree import Parallel, skeleton
@@ -175,6 +185,25 @@ def test_suspensions_sag_and_stop_as_one(engine: Engine, count: int) -> None:
         world = engine.build(bank([drive] * count, MASS, "prismatic", Y), Scene(), RATE)
         run(world, 3.0)
         assert height(world) == pytest.approx(HEIGHT - sag, abs=0.03 * sag)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_cogs_mesh_through_a_parallel_joint(calm: Engine, sign: float) -> None:
+    """The mesh names the joint that is not in the tree; it lasts when that in the tree breaks."""
+    drive = replace(WHEEL, speed=3.0, torque=400.0)
+    assembly = bank([drive, Drive(), Drive()], 0.1 * MASS, signs=(1.0, sign, 1.0))
+    joints = assembly.joints[:-1]  # the third arm turns on its own
+    assert list(skeleton(4, joints).parallel) == [Parallel(1, sign)]
+    devices = Devices(cog_meshes=(CogMesh(1, 2, 2.0),))
+    world = calm.build(replace(assembly, joints=joints, devices=devices), Scene(), RATE)
+    world.switch("motors", 1.0)
+    run(world, 0.5)
+    spins = world.state().angular_velocity[1:, 0]
+    assert spins == pytest.approx([3.0, 3.0, -1.5 * sign], rel=0.01)
+    world.split([0])
+    run(world, 0.2)
+    first, second, third = world.state().angular_velocity[1:, 0]
+    assert first == second == pytest.approx(-2.0 * sign * third, rel=0.01)
 
 
 # --- different drives ----------------------------------------------------------------------
