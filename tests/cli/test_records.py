@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
 
 from agentflow.cli import main
+from agentflow.env.archive import load_npz, save_npz
+from agentflow.env.rollout import Marginal
+from agentflow.machine import read_machine
 from agentflow.metrics.failure_kinds import KINDS
 from agentflow.runs import read_result
 
@@ -81,6 +85,24 @@ def test_show_tells_stages_costs_and_failures(capsys: Captured) -> None:
     told = f"0 of {result['calls']} replies rejected; {result['rollouts']} machines simulated"
     assert told in lines
     assert json.loads(shown(capsys, "show", str(RECORDED), "--json"))["state"] == "done"
+
+
+def test_show_names_marginal_connections_of_the_best_machine(
+    tmp_path: Path, capsys: Captured
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(RECORDED, run)
+    machine = read_machine(read_result(run)["machine"]).machine
+    assert machine is not None
+    file = run / "rollouts" / f"{machine.digest}.npz"
+    save_npz(replace(load_npz(file), marginal=(Marginal(2, 15, 1, 0.5, 0.97),)), file)
+    line = "marginal: block 2 off block 1 nearly broke (97 % of its strength, 0.50 s)"
+    assert line in " ".join(shown(capsys, "show", str(run)).split())
+    (item,) = json.loads(shown(capsys, "show", str(run), "--json"))["marginal"]
+    assert (item["block"], item["load"]) == (2, 0.97)
+    file.unlink()
+    assert "marginal:" not in shown(capsys, "show", str(run))
+    assert json.loads(shown(capsys, "show", str(run), "--json"))["marginal"] is None
 
 
 def test_failures_are_a_table(capsys: Captured) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.cli.display.show import ending_of, show_result
+from agentflow.cli.display.show import ending_of, marginal_line, show_result, show_rollout
 
 
 def _stage(name: str, valid: int, attempts: int = 0, children: int = 0) -> dict[str, Any]:
@@ -56,3 +56,29 @@ def test_the_next_command_holds_where_a_folder_has_spaces(
     show_result(_result(**told, **changes), {})
     line = "see every step in 3D: agentflow report 'my runs/one'"
     assert line in capsys.readouterr().out.splitlines()
+
+
+def test_a_rollout_with_marginal_connections_names_them(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    facts = {"status": "ok", "score": 1.0, "blocks": None, "problems": [], "feedback": "Score: 1"}
+    named = {"block": 3, "partner": 1, "time": 0.25, "load": 0.97}
+    show_rollout({**facts, "marginal": [named]})
+    last = "marginal: block 3 off block 1 nearly broke (97 % of its strength, 0.25 s)"
+    assert capsys.readouterr().out.splitlines() == ["ok, score 1.00", "Score: 1", last]
+    show_rollout({**facts, "marginal": []})
+    assert capsys.readouterr().out.splitlines() == ["ok, score 1.00", "Score: 1"]
+
+
+def test_the_marginal_connections_nearest_to_their_strength_are_named() -> None:
+    loads = ((9, 8, 0.52, 0.968), (3, 1, 0.61, 1.004), (4, 1, 0.7, 0.951), (5, 2, -0.1, 1.03))
+    found = [dict(zip(("block", "partner", "time", "load"), row, strict=True)) for row in loads]
+    assert marginal_line(found[:2]) == (
+        "marginal: block 3 off block 1 only just broke (100 % of its strength, 0.61 s); "
+        "block 9 off block 8 nearly broke (97 % of its strength, 0.52 s)"
+    )
+    assert marginal_line(found).endswith(
+        "block 5 off block 2 only just broke "
+        "(103 % of its strength, -0.10 s); block 9 off block 8 nearly broke "
+        "(97 % of its strength, 0.52 s); and 1 more"
+    )

@@ -15,6 +15,7 @@ from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note
 from agentflow.config.run import build_config
+from agentflow.env.archive import load_npz
 from agentflow.errors import RunError, UsageError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.metrics.usage import bill
@@ -67,9 +68,10 @@ def _result_so_far(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
 def run_details(path: Path) -> dict[str, Any]:
     """One run in detail.
 
-    The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `stages` (rows of the stage
-    table), `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role), `failures` (see
-    `count_failures`), `remarks`, `config`, and the rest of run.yaml.
+    The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `marginal` (connections of the
+    best machine as in `rollout_json`; None if its rollout was not saved), `stages` (rows of the
+    stage table), `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role),
+    `failures` (see `count_failures`), `remarks`, `config`, and the rest of run.yaml.
     """
     document = read_document(path)
     summary = _summary(path)
@@ -85,6 +87,7 @@ def run_details(path: Path) -> dict[str, Any]:
         "blocks": result.get("blocks", len(machine) if machine else None),
         "most_blocks": result.get("most_blocks"),
         "best_stage": result.get("best_stage"),
+        "marginal": _marginal(path, machine),
         "stages": [stage.data for stage in record.stages],
         "stopped": result.get("stopped"),
         "reason": result.get("reason", ""),
@@ -95,6 +98,15 @@ def run_details(path: Path) -> dict[str, Any]:
         "failures": count_failures(path),
         "remarks": [*record.remarks, *_later_notes(machine, path, document)],
     }
+
+
+def _marginal(path: Path, machine: Machine | None) -> list[dict[str, Any]] | None:
+    """Connections of the best machine that nearly broke; None if its rollout was not saved."""
+    with suppress(UsageError):
+        if machine:
+            rollout = load_npz(path / "rollouts" / f"{machine.digest}.npz")
+            return [asdict(item) for item in rollout.marginal]
+    return None
 
 
 def _later_notes(machine: Machine | None, path: Path, document: Mapping[str, Any]) -> list[str]:

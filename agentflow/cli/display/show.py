@@ -15,6 +15,8 @@ from agentflow.cli.display.text import block_count, number
 Data = Mapping[str, Any]
 VALID = ("valid at once", "after retries")
 """Headers of the counts of machines that were valid at the first attempt, and after retries."""
+MARGINAL = 3
+"""Most marginal connections that are printed; the data holds all."""
 
 
 def show_result(result: Data, pictures: Mapping[str, str]) -> None:
@@ -165,8 +167,23 @@ def show_rollout(result: Data) -> None:
         console.print(f"{problem['code']}: {problem['message']}")
     if result["feedback"]:
         console.print(result["feedback"])
+    if result["marginal"]:
+        console.print(marginal_line(result["marginal"]))
     for answer in result.get("answers", ()):
         console.print(str(answer))
+
+
+def marginal_line(found: Sequence[Data]) -> str:
+    """The connections nearest to their strength, in one line; `found` is not empty."""
+    nearest = sorted(found, key=lambda item: abs(item["load"] - 1))
+    told = [
+        f"block {item['block']} off block {item['partner']} "
+        f"{'nearly' if item['load'] < 1 else 'only just'} broke "
+        f"({100 * item['load']:.0f} % of its strength, {item['time']:.2f} s)"
+        for item in nearest[:MARGINAL]
+    ]
+    more = len(nearest) - MARGINAL
+    return f"marginal: {'; '.join([*told, f'and {more} more'] if more > 0 else told)}"
 
 
 def show_comparison(found: Data) -> None:

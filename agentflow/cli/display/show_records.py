@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agentflow.cli.display.output import columns, output
-from agentflow.cli.display.show import VALID, Data, verified_line
+from agentflow.cli.display.show import VALID, Data, marginal_line, verified_line
 from agentflow.cli.display.text import block_count, number
 
 
@@ -41,6 +41,8 @@ def show_run(run: Data) -> None:
     console.print(", ".join(found))
     if run["verified"]:
         console.print(verified_line(run["verified"]))
+    if run["marginal"]:
+        console.print(marginal_line(run["marginal"]))
     if run["stopped"] or run["reason"]:
         why = " ".join((run["reason"] or f"stopped: {run['stopped']} limit reached").split())
         console.print(why)
