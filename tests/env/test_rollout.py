@@ -142,7 +142,7 @@ def test_joints_that_hold_each_other_are_told_in_the_words_of_the_check() -> Non
 
 
 class ExplodingWorld(PyBulletWorld):
-    """Diverges in its 317th step: 240 settle the machine, 48 are parts of the first 0.1 s."""
+    """Diverges in its 237th step: 160 settle the machine, 48 are parts of the first 0.1 s."""
 
     steps = 0
 
@@ -151,7 +151,7 @@ class ExplodingWorld(PyBulletWorld):
         self.steps += 1
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
-        return super().speeds(thorough) if self.steps < 317 else (nan, 0.0)
+        return super().speeds(thorough) if self.steps < 237 else (nan, 0.0)
 
 
 class Exploding(PyBulletEngine):
@@ -171,14 +171,14 @@ def test_a_rollout_that_diverges_scores_nothing() -> None:
 
 
 class UnreadableWorld(PyBulletWorld):
-    """Its joints' loads are no numbers from the 317th step on, though nothing is fast."""
+    """Its joints' loads are no numbers from the 237th step on, though nothing is fast."""
 
     steps = 0
 
     def step(self, divisions: int = 1) -> None:
         super().step(divisions)
         self.steps += 1
-        if self.steps >= 317:
+        if self.steps >= 237:
             self.reactions[0] = nan
 
 

@@ -1,0 +1,96 @@
+"""Fine steps while machines settle and start: what they cost, and scores that no longer differ."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from agentflow.env.constants import constants
+from agentflow.env.physics.pybullet.world import PyBulletWorld
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.registry import get_task
+from tests.env.machines import CAR, machine
+
+CLIMBED = {
+    "rotor on posts": machine(
+        *((0, -1, -1), (16, 0, 2), (5, 0, 0), (1, 1, 4), (1, 0, 3), (1, 4, 8), (1, 5, 6)),
+        *((15, 6, 8), (22, 6, 4), (63, 8, 3), (30, 9, 0), (36, 10, 0), (7, 6, 3, 3, 0)),
+        *((63, 4, 3), (63, 3, 2)),
+    ),
+    "arm on a tower": machine(
+        *((0, -1, -1), (1, 0, 1), (1, 0, 0), (1, 2, 0), (22, 3, 4), (63, 4, 3), (30, 5, 0)),
+        *((36, 6, 0), (1, 4, 4)),
+    ),
+    "braced rotor": machine(
+        *((0, -1, -1), (41, 0, 0), (35, 1, 1), (35, 1, 7), (35, 0, 3), (63, 0, 4), (22, 5, 6)),
+        *((15, 6, 3), (30, 7, 0), (36, 8, 0), (7, 5, 1, 2, 2), (16, 5, 10), (1, 1, 3)),
+        *((9, 3, 2, 11, 0), (16, 12, 0), (1, 4, 2)),
+    ),
+}
+"""Throwers that hill climbing found when every step took 1/120 s."""
+
+
+FAR, NEAR = 0.08, 0.05
+
+
+def score(name: str, rate: float | None = None, fine_rate: float = 480) -> float:
+    """The score of a climbed thrower; a fine rate of 0 divides no step."""
+    physics = constants().changed({"fine_rate": fine_rate})
+    rollout = simulate(CLIMBED[name], get_task("throwing"), rate=rate, physics=physics)
+    assert rollout.score is not None
+    return rollout.score
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CLIMBED)
+def test_what_long_steps_gave_a_climbed_thrower_fine_ones_take_away(name: str) -> None:
+    exact = score(name, 480)
+    assert abs(score(name, fine_rate=0) / exact - 1) > FAR
+    assert abs(score(name) / exact - 1) < NEAR
+
+
+@pytest.mark.slow
+def test_climbed_throwers_move_the_same_in_a_new_process() -> None:
+    script = (
+        "from tests.env.test_fine_steps import CLIMBED, get_task, simulate\n"
+        "print(*(simulate(tree, get_task('throwing')).digest for tree in CLIMBED.values()))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"},
+    )
+    here = [simulate(CLIMBED[name], get_task("throwing")).digest for name in reversed(CLIMBED)]
+    assert done.stdout.split() == here[::-1]
+
+
+@pytest.mark.parametrize(
+    ("rate", "steps"),
+    [
+        (120, [(4, 40), (4, 12), (1, 108)]),
+        (240, [(2, 84), (2, 24), (1, 216)]),
+        (480, [(1, 168), (1, 48), (1, 432)]),
+    ],
+    ids=str,
+)
+def test_a_plain_car_takes_fine_steps_while_it_settles_and_starts(
+    rate: float, steps: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps of the settling, of the first 0.1 s and of the rest of 1 s, with their divisions."""
+    taken: list[int] = []
+    step = PyBulletWorld.step
+
+    def count(world: PyBulletWorld, divisions: int = 1) -> None:
+        taken.append(divisions)
+        step(world, divisions)
+
+    monkeypatch.setattr(PyBulletWorld, "step", count)
+    rollout = simulate(CAR, get_task("movement", {"window": 1}), rate=rate)
+    assert rollout.sim_seconds == 1.0
+    assert taken == [divisions for divisions, n in steps for _ in range(divisions * n)]
