@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from dataclasses import dataclass, replace
+from itertools import count
 
 import pytest
 
@@ -12,6 +13,7 @@ from agentflow.env.archive import rollout_json
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Feedback, Rollout
 from agentflow.env.scene import Scene
+from agentflow.env.simulation import play
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.families.jumping import Jumping, JumpingKnobs
@@ -149,12 +151,15 @@ async def test_a_pool_gives_the_same_with_one_worker_and_with_two() -> None:
         assert there.scene == TASK.trials(0)[0].scene(LONE_ROOT)
 
 
-def test_the_wall_limit_is_each_trials() -> None:
-    cut = simulate(LONE_ROOT, TASK, wall_limit=0.0)
+def test_the_wall_limit_is_each_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clock advances by 1/1024 s whenever it is read, which happens once per step."""
+    ticks = count()
+    monkeypatch.setattr(play, "perf_counter", lambda: next(ticks) / 1024)
+    trials = [simulate(LONE_ROOT, trial).wall_seconds or 0.0 for trial in TASK.trials(0)]
+    whole = simulate(LONE_ROOT, TASK, wall_limit=max(trials))
+    assert (whole.status, whole.wall_seconds) == ("ok", sum(trials))
+    cut = simulate(LONE_ROOT, TASK, wall_limit=0.9 * min(trials))
     assert (cut.status, cut.score, cut.trace) == ("timeout", None, None)
-    limit = 0.8 * simulate(LONE_ROOT, TASK).wall_seconds
-    tried = (simulate(LONE_ROOT, TASK, wall_limit=limit) for _ in range(20))
-    assert any(whole.status == "ok" and whole.wall_seconds > limit for whole in tried)
 
 
 @dataclass(frozen=True)
