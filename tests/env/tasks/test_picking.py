@@ -144,7 +144,7 @@ def test_the_feedback_tells_the_height_of_every_second_and_where_things_were() -
 
 @pytest.mark.slow
 def test_a_crane_lifts_the_ball_and_carries_it_away() -> None:
-    rollout = simulate(load("picking/short_crane.json"), get_task("picking"))
+    rollout = simulate(load("picking/crane_with_five_grabbers.json"), get_task("picking"))
     assert rollout.terms["success"] is True
     assert rollout.score is not None
     assert rollout.score > 4.0
