@@ -55,6 +55,7 @@ def test_the_list_tells_the_state_of_each(folder: Path) -> None:
         "run": str(folder / "deep" / "stopped"),
         "state": "stopped",
         "cost": None,
+        "verified": None,
     }
     assert damaged["state"] == "damaged"
     assert damaged["problem"] == (
