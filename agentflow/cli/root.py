@@ -27,6 +27,9 @@ commands = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+PARTLY = 3
+"""Exit status: some of several runs failed."""
+
 Knobs = Annotated[
     list[str] | None,
     typer.Option(

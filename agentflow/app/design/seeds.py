@@ -9,9 +9,12 @@ from typing import Any
 
 from agentflow.app.design.run import RunOptions, design
 from agentflow.config.run import DesignConfig
+from agentflow.errors import AgentflowError, EndpointError, FamilyError, RunError
 
 KEYS = ("seed", "score", "best_stage", "calls", "seconds", "run")
-"""What the summary says about each run."""
+"""What the summary says about each run, besides `verified` and `failed`."""
+FAULTS = (EndpointError, RunError, FamilyError)
+"""Errors that end one run; any other would end all of them alike."""
 
 
 def design_seeds(
@@ -24,6 +27,9 @@ def design_seeds(
 ) -> dict[str, Any]:
     """Carry out one run per seed; the result of the best run, with `seeds`, a row for each run.
 
+    A run that fails does not stop the others. In its row, `failed` says why, which is "" for the
+    others, and all else but the seed is None.
+
     Args:
         config: What to do; its seed is the first.
         out: Parent folder of the run directories.
@@ -33,23 +39,49 @@ def design_seeds(
         clock: The time, s.
 
     Raises:
-        UsageError, EndpointError, InterruptedRunError: As `design` does; earlier runs are kept.
+        EndpointError, RunError: Every run failed; an EndpointError if all failed because of the
+            endpoint.
+        UsageError, InterruptedRunError: As `design` does; earlier runs are kept.
     """
     end = float("inf") if minutes is None else clock() + 60 * minutes
-    results: list[dict[str, Any]] = []
+    finished: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
+    faults: list[AgentflowError] = []
     for seed in range(config.seed, config.seed + count):
-        if results and clock() >= end:
-            options.notify(f"{minutes:g} minutes are over: {count - len(results)} seeds not run")
+        if rows and clock() >= end:
+            options.notify(f"{minutes:g} minutes are over: {count - len(rows)} seeds not run")
             break
-        options.notify(f"seed {seed}: run {len(results) + 1} of {count}")
-        results.append(design(config.model_copy(update={"seed": seed}), out, options))
-    best = max(results, key=_rank)
-    return {**best, "seeds": [_row(result) for result in results]}
+        options.notify(f"seed {seed}: run {len(rows) + 1} of {count}")
+        try:
+            result = design(config.model_copy(update={"seed": seed}), out, options)
+        except FAULTS as error:
+            faults.append(error)
+            rows.append(_failed_row(seed, error))
+            options.notify(f"seed {seed} failed: {rows[-1]['failed']}")
+        else:
+            finished.append(result)
+            rows.append(_row(result))
+    if not finished:
+        raise _failure(rows, faults)
+    best = max(finished, key=_rank)
+    return {**best, "seeds": rows}
 
 
 def _row(result: dict[str, Any]) -> dict[str, Any]:
     verified = (result.get("verified") or {}).get("score")
-    return {**{key: result[key] for key in KEYS}, "verified": verified}
+    return {**{key: result[key] for key in KEYS}, "verified": verified, "failed": ""}
+
+
+def _failed_row(seed: int, error: AgentflowError) -> dict[str, Any]:
+    unknown = dict.fromkeys((*KEYS, "verified"))
+    return {**unknown, "seed": seed, "failed": str(error).strip().partition("\n")[0]}
+
+
+def _failure(rows: list[dict[str, Any]], faults: list[AgentflowError]) -> AgentflowError:
+    """The error of a series in which every run failed."""
+    kind = EndpointError if all(isinstance(error, EndpointError) for error in faults) else RunError
+    told = "; ".join(f"seed {row['seed']}: {row['failed']}" for row in rows)
+    return kind(f"no run finished: {told}")
 
 
 def _rank(result: dict[str, Any]) -> tuple[float, float]:

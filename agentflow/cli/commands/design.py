@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from agentflow.cli.root import (
+    PARTLY,
     BaseUrl,
     Config,
     Json,
@@ -132,6 +133,8 @@ def design(
         print_json(result)
     else:
         show_result(result, pictures)
+    if any(run["failed"] for run in result.get("seeds", ())):
+        raise typer.Exit(PARTLY)
 
 
 @commands.command(epilog="Example: agentflow replay runs/recorded-throwing")

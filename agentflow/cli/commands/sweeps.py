@@ -11,6 +11,7 @@ import typer
 
 from agentflow.cli.display.text import escape_controls
 from agentflow.cli.root import (
+    PARTLY,
     BaseUrl,
     Json,
     ModelName,
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
 
 LISTED = 1000
 """A dry run lists at most this many runs one by one; more are listed by group of seeds."""
-PARTLY, NO_ENDPOINT = 3, 4
-"""Exit statuses: some runs failed; all failed because of the endpoint."""
+NO_ENDPOINT = 4
+"""Exit status: all runs failed because of the endpoint."""
 
 
 @commands.command(epilog="Example: agentflow sweep configs/inspector.yaml --dry-run")

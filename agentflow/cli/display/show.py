@@ -55,14 +55,17 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
 
 
 def _show_seeds(runs: Sequence[Data]) -> None:
-    """Print one line per run of several seeds; what follows is about the best."""
+    """Print one line per run of several seeds, failed ones last; what follows is about the best."""
     table = columns("seed", "score", "verified", "found in stage", "calls", "seconds", "run")
-    for run in runs:
+    for run in (run for run in runs if not run["failed"]):
         scores = (number(run["score"]), number(run["verified"]), run["best_stage"] or "-")
         table.add_row(
             str(run["seed"]), *scores, str(run["calls"]), f"{run['seconds']:.1f}", run["run"]
         )
     output().print_wide(table)
+    for run in runs:
+        if run["failed"]:
+            output().print(f"seed {run['seed']} failed: {run['failed']}")
 
 
 def verified_line(verified: Data) -> str:

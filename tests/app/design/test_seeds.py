@@ -7,11 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from agentflow.app.design.run import RunOptions
+from agentflow.app.design import seeds
+from agentflow.app.design.run import RunOptions, design
 from agentflow.app.design.seeds import _rank, design_seeds
 from agentflow.cli import main
-from agentflow.config.run import build_config
+from agentflow.config.run import DesignConfig, build_config
+from agentflow.errors import EndpointError, RunError, UnreachableError
+from agentflow.llm.messages import Request
+from agentflow.llm.scripted import ScriptedClient
 from agentflow.runs import read_document, read_result
+from tests.machine.builders import CAR
 
 TINY = {
     "task": "movement",
@@ -55,6 +60,79 @@ def test_no_run_begins_when_the_time_is_over(tmp_path: Path) -> None:
     found = design_seeds(build_config(TINY), tmp_path, 5, 10, options, times)  # type: ignore[arg-type]
     assert [row["seed"] for row in found["seeds"]] == [4, 5]
     assert told[-1] == "10 minutes are over: 3 seeds not run"
+
+
+def failing(told: list[str], *seeds: int) -> ScriptedClient:
+    """A client that designs a car, but does not answer in the runs of these seeds."""
+
+    def answer(_request: Request) -> str:
+        latest = next(line for line in reversed(told) if ": run " in line)
+        if int(latest.removeprefix("seed ").partition(":")[0]) in seeds:
+            raise UnreachableError("no answer from the endpoint\nsecond line")
+        return CAR.to_text()
+
+    return ScriptedClient(answer)
+
+
+SINGLE = {**TINY, "workflow": "single", "settings": {"trajectories": 1}}
+
+
+@pytest.mark.slow
+def test_a_failed_run_is_named_and_stops_no_other(tmp_path: Path) -> None:
+    told: list[str] = []
+    options = RunOptions(told.append, client=failing(told, 4, 6))
+    found = design_seeds(build_config(SINGLE), tmp_path, 4, None, options)
+    assert (found["seed"], found["valid"]) == (5, True)
+    failed, good, also, last = found["seeds"]
+    assert [row["seed"] for row in found["seeds"]] == [4, 5, 6, 7]
+    assert failed == {
+        **dict.fromkeys(good, None),
+        "seed": 4,
+        "failed": "no answer from the endpoint",
+    }
+    assert (also["failed"], also["score"]) == ("no answer from the endpoint", None)
+    assert (good["failed"], last["failed"]) == ("", "")
+    assert good["score"] == last["score"] == found["score"]
+    assert "seed 6 failed: no answer from the endpoint" in told
+
+
+def test_a_series_in_which_all_runs_fail_is_an_error_that_names_each(tmp_path: Path) -> None:
+    told: list[str] = []
+    options = RunOptions(told.append, client=failing(told, 4, 5))
+    with pytest.raises(EndpointError) as caught:
+        design_seeds(build_config(SINGLE), tmp_path, 2, None, options)
+    reason = "no answer from the endpoint"
+    assert str(caught.value) == f"no run finished: seed 4: {reason}; seed 5: {reason}"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_the_exit_status_says_whether_some_runs_failed_or_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
+) -> None:
+    def unreliable(config: DesignConfig, out: Path, options: RunOptions) -> dict[str, object]:
+        if config.seed == broken:
+            raise RunError("no space left")
+        return design(config, out, options)
+
+    monkeypatch.setattr(seeds, "design", unreliable)
+    config = tmp_path / "tiny.yaml"
+    config.write_text(json.dumps(TINY))
+    arguments = ["design", "--config", str(config), "--out", str(tmp_path / "runs"), "--quiet"]
+    broken = 5
+    assert main([*arguments, "--seeds", "2"]) == 3
+    _, row, failed, *_ = capsys.readouterr().out.splitlines()
+    assert (row.split()[0], failed) == ("4", "seed 5 failed: no space left")
+    broken = 4
+    assert main([*arguments, "--seeds", "1"]) == 2
+    assert capsys.readouterr().err == "agentflow: no run finished: seed 4: no space left\n"
+    url, once = "http://127.0.0.1:9/v1", "model.endpoint.retry.attempts=1"
+    model = ["--model", "m", "--base-url", url, "--set", once, "--workflow", "single"]
+    assert main([*arguments, *model, "--seeds", "2", "--seed", "7"]) == 4
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert "no run finished: seed 7: no answer from" in told.err
+    assert "; seed 8: no answer from" in told.err
 
 
 def test_the_verified_score_decides_and_no_score_comes_last() -> None:
