@@ -1,4 +1,4 @@
-"""The law of springs, and that their pulls act on the parts that they hold."""
+"""The law of springs, how their pulls act on the parts that they hold, and what damping takes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.laws.forces import PartLocations
 from agentflow.env.physics.laws.tension import Spring, SpringForce
 from agentflow.env.physics.model import Assembly
@@ -16,8 +17,10 @@ from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import Vec3
+from agentflow.machine.tree import Machine
 from tests.env.conftest import MakeEngine
 from tests.env.machines import machine
+from tests.env.physics.rig import RATE, Rig
 
 
 def test_a_spring_pulls_beyond_its_natural_length_only() -> None:
@@ -91,3 +94,39 @@ def test_springs_inside_rigid_clusters_change_no_motion(make_engine: MakeEngine)
 
     assert tumble(1.0, False) == pytest.approx(tumble(0.0, False), abs=1e-6)
     assert tumble(1.0, True) == pytest.approx(tumble(0.0, True), abs=1e-6)
+
+
+def hinged_log(ballast: int, springs: int) -> Machine:
+    """A log on a hinge, with ballast at its tip, that springs pull up to a post."""
+    rows = [(0, -1, -1), (63, 0, 4), (5, 0, 3), (63, 2, 0)]
+    rows += [(35, 3 + i, 0) for i in range(ballast)]
+    post, log = place(machine(*rows)).blocks[1:4:2]
+    inner = [face.face_id for face in post.faces if face.facing == "x+"]
+    upper = [face.face_id for face in log.faces if face.facing == "y+"]
+    pairs = [(a, b) for a in reversed(inner) for b in reversed(upper)]
+    return machine(*rows, *((9, 1, a, 3, b) for a, b in pairs[:springs]))
+
+
+@pytest.mark.parametrize(
+    ("ballast", "springs", "share", "fastest"),
+    [(0, 4, 0.50, 53), (1, 1, 0.82, 16), (6, 1, 0.95, 5)],
+)
+def test_the_faster_springs_contract_the_less_of_their_work_arrives(
+    calm: Engine, ballast: int, springs: int, share: float, fastest: float
+) -> None:
+    """The energy of the log when the springs are half as long, over the work of the full pull."""
+    tree = hinged_log(ballast, springs)
+    assembly = assemble(tree, place(tree), constants())
+    rig = Rig(calm, tree, assembly=in_space(assembly))
+    rig.world.switch("springs", 1.0)
+    first = length = rig.world.state().length
+    speed = 0.0
+    while length.max() > 0.5 * first.max():
+        before = length
+        rig.world.step(4)
+        length = rig.world.state().length
+        speed = max(speed, 4 * RATE * (before - length).max())
+    work = constants()["spring_force"] * (first - length).sum()
+    energy = rig.world.momentum()["energy"].sum()
+    assert energy / work == pytest.approx(share, abs=0.01)
+    assert speed == pytest.approx(fastest, abs=1)
