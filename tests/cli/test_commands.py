@@ -79,6 +79,7 @@ def test_simulate_gives_exactly_the_documented_keys(
         "terms",
         "problems",
         "broken",
+        "marginal",
         "events",
         "feedback",
         "digest",
