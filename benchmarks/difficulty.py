@@ -75,7 +75,13 @@ def best_of_designs(level: str, workflow: str, seed: int) -> dict[str, Any]:
         "single": {"trajectories": ROLLOUTS, "search": {"rounds": 0}},
         "random-dsl": {"rollouts": ROLLOUTS},
     }.get(workflow, {"placements": ROLLOUTS})
-    document = {"task": level, "workflow": workflow, "seed": seed, "settings": count}
+    document = {
+        "task": level,
+        "workflow": workflow,
+        "seed": seed,
+        "settings": count,
+        "verify": False,
+    }
     with tempfile.TemporaryDirectory() as folder:
         result = design(build_config(document), Path(folder))
     passes = result.get("attempts", {}).get("passes")
