@@ -10,12 +10,13 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
+from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Broken, Rollout
-from agentflow.env.scene import Scene
+from agentflow.env.scene import Scene, Start
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.geometry.placement import place
@@ -110,6 +111,41 @@ def test_a_loop_takes_over_where_a_moving_joint_goes(engine: Engine) -> None:
     gone = [i for i, joint in enumerate(assembly.joints) if joint.block == 13]
     assert loop.joint not in gone
     part(world, gone, 1e-4)
+
+
+DROPPED = machine(
+    *((0, -1, -1), (35, 0, 4), (63, 0, 2), (63, 2, 0), (35, 3, 0), (35, 4, 0)),
+    *((63, 0, 3), (63, 6, 0), (35, 7, 0), (35, 8, 0)),
+)
+"""Two long arms with ballast at their tips."""
+
+
+@pytest.mark.parametrize("rate", [60, 120, 240, 480])
+def test_an_impact_passes_whole_through_a_connection_that_it_breaks(
+    engine: Engine, rate: float
+) -> None:
+    """The arms, which fall 10 m, stop in one step, however short: the connection at their middle
+    passes several times the angular momentum that it bears within the load window."""
+    value = constants()
+    assembly = assemble(DROPPED, place(DROPPED), value)
+    world = engine.build(assembly, Scene(start=Start(height=10.0)), rate)
+    loads = Loads(assembly.joints, value["load_window"], 1 / rate, 1 / value["step_rate"])
+    broken: dict[int, float] = {}
+    while not broken:
+        falling = world.state().velocity[9, 1]
+        world.step()
+        broken = loads.update(world.reactions)
+    index, load = next(iter(broken.items()))
+    assert assembly.joints[index].block == 7
+    strength = assembly.joints[index].strength
+    assert strength is not None
+    passed = np.linalg.norm(world.reactions[index, 3:]) / rate
+    share = passed / (strength.torque * value["load_window"])
+    window = max(1 / rate, 1 / value["step_rate"]) / value["load_window"]
+    assert load == pytest.approx(share * (1 - np.exp(-window)) / window, rel=0.02)
+    assert 5.0 < share < 7.0
+    assert falling == pytest.approx(-25.3, abs=0.1)
+    assert -6.0 < world.state().velocity[9, 1] < -2.0
 
 
 def broken_at(name: str, rate: float) -> tuple[Broken, ...]:
