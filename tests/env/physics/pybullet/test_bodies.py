@@ -6,13 +6,15 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.model import Devices
+from agentflow.env.physics.model import Assembly, Joint, Part
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.scene import Scene, Thing
 from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import IDENTITY
 from tests.env.machines import machine
 from tests.env.physics.rig import RATE
+from tests.env.physics.test_loops import FREE, linkage
 
 ROOT = (0, -1, -1)
 GRAVITY = 32.81
@@ -21,16 +23,17 @@ GRAVITY = 32.81
 def test_loops_are_bound_once_after_every_split() -> None:
     """Splits far from a loop leave its body standing; its constraints are made anew, not added."""
     engine = PyBulletEngine()
-    beam = (ROOT, (15, 0, 2), (15, 1, 0), (15, 2, 0))
-    arms = ((5, 0, 4), (5, 3, 3), (15, 4, 0), (15, 5, 0), (19, 6, 1), (15, 8, 0))
-    tree = machine(*beam, *arms, (15, 0, 0), (15, 10, 0))
-    assembly = assemble(tree, place(tree), constants())
+    bars = linkage((FREE,) * 4, range(4))
+    aside = (8.0, 1.0, 0.0)
+    parts = (*bars.parts, Part(4, aside, 1.0, (1.0,) * 3))
+    joints = (*bars.joints, Joint(4, 0, 0, 4, pivot=aside))
+    centres, blocks = (*bars.centres, aside), (*bars.blocks, (4,))
+    assembly = Assembly(parts, joints, blocks, centres, centres, (IDENTITY,) * len(parts))
     world = engine.build(assembly, Scene(), RATE)
     before = pybullet.getNumConstraints(engine.client)
     assert before == 1
-    world.split([i for i, joint in enumerate(assembly.joints) if joint.block == 11])
+    world.split([len(joints) - 1])
     assert pybullet.getNumConstraints(engine.client) == before
-    assert assembly.devices == Devices()
     engine.close()
 
 
