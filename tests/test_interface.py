@@ -228,7 +228,7 @@ def test_an_interrupted_run_with_a_function_can_be_resumed(tmp_path: Path) -> No
         return author(request)
 
     settings = {"trajectories": 1, "search.rounds": 1, "search.width": 1, "window": 1}
-    with pytest.raises(agentflow.AgentflowError, match="interrupted; continue with"):
+    with pytest.raises(agentflow.AgentflowError, match="interrupted; continue in Python"):
         agentflow.design(
             "movement", workflow="single", answer=failing, settings=settings, out=tmp_path
         )

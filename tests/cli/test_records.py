@@ -76,9 +76,8 @@ def test_show_tells_stages_costs_and_failures(capsys: Captured) -> None:
     assert lines[1] == "throwing, hierarchical, procedural (no language model), seed 0"
     result = read_result(RECORDED)
     best, last = f"{result['score']:.2f}", result["stages"][-1]
-    assert lines[2] == (
-        f"best score {best}, {len(result['machine'])} blocks, found in stage {result['best_stage']}"
-    )
+    blocks = f"{len(result['machine'])} of 40 blocks"
+    assert lines[2] == f"best score {best}, {blocks}, found in stage {result['best_stage']}"
     (row,) = (line.split() for line in lines if line.startswith("env_feedback"))
     assert row[1:4] == ["2/2", "2/2", f"{last['mean']:.2f}"]
     assert row[4:] == [f"{last['max']:.2f}", str(last["calls"]), str(last["rollouts"])]

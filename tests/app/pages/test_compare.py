@@ -94,6 +94,7 @@ def test_wrong_comparisons_are_refused(capsys: Captured) -> None:
     shutil.copytree(RECORDED, "other")
     document = read_document(Path("other"))
     document["config"] = {**document["config"], "task": "movement"}
+    del document["level"]
     Path("other/run.yaml").write_text(document_text(document))
     wrong = {
         (str(RECORDED), "other"): "the runs are of different tasks (throwing and movement); name",

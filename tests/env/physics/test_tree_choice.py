@@ -21,7 +21,7 @@ from agentflow.machine.edits.random import random_machine
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
-TASK = get_task("movement")
+TASK = get_task("movement", {"window": 2})
 MACHINES = 50
 NUDGES = (1e-12, -1e-12, 1e-10, 1e-8)
 """Relative changes of gravity. A machine whose score one of them changes by more than 1 % is
@@ -50,6 +50,7 @@ def turned_round(joint: Joint) -> tuple[bool, bool]:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_scores_do_not_depend_on_the_choice_of_tree(monkeypatch: pytest.MonkeyPatch) -> None:
     gravity = constants()["gravity"]
     nudged = [constants().changed({"gravity": gravity * (1.0 + nudge)}) for nudge in NUDGES]
