@@ -138,6 +138,13 @@ async def test_a_family_that_fails_is_named_here(pool: RolloutPool, tmp_path: Pa
 
 
 @pytest.mark.slow
+async def test_a_bug_is_raised_here_with_its_traceback(pool: RolloutPool) -> None:
+    with pytest.raises(RuntimeError, match=r"(?s)a rollout failed in its worker:.*Traceback.*rate"):
+        await pool.run(CAR, get_task("movement"), variation="faster")  # type: ignore[arg-type]
+    assert (await pool.run(CAR, get_task("movement", {"window": 1}))).status == "ok"
+
+
+@pytest.mark.slow
 async def test_a_worker_that_hangs_is_given_up(tmp_path: Path) -> None:
     async with RolloutPool(1, grace=1.5) as pool:
         hung = await pool.run(CAR, trouble(tmp_path, 1, "sleep"), wall_limit=0.5)
