@@ -69,7 +69,7 @@ def test_two_ended_blocks() -> None:
                 "not_json",
                 (),
                 "no JSON list found; write the whole machine as a JSON list of objects like "
-                '{"type": 1, "id": 1, "parent": 0, "face_id": 4} in one ```json fence',
+                '{"type": 1, "id": 1, "parent": 0, "face_id": 4}',
             ),
         ),
         (

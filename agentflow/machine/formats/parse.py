@@ -77,7 +77,7 @@ def find_items(source: object, form: str) -> tuple[list[object], bool, Problem |
     if isinstance(source, str):
         source, repaired = _find_machine(source)
         if source is None:
-            message = f"no JSON list found; write the whole machine as {form} in one ```json fence"
+            message = f"no JSON list found; write the whole machine as {form}"
             return [], repaired, Problem("not_json", (), message)
     if not isinstance(source, list):
         message = f"the machine is {short_repr(source)}; write it as {form}"

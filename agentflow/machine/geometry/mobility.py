@@ -1,9 +1,9 @@
 """Which moving joints cannot move because others hold the same parts, and which act as one.
 
-Several joints between the same two
-clusters jam unless they allow a common motion that is the whole freedom of one of them (hinges with
-one axis, say); the others are then parallel to that one. In longer loops, joints jam that no motion
-of the loop uses: three hinges of a triangle, say. Jammed joints make one cluster of their two.
+Several joints between the same two clusters jam unless they allow a common motion that is the whole
+freedom of one of them (hinges with one axis, say); the others are then parallel to that one. In
+longer loops, a joint jams if no motion of the loop uses it: the three hinges of a triangle, say.
+A jammed joint makes one cluster of the two that it connects.
 """
 
 from __future__ import annotations
