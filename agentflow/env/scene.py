@@ -77,7 +77,7 @@ class Scene:
 
     things: tuple[Thing, ...] = ()
     wind: Vec3 = (0.0, 0.0, 0.0)
-    """Mean velocity of the air, m/s; steady until t = 0."""
+    """Mean velocity of the air from t = 0 on, m/s; still before."""
     gusts: tuple[Gust, ...] = ()
     """Changes in the wind's strength from t = 0 on; its direction stays."""
     start: Start = field(default_factory=Start)

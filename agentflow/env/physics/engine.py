@@ -68,8 +68,8 @@ class World(Protocol):
 
         Args:
             entry: `motors` (thrusters too), `steering_hinges`, `springs`, `winches`, `grabbers`
-                or `gusts`. Grabbers are on from the start and release at 0; the others are at 0. A
-                scene's gusts count their time from being switched on.
+                or `wind`. Grabbers and wind are on from the start, and grabbers release at 0; the
+                others are at 0. Gusts count the time for which the wind has been on.
             level: Share of the full speed or thrust.
         """
 

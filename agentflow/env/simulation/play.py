@@ -106,6 +106,7 @@ class Play:
         value = self._constants
         least, most = value["settle_least"] * self._rate, value["settle_most"] * self._rate
         settling = Settling(self._machine, self._world, self._rate, value)
+        self._world.switch("wind", 0.0)  # it would blow machines on wheels away before t = 0
         while True:
             status = self._step()
             if status != "ok":
@@ -125,7 +126,7 @@ class Play:
             text = f"the moving joint of block {joint.block} cannot move: {reason}"
             self._events.append(RolloutEvent(0.0, "locked", (joint.block,), text))
         self._referee.start(self._view)
-        self._world.switch("gusts", 1.0)
+        self._world.switch("wind", 1.0)
         self._sample()
 
     def _window(self) -> Status:

@@ -43,7 +43,7 @@ class Wind(Parameters):
         parts = [
             f"{abs(v):g} m/s towards {plus if v > 0 else minus}" for v, plus, minus in named if v
         ]
-        return (f"A steady wind blows: {' and '.join(parts)}.",) if parts else ()
+        return (f"From t = 0 on a steady wind blows: {' and '.join(parts)}.",) if parts else ()
 
 
 class StartTimes(Parameters):

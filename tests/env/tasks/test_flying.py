@@ -200,6 +200,17 @@ def test_gusts_change_the_flight_and_always_in_the_same_way() -> None:
     assert same.all()
 
 
+def test_the_wind_moves_nothing_before_the_window() -> None:
+    """Wheels hold still with 40 N m each before t = 0, which is less than this wind pushes."""
+    wheels = (Step(2 + i, 2, 1, face) for i, face in enumerate((1, 3, 4, 6)))
+    cart = Machine((ROOT, Step(1, 63, 0, 0), *wheels))
+    rollout = simulate(cart, level("flying/5", window=1, **{"wind.speed": -20}))
+    assert rollout.trace is not None
+    assert [event.kind for event in rollout.events] == []
+    assert rollout.trace.centre[0, 0, 2] == pytest.approx(-1.75, abs=0.02)
+    assert rollout.trace.centre[-1, 0, 2] > -1.6
+
+
 def test_propellers_turn_in_wind_as_in_still_air() -> None:
     heavy = Machine((ROOT, *(Step(i + 1, 35, 0, i) for i in range(4)), *COPTER.steps[5:]))
     spins = []

@@ -45,5 +45,5 @@ def test_the_levels_place_them_by_the_table() -> None:
         in get_task("movement/3").brief.scene
     )
     assert get_task("throwing/3").brief.scene[-1] == (
-        "A steady wind blows: 6 m/s towards z- and 3 m/s towards y- (downward)."
+        "From t = 0 on a steady wind blows: 6 m/s towards z- and 3 m/s towards y- (downward)."
     )

@@ -71,9 +71,8 @@ class PyBulletWorld:
         self._assembly, self._scene = assembly, scene
         self._rate, self._divisions, self._gust_time = rate, 1, 0.0
         self._broken: frozenset[int] = frozenset()
-        self._levels = dict.fromkeys(
-            ("motors", "steering_hinges", "springs", "winches", "gusts"), 0.0
-        )
+        self._levels = dict.fromkeys(("motors", "steering_hinges", "springs", "winches"), 0.0)
+        self._levels["wind"] = 1.0
         self._builder = BodyBuilder(client, physics)
         self._ground = self._builder.ground(scene.friction)
         self.things = {thing.name: self._builder.thing(thing) for thing in scene.things}
@@ -236,7 +235,8 @@ class PyBulletWorld:
 
     def _wind_strength(self) -> float:
         """Wind in this step as a share of the mean wind."""
-        if not self._levels["gusts"]:
-            return 1.0
+        level = self._levels["wind"]
+        if not level:
+            return 0.0
         self._gust_time += self._interval
-        return self._scene.strength(self._gust_time - self._interval)
+        return level * self._scene.strength(self._gust_time - self._interval)

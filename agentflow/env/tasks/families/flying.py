@@ -225,6 +225,6 @@ def _gust_sentences(knobs: FlyingKnobs) -> Iterator[str]:
     if swing and mean:
         low, high = mean * (1 - swing), mean * (1 + swing)
         yield (
-            f"From t = 0 on it blows in gusts around this mean, in the same direction: its speed "
+            f"It blows in gusts around this mean, in the same direction: its speed "
             f"changes within a second or two between {low:g} and {high:g} m/s."
         )
