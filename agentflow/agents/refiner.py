@@ -12,15 +12,19 @@ from agentflow.agents.history import History
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.replies import find_sections, no_machine, read_reply, rejection
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.commands import script_lines
+from agentflow.machine.edits.commands import read_command, script_lines
 from agentflow.machine.edits.script import StepVerdict, apply_script
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
+NO_CHANGE = "no change"
+"""Description of a refinement that leaves the machine as it is."""
+_NOTHING = frozenset({"none", NO_CHANGE})
 THOUGHT = "Thought Process"
 DESCRIPTION = "Modification Description"
 PREDICTION = "Simulation Prediction After Modification"
 STEPS = "Modification Steps"
+_KEEP = f"to keep the machine, leave <{STEPS}> empty"
 MAX_LINES = 30
 """Maximum number of verdicts shown for a failing script."""
 MAX_WIDTH = 200
@@ -56,17 +60,17 @@ class RefinerInput(RoleInput):
 
 @dataclass(frozen=True)
 class Refinement:
-    """A valid machine that differs from the given one."""
+    """A valid machine: the given one if the section of commands is empty, else another one."""
 
     machine: Machine
     description: str
     """The edit in the refiner's words."""
     script: str = ""
-    """The edit commands; "" for a whole machine."""
+    """The edit commands; "" for a whole machine or no change."""
 
 
 class Refiner(Role[RefinerInput, Refinement]):
-    """Edits a machine by commands, or rewrites it as a whole."""
+    """Edits a machine by commands, rewrites it as a whole, or leaves it as it is."""
 
     name: ClassVar[str] = "refiner"
     stage: ClassVar[str] = "env_feedback"
@@ -101,16 +105,23 @@ class Refiner(Role[RefinerInput, Refinement]):
     def parse(self, text: str, given: RefinerInput) -> Parsed[Refinement]:
         """Read the sections, build the new machine and check it."""
         found = find_sections(text, (THOUGHT, DESCRIPTION, PREDICTION, STEPS))
-        if not found.get(STEPS):
-            lack = "is empty" if STEPS in found else "is missing"
-            problem = f"The section <{STEPS}> {lack}."
+        if STEPS not in found:
+            problem = f"The section <{STEPS}> is missing."
             return Parsed(None, problem, "missing_section", parsed=False)
-        read = _read_machine if given.format == "whole_machine" else _read_script
-        return read(found, given)
+        lines = script_lines(found[STEPS])
+        if not lines or lines[0].strip(" .*()").casefold() in _NOTHING:
+            return Parsed(Refinement(given.machine, NO_CHANGE), spatial=True)
+        if given.format == "whole_machine" or _is_machine(lines):
+            return _read_machine(found, given)
+        return _read_script(found, given, "\n".join(lines))
 
 
-def _read_script(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
-    script = "\n".join(script_lines(found[STEPS]))
+def _is_machine(lines: Sequence[str]) -> bool:
+    """Whether lines that should be commands are a whole machine instead."""
+    return any("{" in line for line in lines) and not any(map(read_command, lines))
+
+
+def _read_script(found: Mapping[str, str], given: RefinerInput, script: str) -> Parsed[Refinement]:
     outcome = apply_script(given.machine, script, given.brief)
     if not outcome.success:
         code = next((step.code for step in outcome.steps if step.code), "bad_format")
@@ -136,7 +147,7 @@ def _check(
     report = check(machine, given.brief)
     refused = rejection(machine, report, given.brief, complete=True)
     if refused is None and machine == given.machine:
-        refused = "no_change", "The new machine is the same as the current one."
+        refused = "no_change", f"The new machine is the same as the current one; {_KEEP}."
     if refused is not None:
         code, problem = refused
         return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)

@@ -118,7 +118,8 @@ OVERLAP = FailureKind("overlap", "construction", "two blocks overlap", frozenset
 EDIT = FailureKind(
     "refused edit",
     "construction",
-    "an edit cannot be parsed or applied, for a reason not listed above",
+    "an edit cannot be parsed or applied, such as one that uses an unknown name, for a reason not "
+    "listed above",
 )
 BREAKAGE = FailureKind(
     "breakage", "construction", "a connection broke in the simulation", unit="machine"

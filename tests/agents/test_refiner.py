@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.agents.refiner import Refiner, RefinerInput
+from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
 from agentflow.machine.tree import Machine
 from tests.agents.fakes import FRAME, MOVEMENT, THROWER, THROWING, fenced, machine
 
@@ -73,13 +73,41 @@ def test_required_blocks_stay() -> None:
     ("text", "problem"),
     [
         ("Remove 2", "The section <Modification Steps> is missing."),
-        ("<Modification Steps></Modification Steps>", "The section <Modification Steps> is empty."),
+        ("", "The section <Modification Steps> is missing."),
     ],
 )
 def test_missing_section(text: str, problem: str) -> None:
     parsed = Refiner().parse(text, GIVEN)
     assert (parsed.output, parsed.code, parsed.problem) == (None, "missing_section", problem)
     assert not parsed.parsed
+
+
+@pytest.mark.parametrize("steps", ["", "none", "No change.", "```\n```"])
+@pytest.mark.parametrize("asked", [GIVEN, WHOLE])
+def test_an_empty_section_means_no_change(asked: RefinerInput, steps: str) -> None:
+    parsed = Refiner().parse(_reply(steps), asked)
+    assert parsed.output == Refinement(FRAME, "no change")
+    assert (parsed.problem, parsed.code, parsed.spatial) == ("", "", True)
+
+
+def test_a_script_builds_on_the_blocks_that_it_adds() -> None:
+    script = "Add 1 to 1 in 0 as axle\nAdd 2 to axle in 3"
+    refinement = Refiner().parse(_reply(script), GIVEN).output
+    assert refinement is not None
+    assert refinement.machine == machine((1, 0, 0), (1, 0, 1), (1, 1, 0), (2, 3, 3))
+    assert refinement.script == script
+
+
+def test_a_whole_machine_in_place_of_a_script() -> None:
+    new = machine((1, 0, 0), (2, 1, 3))
+    parsed = Refiner().parse(_reply(fenced(new)), GIVEN)
+    assert parsed.output is not None
+    assert (parsed.output.machine, parsed.output.script) == (new, "")
+    overlapping = machine((1, 0, 0), (15, 1, 1), (15, 0, 2), (1, 3, 2))
+    refused = Refiner().parse(_reply(fenced(overlapping)), GIVEN)
+    assert (refused.output, refused.code, refused.spatial) == (None, "overlap", False)
+    mixed = Refiner().parse(_reply(f"Remove 2\n{new.to_text()}"), GIVEN)
+    assert (mixed.output, mixed.code) == (None, "bad_format")
 
 
 def test_whole_machine() -> None:
@@ -92,7 +120,14 @@ def test_whole_machine() -> None:
 @pytest.mark.parametrize(
     ("text", "code", "problem", "parsed_", "spatial"),
     [
-        (fenced(FRAME), "no_change", "The new machine is the same as the current one.", True, True),
+        (
+            fenced(FRAME),
+            "no_change",
+            "The new machine is the same as the current one; to keep the machine, leave "
+            "<Modification Steps> empty.",
+            True,
+            True,
+        ),
         (
             fenced(machine((1, 0, 0), (15, 1, 1), (15, 0, 2), (1, 3, 2))),
             "overlap",

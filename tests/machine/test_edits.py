@@ -30,6 +30,18 @@ def failure(machine: Machine, script: str, brief: Brief | None = None) -> tuple[
         ("Remove [7]", Remove(7)),
         ("remove -1", Remove(-1)),
         ("Move [7]  to\t[2] in [4]", Move(7, 2, 4)),
+        ("Add 63 to 3 in 0 as a", Add(63, ((3, 0),), "a")),
+        ("add [63] to [Leg_1] in [0] as [2b]", Add(63, (("leg_1", 0),), "2b")),
+        ("Add 9 to a in 2 to [ b ] in 4 as c.", Add(9, (("a", 2), ("b", 4)), "c")),
+        ("Add 63 to 3 in 0 as 7", Add(63, ((3, 0),), "7")),
+        ("Add 63 to toin in 0", Add(63, (("toin", 0),))),
+        ("Remove a", Remove("a")),
+        ("Move a to b in 4", Move("a", "b", 4)),
+        ("Add63to3in0", Add(63, ((3, 0),))),
+        ("Add 63 to 3 in 0 as my leg", None),
+        ("Add 63 to 3 in 0 as", None),
+        ("Add b to 3 in 0", None),
+        ("Add 63 to 3.5 in 0", None),
         ("Add a Log to block 3", None),
         ("Add 63 to 3", None),
         ("Remove 7 and 8", None),
@@ -143,7 +155,8 @@ FACES_0 = "free faces of block 0"
         (
             "Add 15 to 0 in 4\nAdd 15 to 14 in 0",
             "parent_not_found",
-            "block 14 is added by this script; it cannot be used as a parent in the same script",
+            "block 14 is added by this script; it can be used as a parent by name only: name it, "
+            "as in 'Add 15 to 0 in 4 as a'",
         ),
         (
             "Remove 14",
@@ -153,12 +166,13 @@ FACES_0 = "free faces of block 0"
         (
             "Add 15 to 0 in 4\nRemove 14",
             "block_not_found",
-            "block 14 is added by this script; it cannot be removed in the same script",
+            "block 14 is added by this script; it can be removed by name only: name it, as in "
+            "'Add 15 to 0 in 4 as a'",
         ),
         (
-            "Add 15 to 0 in 4\nMove 14 to 0 in 5",
+            "Add 15 to 0 in 4 as leg\nMove 14 to 0 in 5",
             "block_not_found",
-            "block 14 is added by this script; it cannot be moved in the same script",
+            "block 14 is added by this script; it can be moved by name only: use its name, leg",
         ),
         (
             "Remove 9\nAdd 15 to 9 in 0",
@@ -183,12 +197,14 @@ FACES_0 = "free faces of block 0"
         (
             "Move 3 to 9 in 0",
             "parent_not_earlier",
-            "new parent 9 does not come before block 3; a parent must have a smaller id",
+            "new parent 9 does not come before block 3; a parent must have a smaller id or be "
+            "added by this script",
         ),
         (
             "Move 10 to 10 in 0",
             "parent_not_earlier",
-            "new parent 10 does not come before block 10; a parent must have a smaller id",
+            "new parent 10 does not come before block 10; a parent must have a smaller id or be "
+            "added by this script",
         ),
         ("Move 3 to 0 in 0", "no_change", "block 3 is already on face 0 of block 0"),
         (
@@ -252,15 +268,20 @@ def test_a_line_that_is_not_a_command_is_an_error(line: str) -> None:
         "bad_format",
         "not a command; the commands are: Add [type] to [id] in [face]; "
         "Add [type] to [id_a] in [face_a] to [id_b] in [face_b]; Remove [id]; "
-        "Move [id] to [new_parent] in [new_face]",
+        "Move [id] to [new_parent] in [new_face]; an Add line may end in 'as NAME', and later "
+        "lines may use the name in place of an id; names consist of letters, digits and "
+        "underscores",
     )
 
 
-@pytest.mark.parametrize("script", ["", " \n\n", "```\n```"])
-def test_a_script_without_commands_is_an_error(script: str) -> None:
-    code, reason = failure(CATAPULT, script)
-    assert code == "bad_format"
-    assert reason.startswith("the script has no commands; the commands are: Add [type]")
+@pytest.mark.parametrize("script", ["", " \n\n", "```\n```", "// nothing"])
+def test_a_script_without_commands_changes_nothing(script: str) -> None:
+    outcome = apply_script(CATAPULT, script)
+    assert outcome.success
+    assert outcome.machine is CATAPULT
+    assert outcome.id_map == {old: old for old in range(14)}
+    reason = "the script has no commands, so the machine stays as it is"
+    assert outcome.steps == (StepVerdict("", "Success", "no_change", reason),)
 
 
 def test_two_ended_blocks_cannot_be_moved() -> None:

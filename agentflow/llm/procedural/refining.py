@@ -47,7 +47,9 @@ def refine(prompt: Prompt, rng: random.Random) -> str:
     return str(load_data("replies.yaml")["refinement"]).format(
         seen=found or "no known symptom",
         names=", then ".join(names) or "no change found",
-        body=f"```json\n{prompt.format_machine(edited)}\n```" if whole else "\n".join(script),
+        body=f"```json\n{prompt.format_machine(edited)}\n```"
+        if whole
+        else "\n".join(script) or "No change found.",  # not an empty script, which is accepted
     )
 
 

@@ -12,12 +12,23 @@ GRAMMAR = (
     "Move [id] to [new_parent] in [new_face]",
 )
 """The commands, as shown to models."""
+NAMING = (
+    "an Add line may end in 'as NAME', and later lines may use the name in place of an id; "
+    "names consist of letters, digits and underscores"
+)
+"""How blocks are named, as shown to models."""
+
+Ref = int | str
+"""A block: its id, or the name that an earlier line of the script gives it, in lower case."""
 
 _NUMBER = r" ?\[? ?(-?[0-9]{1,9}) ?\]? ?"
-_END = f"to{_NUMBER}in{_NUMBER}"
-_ADD = re.compile(f"add{_NUMBER}{_END}(?:{_END})?", re.IGNORECASE)
-_REMOVE = re.compile(f"remove{_NUMBER}", re.IGNORECASE)
-_MOVE = re.compile(f"move{_NUMBER}{_END}", re.IGNORECASE)
+_WORD = r"(?<=[ \[])[0-9]{0,9}[a-z_][a-z0-9_]{0,79}(?=[ \]]|$)"
+_REF = rf" ?\[? ?(-?[0-9]{{1,9}}|{_WORD}) ?\]? ?"
+_NAME = r" ?\[? ?((?<=[ \[])[^ \[\]]{1,80}) ?\]? ?"
+_END = f"to{_REF}in{_NUMBER}"
+_ADD = re.compile(f"add{_NUMBER}{_END}(?:{_END})?(?:as{_NAME})?")
+_REMOVE = re.compile(f"remove{_REF}")
+_MOVE = re.compile(f"move{_REF}{_END}")
 _NUMBERING = re.compile(
     r"(?:[-+•>] ?|\(?[0-9]{1,3}[.):] ?|step [0-9]{1,3} ?[.):-]? ?){0,3}", re.IGNORECASE
 )
@@ -28,23 +39,25 @@ class Add:
     """Adds a block on one face, or between two."""
 
     type: int
-    ends: tuple[tuple[int, int], ...]
+    ends: tuple[tuple[Ref, int], ...]
     """One or two (parent, face) pairs."""
+    name: str = ""
+    """As written, in lower case; "" if it gets none."""
 
 
 @dataclass(frozen=True)
 class Remove:
     """Removes a block."""
 
-    id: int
+    block: Ref
 
 
 @dataclass(frozen=True)
 class Move:
     """Moves a block, with everything attached to it, to another face."""
 
-    id: int
-    parent: int
+    block: Ref
+    parent: Ref
     face: int
 
 
@@ -60,16 +73,22 @@ def script_lines(script: str) -> list[str]:
 def read_command(line: str) -> Command | None:
     """The command on a line; None if the line is not a command.
 
-    Ignores numbering, bullets, emphasis, trailing punctuation and `//` comments.
+    Ignores numbering, bullets, emphasis, letter case, trailing punctuation and `//` comments.
     """
-    plain = " ".join(line.partition("//")[0].replace("`", "").replace("*", "").split())
+    plain = " ".join(line.partition("//")[0].replace("`", "").replace("*", "").split()).lower()
     numbering = _NUMBERING.match(plain)
     plain = plain[numbering.end() if numbering else 0 :].rstrip(" .;,")
     if match := _ADD.fullmatch(plain):
-        kind, *ends = (int(digits) for digits in match.groups() if digits is not None)
-        return Add(kind, tuple(zip(ends[::2], ends[1::2], strict=True)))
+        kind, *ends, name = match.groups()
+        pairs = zip(ends[::2], ends[1::2], strict=True)
+        placed = tuple((_ref(ref), int(face)) for ref, face in pairs if ref is not None)
+        return Add(int(kind), placed, name or "")
     if match := _REMOVE.fullmatch(plain):
-        return Remove(int(match[1]))
+        return Remove(_ref(match[1]))
     if match := _MOVE.fullmatch(plain):
-        return Move(int(match[1]), int(match[2]), int(match[3]))
+        return Move(_ref(match[1]), _ref(match[2]), int(match[3]))
     return None
+
+
+def _ref(text: str) -> Ref:
+    return int(text) if text.lstrip("-").isdigit() else text
