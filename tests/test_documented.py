@@ -30,7 +30,7 @@ PAGES = sorted(
     for pattern in ("README.md", "CONTRIBUTING.md", "docs/**/*.md", "examples/*.md")
     for path in ROOT.glob(pattern)
 )
-NEEDED = ("examples", "configs", "docs", "runs/recorded-throwing")
+NEEDED = ("examples", "configs", "docs", "runs/recorded-throwing", "runs/language-model-jumping")
 """What commands may refer to, from the root of the repository."""
 
 
