@@ -52,7 +52,7 @@ class Design:
     stages: tuple[Mapping[str, Any], ...]
     """Rows of the stage table."""
     stopped: str | None
-    """`budget` if the budget ended the run early."""
+    """`budget` if the budget ended the run early, `greatest score` if reaching it did."""
     data: Mapping[str, Any] = field(repr=False)
     """Everything in result.json: calls, tokens, cost, seconds, reason, ..."""
 

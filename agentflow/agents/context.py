@@ -56,7 +56,7 @@ def task_context(brief: Brief) -> dict[str, object]:
             ],
             "scene": brief.scene,
             "schedule": brief.schedule,
-            "score": brief.score,
+            "score": [*brief.score, *_greatest_text(brief)],
         },
         "blocks": block_rows(kinds),
         "types": list(brief.blocks),
@@ -139,6 +139,10 @@ def _faces_text(faces: Sequence[Face]) -> str:
 
 def _join(numbers: Sequence[float], by: str) -> str:
     return by.join(f"{number:g}" for number in numbers)
+
+
+def _greatest_text(brief: Brief) -> list[str]:
+    return [] if brief.greatest is None else [f"The greatest possible score is {brief.greatest:g}."]
 
 
 def _required_text(kind: int, count: int) -> str:

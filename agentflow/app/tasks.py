@@ -18,8 +18,8 @@ def find_task(name: str, settings: Iterable[str] = ()) -> Task:
 
 
 def list_tasks() -> list[dict[str, Any]]:
-    """Every level: name, family, title, objective, window, blocks, and a good score."""
-    keys = ("name", "family", "title", "objective", "window", "blocks", "good")
+    """Every level: name, family, title, objective, window, blocks, good and greatest score."""
+    keys = ("name", "family", "title", "objective", "window", "blocks", "good", "greatest")
     levels = map(task_json, task_names())
     return [{key: level[key] for key in keys} for level in levels]
 
@@ -48,6 +48,7 @@ def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:
         "most_blocks": brief.limits.blocks,
         "given": [] if brief.given == LONE_ROOT else brief.given.to_json(),
         "good": file.good,
+        "greatest": brief.greatest,
         "note": file.note,
         "knobs": [
             {"name": knob.name, "value": value, "range": knob.range, "help": knob.help}

@@ -49,6 +49,8 @@ class Brief:
     """How large a machine may be."""
     given: Machine = LONE_ROOT
     """The unchanged beginning of every machine; may use types that `blocks` does not allow."""
+    greatest: float | None = None
+    """The greatest possible score; None if there is none. It ends a search."""
 
     @property
     def uncounted(self) -> int:

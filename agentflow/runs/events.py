@@ -270,7 +270,7 @@ class BackUpEvent(RunEvent, kind="back_up", needs=("trajectory", "node")):
 
 
 @dataclass(frozen=True)
-class SearchEndEvent(RunEvent, kind="search", needs=("trajectory",)):
+class SearchEndEvent(RunEvent, kind="search", needs=("trajectory",), optional=("reason",)):
     """A search ended."""
 
     result: int
@@ -280,6 +280,8 @@ class SearchEndEvent(RunEvent, kind="search", needs=("trajectory",)):
     attempts: int
     valid: int
     rollouts: int
+    reason: str | None = None
+    """`greatest score` if that ended it; None after its last round or at the budget."""
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,8 @@ class Evaluation:
     score: float | None
     details: Any = None
     """Data of the domain, passed through unchanged."""
+    perfect: bool = False
+    """Whether no candidate can score higher, so that a search ends."""
 
 
 @dataclass(frozen=True)
@@ -91,3 +93,8 @@ class SearchResult(Generic[C]):
     cost: SearchCost
     stopped: bool = False
     """Whether the budget ran out before the last round."""
+
+    @property
+    def perfect(self) -> bool:
+        """Whether no candidate can score higher than the best."""
+        return self.nodes[self.best].evaluation.perfect

@@ -71,8 +71,13 @@ class SearchTree(Generic[C]):
         return best
 
     def rounds(self, count: int) -> Iterator[int]:
-        """Yield round numbers from 1 to `count`; stop early when the budget has run out."""
-        return takewhile(lambda _: not self.stopped, range(1, count + 1))
+        """Yield round numbers from 1 to `count`.
+
+        Stop early when the budget has run out or no candidate can score higher than the best.
+        """
+        return takewhile(
+            lambda _: not (self.stopped or self.best().evaluation.perfect), range(1, count + 1)
+        )
 
     async def grow(self, parent: Node[C], round_: int, width: int) -> list[Node[C]]:
         """Add up to `width` children to a node and evaluate them concurrently.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Final, Literal, Protocol
 
 from agentflow.agents.base import AskContext
 from agentflow.agents.history import EditRecord
@@ -13,6 +13,8 @@ from agentflow.runs.events import FirstAttempt
 from agentflow.runs.places import StageName
 from agentflow.search.node import Evaluation, SearchCost
 
+GREATEST: Final = "greatest score"
+"""Why a search or a run ended: a machine has the greatest possible score of the task."""
 AskContexts = Callable[[str], AskContext]
 """Role name -> client, prompts and sampling to ask the role with."""
 
@@ -86,6 +88,11 @@ class Candidate:
         return self.evaluation is not None and self.evaluation.valid
 
     @property
+    def perfect(self) -> bool:
+        """Whether no machine can score higher."""
+        return self.evaluation is not None and self.evaluation.perfect
+
+    @property
     def score(self) -> float | None:
         """Score of its simulation; None without one."""
         return self.evaluation.score if self.evaluation is not None else None
@@ -119,7 +126,7 @@ class WorkflowResult:
     """Highest score of all stages; if tied, the earlier stage, then the lower trajectory."""
     best_stage: StageName | None
     stages: tuple[Stage, ...]
-    stopped: Literal["budget"] | None
-    """Why it ended early, if it did."""
+    stopped: Literal["budget", "greatest score"] | None
+    """Why it ended early, if it did; `greatest score` if a search ended because of it."""
     reason: str
     """Why there is no best machine; empty if there is one."""

@@ -26,6 +26,7 @@ from agentflow.runs.places import Place, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import (
+    GREATEST,
     AskContexts,
     Candidate,
     Laboratory,
@@ -67,6 +68,8 @@ class WorkflowContext:
         self.brief, self.settings = brief, settings
         self.spent: BudgetSpentError | None = None
         """Set once the budget has run out; no further question will be answered."""
+        self.reached_greatest = False
+        """Set once a search has ended because no machine can score higher than its best."""
         self._workflow, self._contexts, self._seed = workflow, contexts, seed
         self._laboratory, self._record = laboratory, record
         self._simulate: EvaluateOnce[Machine] = EvaluateOnce(self._evaluate)
@@ -202,7 +205,7 @@ class WorkflowContext:
             best=best,
             best_stage=stage.name if stage else None,
             stages=stages,
-            stopped="budget" if self.spent else None,
+            stopped="budget" if self.spent else GREATEST if self.reached_greatest else None,
             reason=reason,
         )
         found = _fields(best) if best else {"reason": reason}
@@ -212,7 +215,10 @@ class WorkflowContext:
 
     async def _evaluate(self, machine: Machine, label: str) -> Evaluation:
         self._record.save_machine(machine.digest, machine.to_text())
-        return await self._laboratory.evaluate(machine, label)
+        evaluation = await self._laboratory.evaluate(machine, label)
+        greatest, score = self.brief.greatest, evaluation.score
+        reached = greatest is not None and score is not None and score >= greatest
+        return replace(evaluation, perfect=evaluation.valid and reached)
 
     def _count(
         self, attempt: RoleAttempt[Any], count: _Count, then: Callable[[RoleAttempt[object]], None]

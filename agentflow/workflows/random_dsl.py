@@ -64,11 +64,13 @@ def _draw(run: WorkflowContext, trajectory: int, rng: random.Random) -> Candidat
 async def _edit_each(
     run: WorkflowContext, candidates: Sequence[Candidate], rngs: dict[int, random.Random]
 ) -> list[Candidate]:
-    """Edit each machine once, whatever its score."""
+    """Edit each machine once, whatever its score, unless no machine can score higher."""
     edited = []
     for candidate in candidates:
-        assert candidate.machine is not None
-        machine = _edit(run, candidate.machine, rngs[candidate.trajectory])
+        machine = candidate.machine
+        assert machine is not None
+        if not candidate.perfect:
+            machine = _edit(run, machine, rngs[candidate.trajectory])
         reason = "" if machine else "no edit is legal"
         first = FLAWLESS if machine else FirstAttempt()
         edited.append(Candidate(candidate.trajectory, machine, None, first, reason))
@@ -122,18 +124,23 @@ async def _climb(
     rngs: dict[int, random.Random],
     rollouts: int,
 ) -> list[Candidate]:
-    """Edit each trajectory's best machine, keeping improvements, until the rollouts are used up."""
+    """Edit each trajectory's best machine, keeping improvements, until the rollouts are used up.
+
+    A climb ends when no machine can score higher.
+    """
     climbers = [
         _Climber(start, rngs[start.trajectory], {start.machine}, SearchCost())
         for start in starts
         if start.machine is not None
     ]
     before, rounds = run.rollouts, 0
-    while climbers and (left := rollouts - (run.rollouts - before)) > 0:
+    while (left := rollouts - (run.rollouts - before)) > 0:
         rounds += 1
-        steps = await run_concurrently(_step(run, climber, rounds) for climber in climbers[:left])
+        climbing = [climber for climber in climbers if not climber.best.perfect]
+        steps = await run_concurrently(_step(run, climber, rounds) for climber in climbing[:left])
         if not any(steps):
             break
+    run.reached_greatest = any(climber.best.perfect for climber in climbers)
     return [replace(climber.best, search_cost=climber.search_cost) for climber in climbers]
 
 

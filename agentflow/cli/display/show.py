@@ -97,6 +97,8 @@ def ending_of(result: Data) -> str:
     if result["stopped"] == "budget":
         after = "the result is the best so far" if result["valid"] else "no valid machine was found"
         return f"stopped early: budget limit reached; {after}"
+    if result["stopped"] == "greatest score":
+        return "a machine has the greatest possible score, which ended its search"
     if not result["valid"]:
         return " ".join(result["reason"].split())
     last = result["stages"][-1]
@@ -263,11 +265,17 @@ def show_tasks(tasks: Sequence[Data]) -> None:
             task["name"],
             task["title"],
             f"{task['window']:g} s",
-            f"{task['good']:g}",
+            _good_score(task),
             str(len(task["blocks"])),
             task["objective"],
         )
     output().print(table)
+
+
+def _good_score(task: Data) -> str:
+    """A good score, and the greatest possible one where there is one."""
+    greatest = "" if task["greatest"] is None else f" of at most {task['greatest']:g}"
+    return f"{task['good']:g}{greatest}"
 
 
 def show_task(task: Data) -> None:
@@ -283,7 +291,7 @@ def show_task(task: Data) -> None:
         console.print(f"required: exactly {count} of type {kind}")
     if task["most_blocks"] is not None:
         console.print(f"most blocks: {task['most_blocks']}")
-    console.print(f"good score: {task['good']:g}")
+    console.print(f"good score: {_good_score(task)}")
     if task["note"]:
         console.print(f"note: {task['note']}")
     console.print()

@@ -44,7 +44,8 @@ def show_run(run: Data) -> None:
     if run["marginal"]:
         console.print(marginal_line(run["marginal"]))
     if run["stopped"] or run["reason"]:
-        why = " ".join((run["reason"] or f"stopped: {run['stopped']} limit reached").split())
+        limit = "limit " * (run["stopped"] == "budget")
+        why = " ".join((run["reason"] or f"stopped: {run['stopped']} {limit}reached").split())
         console.print(why)
     table = columns("stage", *VALID, "mean", "best", "calls", "rollouts")
     for row in run["stages"]:

@@ -21,7 +21,8 @@ async def refine(
 
     Trajectories do not wait for each other: one may search while the first machine of another is
     being simulated. What a trajectory does depends only on its own answers and on the budget.
-    A start machine is not refined blindly: the feedback loop begins with it.
+    A start machine is not refined blindly: the feedback loop begins with it. A machine with the
+    greatest possible score is not refined at all.
     """
     over = run.spent is not None
     initial: list[Candidate] = []
@@ -46,7 +47,8 @@ async def refine(
         better = candidate
         if not run.settings.start:
             run.begin_stage(BLIND)
-            better = await refine_blindly(run, candidate, blueprint)
+            if not candidate.perfect:
+                better = await refine_blindly(run, candidate, blueprint)
             blind.append(better)
             close()
         if not better.valid or not run.settings.search.rounds:

@@ -16,6 +16,7 @@ from agentflow.runs.events import (
 from agentflow.runs.places import Place
 from agentflow.search.events import BackedUp, Expanded, SearchEvent, Selected, Simulated
 from agentflow.search.node import SearchResult
+from agentflow.workflows.base import GREATEST
 from agentflow.workflows.context import WorkflowContext
 
 
@@ -47,8 +48,10 @@ class SearchRecorder:
 
     def finish(self, found: SearchResult[Any]) -> None:
         """Record the result."""
+        self._run.reached_greatest |= found.perfect
         cost = found.cost
         counts = (cost.expansions, cost.attempts, cost.valid, cost.rollouts)
+        reason = GREATEST if found.perfect else None
         self._run.note(
-            SearchEndEvent(self._place, found.result, found.best, found.stopped, *counts)
+            SearchEndEvent(self._place, found.result, found.best, found.stopped, *counts, reason)
         )

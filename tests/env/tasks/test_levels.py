@@ -175,3 +175,21 @@ def test_a_lone_root_is_worth_nothing_where_something_is_given(name: str) -> Non
     rollout = simulate(LONE_ROOT, task)
     assert (rollout.status, rollout.score) == ("invalid", 0.0)
     assert rollout.problems[0]["code"] == "given_altered"
+
+
+def test_greatest_possible_scores() -> None:
+    """Where there is one, it follows the knobs; no good score lies above it."""
+    greatest = {name: get_task(name).brief.greatest for name in NAMES}
+    assert {name: score for name, score in greatest.items() if score is not None} == {
+        **{name: 10.0 for name in NAMES if name.startswith(("jumping", "lifting"))},
+        **{name: 1.0 for name in NAMES if name.startswith("gearing")},
+        "flying/4": 30.0,
+        "flying/5": 30.0,
+        "throwing/4": 10.0,
+        "throwing/5": 20.0,
+    }
+    for name, most in greatest.items():
+        assert most is None or get_level(name).file.good <= most
+    assert get_task("throwing/5", {"ring.count": 4}).brief.greatest == 40.0
+    assert get_task("throwing/5", {"score": "accuracy"}).brief.greatest == 10.0
+    assert get_task("throwing/5", {"score": "distance"}).brief.greatest is None

@@ -112,6 +112,7 @@ class Flying(Family):
             ),
             blocks=blocks,
             limits=self.limits,
+            greatest=EACH * len(self.marks) or None,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002

@@ -149,6 +149,7 @@ class Gearing(Family):
             blocks=BLOCKS,
             limits=self.limits,
             given=self.given,
+            greatest=1.0,
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002 - always the same

@@ -136,6 +136,7 @@ class Jumping(TrialFamily):
             ),
             blocks=BLOCKS,
             limits=self.limits,
+            greatest=float(self.count),
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002

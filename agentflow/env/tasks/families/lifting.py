@@ -133,6 +133,7 @@ class Lifting(TrialFamily):
             ),
             blocks=BLOCKS,
             limits=self.limits,
+            greatest=float(self.count),
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:

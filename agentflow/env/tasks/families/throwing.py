@@ -16,7 +16,7 @@ from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sen
 from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_sentences, arena_things
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
 from agentflow.env.tasks.features.platforms import Platform
-from agentflow.env.tasks.features.rings import Ring, ring_things
+from agentflow.env.tasks.features.rings import EACH, Ring, ring_things
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.brief import Brief
@@ -108,6 +108,7 @@ class Throwing(Family):
             blocks=BLOCKS,
             limits=self.limits,
             required={BOULDER: knobs.reload},
+            greatest=_greatest(knobs),
         )
 
     def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
@@ -192,6 +193,13 @@ class ThrowReferee:
 
 def _boulders(machine: Machine) -> list[int]:
     return [step.id for step in machine if step.type == BOULDER]
+
+
+def _greatest(knobs: ThrowingKnobs) -> float | None:
+    """The greatest possible score of the mode; None for distances, which have none."""
+    if knobs.score == "rings":
+        return EACH * knobs.ring.count or None
+    return TARGET_POINTS if knobs.score == "accuracy" else None
 
 
 def _mode_lines(machine: Machine, terms: Mapping[str, Any]) -> list[str]:
