@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from agentflow.machine.edits.commands import read_command
+from agentflow.machine.edits.telling import Renumbering, command_text, follow, retell
 
 LIMIT = 20
 """Maximum number of entries kept."""
@@ -12,6 +17,8 @@ MAX_WIDTH = 300
 """Maximum number of characters shown of a line."""
 SHORT_LIMIT, SHORT_LINES, SHORT_WIDTH = 4, 3, 100
 """The same three limits for the short text, which saves tokens."""
+_VERDICT = re.compile(r"(.+): (Success|Error|Unverified)(?: \((\w+): .*\))?")
+_BLOCK = re.compile(r"\bblock (\d+)( \([^()]*\))?")
 
 
 @dataclass(frozen=True)
@@ -28,6 +35,10 @@ class EditRecord:
     """Score of the machine that was edited; None without a score."""
     after: float | None = None
     """Score of the resulting machine; None without a score."""
+    facts: tuple[Mapping[str, str], Mapping[str, str]] = ({}, {})
+    """What else the simulations of both machines showed: name -> value."""
+    ids: Renumbering = field(default_factory=dict)
+    """Ids that it uses -> those of the current machine; empty if they are the same."""
     number: int = 0
     """Position in time, from 1; set when it is added to a history."""
 
@@ -49,6 +60,11 @@ class History:
         number = self.entries[-1].number + 1 if self.entries else 1
         entries = (*self.entries, replace(entry, number=number))
         return replace(self, entries=_limit(entries, self.limit))
+
+    def renumbered(self, ids: Renumbering) -> History:
+        """The history in the numbering after a further edit."""
+        entries = (replace(item, ids=follow(item.ids, ids)) for item in self.entries)
+        return replace(self, entries=tuple(entries))
 
     def to_text(self) -> str:
         """One paragraph per entry, oldest first; "" if empty."""
@@ -95,13 +111,46 @@ def _marks(entries: tuple[EditRecord, ...]) -> tuple[int, int]:
 def _entry_text(entry: EditRecord, best: int, worst: int, lines: int, width: int) -> str:
     mark = {best: ", best so far", worst: ", worst so far"}.get(entry.number, "")
     head = f"{entry.number}. {entry.verdict}, score {_score(entry.before)} -> {_score(entry.after)}"
-    body = (line for text in (entry.script, entry.reason) for line in _cut(text, lines, width))
-    return "\n".join([head + mark, *body])
+    told = (_retold(text, entry.ids) for text in (entry.script, entry.reason))
+    body = (line for text in told for line in _cut(text, lines, width))
+    return "\n".join(["; ".join([head + mark, *_changes(*entry.facts)]), *body])
 
 
-def _cut(text: str, most: int, width: int) -> list[str]:
-    """The first `most` lines of a text, each cut to `width` characters and indented."""
+def _changes(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:
+    """The facts that differ."""
+    return [
+        f"{name} {before.get(name, 'none')} -> {after.get(name, 'none')}"
+        for name in {**before, **after}
+        if before.get(name) != after.get(name)
+    ]
+
+
+def _retold(text: str, ids: Renumbering) -> list[str]:
+    """The lines of a script, or of the verdicts on it, in the numbering of the current machine."""
     lines = text.strip().splitlines()
+    return [_retold_line(line.strip(), ids) for line in lines] if ids else lines
+
+
+def _retold_line(line: str, ids: Renumbering) -> str:
+    """A line; of the reason of an error, only the code stays, as it was about other ids."""
+    verdict = _VERDICT.fullmatch(line)
+    command = read_command(verdict[1] if verdict else line)
+    if command is None:
+        return _BLOCK.sub(lambda found: _label(int(found[1]), found[2] or "", ids), line)
+    words = "".join(map(str, retell(command_text(command), ids)))
+    if verdict is None:
+        return words
+    return f"{words}: {verdict[2]}" + (f" ({verdict[3]})" if verdict[3] else "")
+
+
+def _label(block: int, name: str, ids: Renumbering) -> str:
+    text = ids.get(block, (block,))
+    words = "".join(map(str, text))
+    return f"block {words}{name}" if isinstance(text[0], int) else words
+
+
+def _cut(lines: list[str], most: int, width: int) -> list[str]:
+    """The first `most` lines, each cut to `width` characters and indented."""
     shown = [f"   {line.strip()[:width]}" for line in lines[:most]]
     return [*shown, "   ..."] if len(lines) > most else shown
 

@@ -14,6 +14,7 @@ from agentflow.agents.replies import find_sections, no_machine, read_reply, reje
 from agentflow.machine.brief import Brief
 from agentflow.machine.edits.commands import read_command, script_lines
 from agentflow.machine.edits.script import StepVerdict, apply_script
+from agentflow.machine.edits.telling import Renumbering, matching_ids, renumbering
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
@@ -67,6 +68,8 @@ class Refinement:
     """The edit in the refiner's words."""
     script: str = ""
     """The edit commands; "" for a whole machine or no change."""
+    ids: Renumbering = field(default_factory=dict)
+    """Ids of the given machine and names in the script -> ids of the new machine."""
 
 
 class Refiner(Role[RefinerInput, Refinement]):
@@ -127,21 +130,24 @@ def _read_script(found: Mapping[str, str], given: RefinerInput, script: str) -> 
         code = next((step.code for step in outcome.steps if step.code), "bad_format")
         problem = "The script failed; the machine is unchanged:\n" + verdict_text(outcome.steps)
         return Parsed(None, problem, code, spatial=False if code in GEOMETRIC else None)
-    return _check(found, given, outcome.machine, script)
+    ids = renumbering(given.machine, outcome.id_map, outcome.names)
+    return _check(found, given, outcome.machine, script, ids)
 
 
 def _read_machine(found: Mapping[str, str], given: RefinerInput) -> Parsed[Refinement]:
     report = read_reply(found[STEPS], given.brief, given.representation)
     if report.machine is None:
         return no_machine(report, f"<{STEPS}>")
-    return _check(found, given, report.machine, repaired=report.repaired)
+    ids = renumbering(given.machine, matching_ids(given.machine, report.machine), {})
+    return _check(found, given, report.machine, "", ids, repaired=report.repaired)
 
 
 def _check(
     found: Mapping[str, str],
     given: RefinerInput,
     machine: Machine,
-    script: str = "",
+    script: str,
+    ids: Renumbering,
     repaired: bool = False,
 ) -> Parsed[Refinement]:
     report = check(machine, given.brief)
@@ -151,7 +157,7 @@ def _check(
     if refused is not None:
         code, problem = refused
         return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)
-    refinement = Refinement(machine, found.get(DESCRIPTION, ""), script)
+    refinement = Refinement(machine, found.get(DESCRIPTION, ""), script, ids)
     return Parsed(refinement, repaired=repaired, spatial=report.spatial_valid)
 
 

@@ -34,6 +34,8 @@ class SimulationSummary:
     """Hash of every recorded state."""
     moved: float | None = None
     """Largest displacement of any block's centre from its start, m; None without states."""
+    facts: Mapping[str, str] = field(default_factory=dict)
+    """What edit histories tell besides the score: name -> value."""
 
 
 class Laboratory(Protocol):

@@ -261,7 +261,7 @@ async def test_whole_machine_refinements() -> None:
     assert result.best is not None
     assert len(result.best.machine or ()) > 3
     told = run.prompt("refiner/feedback/traj-1/round-1/node-0/try-1/attempt-1")
-    assert re.search(r"## Edit history\n> 1\. Success, score .*\n>    d\n", told)
+    assert re.search(r"## Edit history\n> 1\. Success, score .*\n>    a new machine: d\n", told)
 
 
 async def test_candidates_fill_empty_places() -> None:

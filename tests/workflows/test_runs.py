@@ -251,6 +251,46 @@ async def test_a_node_expanded_again_knows_what_became_of_its_children() -> None
     ]
 
 
+async def test_histories_are_told_in_the_numbering_of_the_refined_machine() -> None:
+    refiner = "refiner/feedback/traj-1"
+    replies = {
+        f"{refiner}/round-1/node-0/try-1/attempt-1": edit("Remove 1\nAdd 1 to 2 in 0 as a"),
+        f"{refiner}/round-2/node-1/try-1/attempt-1": edit("Add 1 to 1 in 1"),
+        f"{refiner}/round-3/node-2/try-1/attempt-1": fenced_edit(machine((1, 0, 1), (2, 0, 2))),
+        f"{refiner}/round-4/node-3/try-1/attempt-1": edit(""),
+        f"{refiner}/round-5/node-4/try-1/attempt-1": edit("Add 1 to 0 in 4"),
+    }
+    start = machine((1, 0, 0), (1, 0, 1), (2, 0, 2)).to_json()
+    search = {"strategy": "random", "rounds": 5}
+    settings = {"trajectories": 1, "search": search, "start": start, "querier": False}
+    run = Run(Script(replies), settings, shelf=Shelf(lambda found: float(len(found))))
+    await run("iterative")
+    told = [
+        re.sub(r"(?m)^> ?", "", prompt.partition("## Edit history\n")[2].partition("\n\n")[0])
+        for prompt in map(run.prompt, list(replies)[1:])
+    ]
+    assert told[0] == (
+        "1. Success, score 4.00 -> 4.00\n"
+        "   Remove Wooden Block (gone from 0 in 0)\n"
+        "   Add 1 to 1 in 0 as 3"
+    )
+    assert told[1].endswith("2. Success, score 4.00 -> 5.00, best so far\n   Add 1 to 1 in 1")
+    assert told[2] == (
+        "1. Success, score 4.00 -> 4.00\n"
+        "   Remove Wooden Block (gone from 0 in 0)\n"
+        "   Add 1 to 1 in 0 as Wooden Block (gone from 1 in 0)\n"
+        "2. Success, score 4.00 -> 5.00, best so far\n"
+        "   Add 1 to 1 in 1\n"
+        "3. Success, score 5.00 -> 3.00, worst so far\n"
+        "   a new machine: d"
+    )
+    assert told[3].endswith("4. Success, score 3.00 -> 3.00\n   no change")
+
+
+def fenced_edit(found: Machine) -> str:
+    return edit(f"```json\n{found.to_text()}\n```")
+
+
 async def test_no_valid_initial_machine_is_a_result() -> None:
     for name in ("iterative", "single"):
         run = Run(Author(refused=1.0), {"trajectories": 2})

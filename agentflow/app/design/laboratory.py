@@ -12,9 +12,10 @@ from agentflow.env.drawing.stills import png_url
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.pool.spool import Rollouts
 from agentflow.env.query import answer_queries
-from agentflow.env.rollout import Trace
+from agentflow.env.rollout import Rollout, Trace
 from agentflow.env.tasks.base import Task
 from agentflow.env.verification import Verification, verify_async
+from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.workflows.base import SimulationSummary
@@ -52,6 +53,7 @@ class PhysicsLaboratory:
             broken=tuple((item.block, item.partner, item.time) for item in rollout.broken),
             digest=rollout.digest,
             moved=None if rollout.trace is None else farthest_move(rollout.trace),
+            facts=decisive_facts(machine, rollout),
         )
         return Evaluation(rollout.status != "invalid", rollout.score, summary)
 
@@ -73,6 +75,15 @@ class PhysicsLaboratory:
             drawing = asyncio.to_thread(png_url, machine, view="sheet", size=PICTURE)
             self._pictures[machine.digest] = asyncio.ensure_future(drawing)
         return (await asyncio.shield(self._pictures[machine.digest]),)
+
+
+def decisive_facts(machine: Machine, rollout: Rollout) -> dict[str, str]:
+    """What edit histories tell besides the score: the first break, as types and time."""
+    first = min(rollout.broken, key=lambda item: item.time, default=None)
+    if first is None:
+        return {}
+    block, partner = (library()[machine[id_].type].name for id_ in (first.block, first.partner))
+    return {"first break": f"{block} off {partner} at {first.time:.2f} s"}
 
 
 def farthest_move(trace: Trace) -> float:

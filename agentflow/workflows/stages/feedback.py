@@ -22,7 +22,12 @@ from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.stages.search_record import SearchRecorder
-from agentflow.workflows.stages.shared import edit_record, failure_reason, first_attempt_of
+from agentflow.workflows.stages.shared import (
+    edit_record,
+    failure_reason,
+    first_attempt_of,
+    with_result,
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,7 @@ class Version:
     edit: EditRecord | None = field(default=None, compare=False)
     """The refinement that made it; its score is not known yet."""
     history: History = field(default=History(), compare=False)
-    """Edits that led to the machine that was refined."""
+    """Edits that led to the machine that was refined, in its numbering."""
     label: str = field(default="", compare=False)
     """Label of the attempt that made it; tells versions of the same machine apart."""
 
@@ -84,8 +89,7 @@ class Trajectory:
         """Node id -> answers to its querier's queries."""
         self._tried: dict[str, list[Attempt[Version]]] = {}
         """Label of a version -> attempts to refine it, over all its expansions."""
-        self._scores: dict[Machine, float | None] = {}
-        """Machine -> its score."""
+        self._evaluations: dict[Machine, Evaluation] = {}
         self._history = History()
         """Edit history of the node under expansion."""
         self._views: tuple[str, ...] = ()
@@ -94,14 +98,14 @@ class Trajectory:
     async def evaluate(self, version: Version, label: str) -> Evaluation:
         """Simulate a version."""
         found = await self._run.evaluate(version.machine, self._place(FEEDBACK, label))
-        self._scores[version.machine] = found.score
+        self._evaluations[version.machine] = found
         return found
 
     async def expand(
         self, node: Node[Version], labels: Sequence[str], earlier: Sequence[Attempt[Version]]
     ) -> list[Attempt[Version]]:
         """Run one wave of refiners on a node; they are told the results of earlier waves."""
-        self._scores[node.candidate.machine] = node.evaluation.score
+        self._evaluations[node.candidate.machine] = node.evaluation
         if not earlier:
             self._history = self._history_of(node)
             self._views = await self._run.views(node.candidate.machine)
@@ -128,7 +132,7 @@ class Trajectory:
             self.first = first_attempt_of(outcome)
         if outcome.output is None:
             return Attempt(label, None, failure_reason(outcome))
-        edit = edit_record(outcome.output, node.evaluation.score)
+        edit = edit_record(outcome.output, node.evaluation)
         version = Version(outcome.output.machine, edit, self._history, label)
         return Attempt(label, version, edit.script)
 
@@ -152,18 +156,19 @@ class Trajectory:
         )
 
     def _history_of(self, node: Node[Version]) -> History:
-        """The edits that led to the node, and those already tried on it."""
+        """The edits that led to the node, and those already tried on it, in its numbering."""
         version, score = node.candidate, node.evaluation.score
         history = version.history
         if version.edit is not None:
-            history = history.add(replace(version.edit, after=score))
+            history = history.renumbered(version.edit.ids)
+            history = history.add(with_result(version.edit, node.evaluation))
         for attempt in self._tried.get(version.label, ()):
             child = attempt.candidate
             if child is None:
                 history = history.add(EditRecord("", "Error", attempt.note, before=score))
             elif child.edit is not None:
-                after = self._scores[child.machine]
-                history = history.add(replace(child.edit, after=after))
+                tried = with_result(child.edit, self._evaluations[child.machine])
+                history = history.add(replace(tried, ids={}))
         return history
 
     async def _inquire(self, node: Node[Version]) -> str:

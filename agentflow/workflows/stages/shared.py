@@ -11,11 +11,12 @@ from agentflow.agents.designer import Designer, DesignerInput
 from agentflow.agents.history import EditRecord
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import Blueprint
-from agentflow.agents.refiner import Refinement, Refiner, RefinerInput
+from agentflow.agents.refiner import NO_CHANGE, Refinement, Refiner, RefinerInput
 from agentflow.machine.validity import check
 from agentflow.runs.events import FLAWLESS, FirstAttempt, InspectionEvent
 from agentflow.runs.places import BLIND, INITIAL, Place, StageName
 from agentflow.search.concurrency import run_concurrently
+from agentflow.search.node import Evaluation
 from agentflow.workflows.base import Candidate
 from agentflow.workflows.context import WorkflowContext
 
@@ -103,13 +104,25 @@ async def refine_blindly(
     made = candidate_of(candidate.trajectory, outcome)
     if outcome is None or outcome.output is None:
         return made
-    made = replace(made, edit=edit_record(outcome.output, candidate.score))
+    made = replace(made, edit=edit_record(outcome.output, candidate.evaluation))
     return (await simulate(run, BLIND, [made]))[0]
 
 
-def edit_record(refinement: Refinement, before: float | None) -> EditRecord:
+def edit_record(refinement: Refinement, before: Evaluation | None) -> EditRecord:
     """A refinement as an entry of the edit history; its own score is not known yet."""
-    return EditRecord(refinement.script or refinement.description, "Success", before=before)
+    whole = "" if refinement.description == NO_CHANGE else "a new machine: "
+    return EditRecord(
+        refinement.script or f"{whole}{refinement.description}",
+        "Success",
+        before=before.score if before else None,
+        facts=(before.details.facts if before else {}, {}),
+        ids=refinement.ids,
+    )
+
+
+def with_result(edit: EditRecord, after: Evaluation) -> EditRecord:
+    """An entry of the edit history with what the simulation of its machine showed."""
+    return replace(edit, after=after.score, facts=(edit.facts[0], after.details.facts))
 
 
 async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None) -> str:
