@@ -80,13 +80,18 @@ async def climb(
     return best
 
 
+def change(machine: Machine, brief: Brief, rng: Random) -> Machine:
+    """A neighbour of a machine, one to four random edits away; the machine itself if invalid."""
+    changed = machine
+    for _ in range(rng.choice(EDITS)):
+        changed = random_edit(changed, rng, brief)
+    return changed if check(changed, brief).task_valid else machine
+
+
 def _next(here: Found | None, start: Machine | None, brief: Brief, rng: Random) -> Machine:
     if here is None:
         return start or random_machine(rng, brief)
-    machine = here.machine
-    for _ in range(rng.choice(EDITS)):
-        machine = random_edit(machine, rng, brief)
-    return machine if check(machine, brief).task_valid else here.machine
+    return change(here.machine, brief, rng)
 
 
 def _value(rollout: Rollout, aim: str | None) -> Value:

@@ -7,6 +7,7 @@ from typing import Any
 
 from agentflow.config.run import split_setting
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.records import record_json
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT
@@ -18,14 +19,24 @@ def find_task(name: str, settings: Iterable[str] = ()) -> Task:
 
 
 def list_tasks() -> list[dict[str, Any]]:
-    """Every level: name, family, title, objective, window, blocks, good and greatest score."""
-    keys = ("name", "family", "title", "objective", "window", "blocks", "good", "greatest")
+    """Every level: name, family, title, objective, window, blocks, good and greatest score, record."""
+    keys = (
+        "name",
+        "family",
+        "title",
+        "objective",
+        "window",
+        "blocks",
+        "good",
+        "greatest",
+        "record",
+    )
     levels = map(task_json, task_names())
     return [{key: level[key] for key in keys} for level in levels]
 
 
 def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:
-    """One level: scene, schedule, score, block list, and every knob with its range.
+    """One level: scene, schedule, score, block list, record, and every knob with its range.
 
     Args:
         name: Name of a level, or path of a YAML file.
@@ -49,6 +60,7 @@ def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:
         "given": [] if brief.given == LONE_ROOT else brief.given.to_json(),
         "good": file.good,
         "greatest": brief.greatest,
+        "record": record_json(task),
         "note": file.note,
         "knobs": [
             {"name": knob.name, "value": value, "range": knob.range, "help": knob.help}

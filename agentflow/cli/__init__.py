@@ -14,7 +14,17 @@ from agentflow.cli.display.text import describe_os_error, escape_controls
 from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
-MODULES = ("design", "machines", "prompts", "records", "reports", "sweeps", "tasks", "verify")
+MODULES = (
+    "benchmark",
+    "design",
+    "machines",
+    "prompts",
+    "records",
+    "reports",
+    "sweeps",
+    "tasks",
+    "verify",
+)
 """Modules of `agentflow.cli.commands`; importing one registers its commands."""
 
 

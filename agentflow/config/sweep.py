@@ -61,6 +61,19 @@ class TableLayout(BaseModel):
         return self
 
 
+class BenchmarkSettings(BaseModel):
+    """What makes a sweep a benchmark: its axes are `part` and `task`, the items."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    version: int = Field(ge=1, description="version of the items and parts")
+    lowest: tuple[str, ...] = Field(
+        (), description="items that count with the lowest score of the verification, not the median"
+    )
+    lite: bool = Field(False, description="whether only the first item of each family is left")
+    plan: str = Field("", description="hash of items and parts; filled in when a run begins")
+
+
 class SweepConfig(BaseModel):
     """A sweep as written in YAML."""
 
@@ -72,6 +85,12 @@ class SweepConfig(BaseModel):
     seeds: tuple[Seed, ...] = Field((0,), min_length=1)
     axes: dict[str, Axis] = Field({}, description="what varies between runs")
     table: TableLayout
+    benchmark: BenchmarkSettings | None = Field(None, description="for benchmarks only")
+
+    @property
+    def command(self) -> str:
+        """The command that runs it."""
+        return "benchmark" if self.benchmark else "sweep"
 
     @field_validator("seeds")
     @classmethod

@@ -28,6 +28,17 @@ class RunNumbers:
     record: RunRecord
     width: int
     """Number of children wanted per expansion."""
+    full: float | None = None
+    """Score that a share of 1 stands for: the greatest possible one, or the verified score of the
+    task's record; None if it has neither."""
+
+    @property
+    def share(self) -> float | None:
+        """The best machine's verified score (its plain one if it was not verified) as a share of
+        `full`; None without either."""
+        check = self.record.verification
+        score = self.record.best if check is None else check.score
+        return None if score is None or not self.full else score / self.full
 
 
 @dataclass(frozen=True)
@@ -88,6 +99,11 @@ def _verified(cell: Cell) -> float | None:
     return statistics.fmean(scores) if scores else None
 
 
+def _share(cell: Cell) -> float | None:
+    shares = [run.share for run in cell.runs if run.share is not None]
+    return statistics.fmean(shares) if shares else None
+
+
 def _unless_empty(rate: Rate) -> Rate | None:
     return rate if rate.of else None
 
@@ -109,6 +125,12 @@ METRICS: Registry[Metric] = Registry(
             _verified,
             "mean over runs of the verified score of the run's best machine (of all stages), which "
             "is its median under small variations of physics",
+        ),
+        "share": Metric(
+            _share,
+            "mean over runs of the verified score of the run's best machine, as a share of the "
+            "greatest possible score or, if there is none, of the best known machine's",
+            percent=True,
         ),
         "std": Metric(
             lambda cell: cell.scores.std, "population standard deviation over valid machines"

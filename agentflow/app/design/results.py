@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -129,6 +130,12 @@ def read_finished(path: Path) -> dict[str, Any]:
     if fault:
         raise RunError(f"{path / 'result.json'} is damaged: {fault}")
     return result
+
+
+def trusted_score(result: Mapping[str, Any]) -> float | None:
+    """The verified score of a result, or the plain one if it has no verified score."""
+    verified: float | None = (result.get("verified") or {}).get("score")
+    return result["score"] if verified is None else verified
 
 
 def _is_verification(verified: Any) -> bool:

@@ -11,11 +11,12 @@ from typing import Any
 from agentflow.app.design.config import config_json
 from agentflow.app.design.models import cost_function
 from agentflow.app.design.plan import task_of_run
-from agentflow.app.design.results import read_finished
+from agentflow.app.design.results import read_finished, trusted_score
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note
 from agentflow.config.run import build_config
 from agentflow.env.archive import load_npz
+from agentflow.env.tasks.records import record_json
 from agentflow.errors import RunError, UsageError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.metrics.usage import bill
@@ -69,9 +70,10 @@ def run_details(path: Path) -> dict[str, Any]:
     """One run in detail.
 
     The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `marginal` (connections of the
-    best machine as in `rollout_json`; None if its rollout was not saved), `stages` (rows of the
-    stage table), `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role),
-    `failures` (see `count_failures`), `remarks`, `config`, and the rest of run.yaml.
+    best machine as in `rollout_json`; None if its rollout was not saved), `record` (see
+    `record_json`, with the share that the run reached), `stages` (rows of the stage table),
+    `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role), `failures` (see
+    `count_failures`), `remarks`, `config`, and the rest of run.yaml.
     """
     document = read_document(path)
     summary = _summary(path)
@@ -87,6 +89,7 @@ def run_details(path: Path) -> dict[str, Any]:
         "blocks": result.get("blocks", len(machine) if machine else None),
         "most_blocks": result.get("most_blocks"),
         "best_stage": result.get("best_stage"),
+        "record": _record(path, document, summary),
         "marginal": _marginal(path, machine),
         "stages": [stage.data for stage in record.stages],
         "stopped": result.get("stopped"),
@@ -98,6 +101,15 @@ def run_details(path: Path) -> dict[str, Any]:
         "failures": count_failures(path),
         "remarks": [*record.remarks, *_later_notes(machine, path, document)],
     }
+
+
+def _record(
+    path: Path, document: Mapping[str, Any], summary: Mapping[str, Any]
+) -> dict[str, Any] | None:
+    """The record of the run's task; None without one, or if the task is not installed."""
+    with suppress(UsageError):
+        return record_json(task_of_run(path, document), trusted_score(summary))
+    return None
 
 
 def _marginal(path: Path, machine: Machine | None) -> list[dict[str, Any]] | None:

@@ -17,7 +17,7 @@ from agentflow.app.design.plan import (
     physics_conditions,
     task_of_run,
 )
-from agentflow.app.design.results import read_finished
+from agentflow.app.design.results import read_finished, trusted_score
 from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note, recorded_machine
 from agentflow.app.machines.simulate import Progress
@@ -28,6 +28,7 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.records import record_share
 from agentflow.errors import UsageError
 from agentflow.files import write_output
 from agentflow.machine import Machine, library, read_machine
@@ -110,6 +111,8 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
         "files": shapes.files,
         "task": task_summary(path, document),
     }
+    if result and (share := record_share(task_of_run(path, document), trusted_score(result))):
+        data["run"]["about"] += f"; {share:.0%} of the greatest or best known score"
     if note := level_note(path, document):
         data["facts"].append(["Level", note])
     write_page(out, page(f"{config.task} · agentflow", data))

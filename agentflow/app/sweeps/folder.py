@@ -35,7 +35,7 @@ NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"
 
 def sweep_document(name: str, sweep: SweepConfig) -> dict[str, Any]:
     """Content of sweep.yaml: everything that decides the runs, without credentials."""
-    plain = sweep.model_dump(mode="json")
+    plain = sweep.model_dump(mode="json", exclude=None if sweep.benchmark else {"benchmark"})
     return {"name": name, "sweep": {**plain, "base": config_json(build_config(sweep.base))}}
 
 
@@ -120,9 +120,10 @@ def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -
             "choose another folder with --out"
         )
     if different := _first_difference(recorded["sweep"], document["sweep"], ""):
+        command = "benchmark" if "benchmark" in document["sweep"] else "sweep"
         raise RunError(
             f"{path} was started with a different {different}: resume it unchanged with "
-            f"agentflow sweep {quote(str(path))} --resume, or choose another folder with --out"
+            f"agentflow {command} {quote(str(path))} --resume, or choose another folder with --out"
         )
 
 

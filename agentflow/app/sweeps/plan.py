@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -74,6 +74,7 @@ def plan_sweep(
     options: Mapping[str, Any],
     seeds: int | None = None,
     approve: Approve = refuse,
+    adapt: Callable[[SweepConfig], SweepConfig] = lambda sweep: sweep,
 ) -> SweepPlan:
     """Read a sweep, apply settings to its base, and look everything up.
 
@@ -83,6 +84,7 @@ def plan_sweep(
         options: Dotted configuration keys for all runs; None means not given.
         seeds: Use seeds 0 to `seeds` - 1 instead of those in the file.
         approve: Is asked about hosts and key variables that only the file names.
+        adapt: Changes the sweep that was read from the file.
 
     Raises:
         UnknownNameError: A task, workflow, metric ... does not exist.
@@ -101,7 +103,7 @@ def plan_sweep(
         plan = SweepPlan.of(document["name"], sweep)
         require_trust(path, plan.models, {}, approve)
         return plan
-    sweep = read_sweep(load_document(path), str(path))
+    sweep = adapt(read_sweep(load_document(path), str(path)))
     if "seed" in sweep.base:
         raise ConfigError(f"{path}: base.seed: list seeds under seeds, for example seeds: [0]")
     axes = axis_of_key(sweep)

@@ -91,7 +91,8 @@ def run_sweep(
         except KeyboardInterrupt:
             raise InterruptedRunError(
                 f"interrupted; {len(work.done)} of {len(plan.runs)} runs are done; continue "
-                f"with: agentflow sweep {quote(str(folder))} --resume{trust_option(plan.models)}"
+                f"with: agentflow {plan.sweep.command} {quote(str(folder))} --resume"
+                f"{trust_option(plan.models)}"
             ) from None
     order = [run.name for run in plan.runs]
     return SweepOutcome(

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from shlex import quote
 
 from agentflow.app.design.results import read_finished
 from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
 from agentflow.config.sweep import SweepConfig, SweepRun, list_runs
-from agentflow.errors import RunError
+from agentflow.env.tasks.records import full_score
+from agentflow.env.tasks.registry import get_task
+from agentflow.errors import RunError, UsageError
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import METRICS, Cell, RunNumbers, Value
 from agentflow.metrics.tables import Column, Row, Table
@@ -89,13 +94,24 @@ def read_sweep_result(path: Path) -> SweepResult:
         if (run / "result.json").exists():
             config = planned.config
             width = WORKFLOWS[config.workflow].adapt(config.settings).search.children
-            numbers = RunNumbers(RunRecord.of(read_typed_events(run)), width)
+            record = RunRecord.of(read_typed_events(run))
+            full = _full_score(config.task, json.dumps(config.knobs, sort_keys=True))
+            numbers = RunNumbers(record, width, full)
             done.append(FinishedRun(planned, run, read_finished(run)["model"], numbers))
     if not done:
         raise RunError(
-            f"no run of {path} is finished; run it with agentflow sweep {quote(str(path))} --resume"
+            f"no run of {path} is finished; run it with agentflow {sweep.command} "
+            f"{quote(str(path))} --resume"
         )
     return SweepResult(path, sweep, tuple(done), every, read_failures(path))
+
+
+@cache
+def _full_score(task: str, knobs: str) -> float | None:
+    """`full_score` of a task with these knobs (JSON); None if the task cannot be made here."""
+    with suppress(UsageError):
+        return full_score(get_task(task, json.loads(knobs)))
+    return None
 
 
 def layout_table(result: SweepResult, *, published: bool = False) -> Table:

@@ -43,7 +43,8 @@ OWN_SCALE = (
 OF_VERIFIED_RUNS = (
     "Means over the best machines of the verified runs: their score, and the median (verified), "
     "lowest and highest score in simulations with a finer time step and slightly different masses, "
-    "friction and motor torque."
+    "friction and motor torque. The share is that of the verified score in the greatest "
+    "possible score or, if there is none, in the verified score of the best known machine."
 )
 
 
@@ -99,7 +100,7 @@ def usage_table(result: SweepResult) -> Table:
     """Cost of runs by role and stage, and speed of simulation."""
     rows: list[Row] = []
     for (task, model, variant), runs in variants(result).items():
-        whole = _total_bill(runs)
+        whole = total_bill(runs)
         speed = _total_speed(runs)
         parts = [("all", whole.total), *whole.roles.items(), *whole.stages.items()]
         for name, spent in parts:
@@ -175,12 +176,16 @@ def verified_table(result: SweepResult) -> Table:
         scores = [item.scores[0].score for item in complete if item.scores]
         verified = _mean(item.score for item in complete)
         low, high = _mean(item.low for item in complete), _mean(item.high for item in complete)
-        share = Rate(len(complete), len(found))
-        rows.append(Row(key, (share, _mean(scores), verified, low, high)))
+        done = Rate(len(complete), len(found))
+        share = _mean(run.numbers.share for run in runs if run.numbers.record.verification)
+        rows.append(Row(key, (done, _mean(scores), verified, low, high, share)))
     return Table(
         f"{result.sweep.title}: verified scores",
         ("task", "model", "variant"),
-        tuple(Column("", name) for name in ("verified runs", "score", "verified", "low", "high")),
+        (
+            *(Column("", name) for name in ("verified runs", "score", "verified", "low", "high")),
+            Column("", "share", percent=True),
+        ),
         tuple(rows),
         notes=(*result.notes, OF_VERIFIED_RUNS),
     )
@@ -258,7 +263,8 @@ def _format_interval(interval: tuple[float, float] | None) -> str | None:
     return None if interval is None else f"{cell_text(interval[0])} - {cell_text(interval[1])}"
 
 
-def _total_bill(runs: Iterable[FinishedRun]) -> Bill:
+def total_bill(runs: Iterable[FinishedRun]) -> Bill:
+    """What the runs cost."""
     bills = (
         bill(read_calls(run.path), cost_function(run.planned.config.model), stage_of)
         for run in runs

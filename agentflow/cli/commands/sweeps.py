@@ -76,7 +76,7 @@ def sweep(
     plan = plan_sweep(config, settings or (), options, seeds, allowed)
     folder = sweep_folder(plan, config, out)
     if dry_run:
-        _print_estimate(plan, folder, as_json)
+        print_estimate(plan, folder, as_json)
         return
     with watch_sweep(len(plan.runs), quiet) as watcher:
         outcome = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
@@ -120,7 +120,8 @@ def table(
     print(escape_controls(text, "\n") if form == "text" else text, end="")
 
 
-def _print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
+def print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:
+    """Print the estimated cost of the runs that are left."""
     from agentflow.app.design.models import choose_models
     from agentflow.app.sweeps.estimates import NOTHING, estimate
     from agentflow.app.sweeps.folder import RUNS

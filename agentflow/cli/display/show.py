@@ -68,6 +68,17 @@ def _show_seeds(runs: Sequence[Data]) -> None:
             output().print(f"seed {run['seed']} failed: {run['failed']}")
 
 
+def record_text(record: Data) -> str:
+    """A record: "70.21, verified, with 40 blocks (reference two_tower_sling, by hand)"."""
+    blocks = block_count(record["blocks"], None)
+    return f"{number(record['verified'])} (verified) with {blocks}, {record['how']}"
+
+
+def record_line(record: Data) -> str:
+    """The share of the greatest or best known score that a score reaches, in one line."""
+    return f"{record['share']:.0%} of what is possible; record: {record_text(record)}"
+
+
 def verified_line(verified: Data) -> str:
     """The verified score and its spread, or which simulations are missing, in one line."""
     scores = verified["scores"]
@@ -257,7 +268,7 @@ def _size(block: Data) -> str:
 
 def show_tasks(tasks: Sequence[Data]) -> None:
     """Print the list of tasks, with a blank line between families."""
-    table = columns("task", "level", "window", "good score", "blocks", "objective")
+    table = columns("task", "level", "window", "good score", "record", "blocks", "objective")
     for index, task in enumerate(tasks):
         if index and task["family"] != tasks[index - 1]["family"]:
             table.add_row()
@@ -266,6 +277,7 @@ def show_tasks(tasks: Sequence[Data]) -> None:
             task["title"],
             f"{task['window']:g} s",
             _good_score(task),
+            number(task["record"] and task["record"]["verified"]),
             str(len(task["blocks"])),
             task["objective"],
         )
@@ -292,6 +304,8 @@ def show_task(task: Data) -> None:
     if task["most_blocks"] is not None:
         console.print(f"most blocks: {task['most_blocks']}")
     console.print(f"good score: {_good_score(task)}")
+    if record := task["record"]:
+        console.print(f"record: {record_text(record)}")
     if task["note"]:
         console.print(f"note: {task['note']}")
     console.print()

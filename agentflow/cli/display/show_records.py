@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agentflow.cli.display.output import columns, output
-from agentflow.cli.display.show import VALID, Data, marginal_line, verified_line
+from agentflow.cli.display.show import VALID, Data, marginal_line, record_line, verified_line
 from agentflow.cli.display.text import block_count, number
 
 
@@ -41,6 +41,8 @@ def show_run(run: Data) -> None:
     console.print(", ".join(found))
     if run["verified"]:
         console.print(verified_line(run["verified"]))
+    if (record := run["record"]) and record["share"] is not None:
+        console.print(record_line(record))
     if run["marginal"]:
         console.print(marginal_line(run["marginal"]))
     if run["stopped"] or run["reason"]:

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from math import cos, sin
 from typing import ClassVar
 
+from pydantic import Field
+
 from agentflow.env.physics.engines import default_limits
 from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters, Schedule, Task
@@ -55,10 +57,15 @@ class StartTimes(Parameters):
 
 
 class BlockBudget(Parameters):
-    """How many blocks a machine may have."""
+    """How many blocks a machine may have, and of which types."""
 
     max: int = knob(
         40, 0, MAX_BLOCKS, "blocks", "most blocks of a machine, without given ones; 0: no limit"
+    )
+    without: tuple[int, ...] = Field(
+        (),
+        description="block types that the machine may not have, of those that the family allows",
+        json_schema_extra={"unit": "a list of block types"},
     )
 
 
@@ -141,6 +148,10 @@ class Family(Task):
     def limits(self) -> Limits:
         """How large a machine may be: by the level's budget of blocks and the default engine."""
         return replace(default_limits(), blocks=self.parameters.blocks.max or None)
+
+    def allow(self, blocks: Collection[int]) -> tuple[int, ...]:
+        """The block types of a family that the level allows."""
+        return tuple(kind for kind in blocks if kind not in self.parameters.blocks.without)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.abc import Traversable
@@ -28,6 +28,8 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.knobs import Knob, deep_merge, knobs_of, nest_keys, read_knobs
 from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
+from agentflow.machine.blocks.library import library
+from agentflow.machine.tree import ROOT
 from agentflow.registry import Registry, subclass_of
 
 LEVELS = "levels"
@@ -196,7 +198,22 @@ def make_task(level: Level, overrides: Mapping[str, object] | None = None) -> Ta
     kind = FAMILIES[level.file.family]
     values = deep_merge(level.file.parameters, nest_keys(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
-    return kind(level.name, level.number, knobs, knobs.window, knobs.control_schedule)
+    task = kind(level.name, level.number, knobs, knobs.window, knobs.control_schedule)
+    if knobs.blocks.without:
+        _check_withheld(task, knobs.blocks.without)
+    return task
+
+
+def _check_withheld(task: Task, withheld: Collection[int]) -> None:
+    """Raise ConfigError if a type that every machine needs is withheld, or a type is unknown."""
+    for kind in withheld:
+        if kind not in library():
+            raise ConfigError(f"blocks.without: {kind} is not a block type; see: agentflow blocks")
+        if kind in task.brief.required or kind == ROOT.type:
+            raise ConfigError(
+                f"blocks.without: every machine for {task.name} needs type {kind}; remove it from "
+                "the list"
+            )
 
 
 def knob_table(task: Task) -> tuple[tuple[Knob, Any], ...]:

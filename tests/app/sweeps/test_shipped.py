@@ -15,7 +15,11 @@ from agentflow.metrics.published import published
 from tests.app.sweeps.test_run import Notes
 
 CONFIGS = Path(__file__).parents[3] / "configs"
-SWEEPS = [path for path in sorted(CONFIGS.glob("*.yaml")) if "table" in load_document(path)]
+SWEEPS = [
+    path
+    for path in sorted(CONFIGS.glob("*.yaml"))
+    if "table" in load_document(path) and "benchmark" not in load_document(path)
+]
 
 
 def reduced(path: Path) -> list[str]:

@@ -15,6 +15,8 @@ from agentflow.app.sweeps.folder import lock_folder, sweep_document
 from agentflow.app.sweeps.plan import plan_sweep
 from agentflow.app.sweeps.tables import layout_table, read_sweep_result
 from agentflow.app.sweeps.views import VIEWS, format_view, view
+from agentflow.env.tasks.records import record_of
+from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UnknownNameError, UsageError
 from agentflow.metrics.tables import Row, Table
 from agentflow.metrics.validity import Rate
@@ -364,7 +366,10 @@ def test_verified_scores_stand_beside_the_plain_ones(tmp_path: Path) -> None:
     table = {"metrics": ["max", "verified"], "stage": "initial"}
     path = sweep(tmp_path, runs, axes=axes, seeds=[0, 1], table=table)
     assert values(view(path)) == {("throwing", MODEL): (30.0, 22.5, 50.0, None)}
+    record = record_of(get_task("throwing"))
+    assert record is not None
+    share = pytest.approx(22.5 / record.verified)
     assert values(view(path, "verified")) == {
-        ("throwing", MODEL, "one"): (Rate(2, 2), 25.0, 22.5, 19.0, 25.5),
-        ("throwing", MODEL, "other"): (Rate(0, 2), None, None, None, None),
+        ("throwing", MODEL, "one"): (Rate(2, 2), 25.0, 22.5, 19.0, 25.5, share),
+        ("throwing", MODEL, "other"): (Rate(0, 2), None, None, None, None, None),
     }

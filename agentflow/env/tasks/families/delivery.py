@@ -118,14 +118,14 @@ class Delivery(Family):
                 *terrain_sentences(knobs.terrain),
                 *knobs.wind.sentences(),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
+            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=(
                 f"Score: the greatest distance in metres of the cargo's centre {way} from its "
                 f"position at t = 0, within {self.window:g} s.",
                 "The machine may push, pull, carry or throw it. Only the distance from the first "
                 "touch after t = 0 counts; a cargo that the machine never touches scores 0.",
             ),
-            blocks=BLOCKS,
+            blocks=self.allow(BLOCKS),
             limits=replace(self.limits, size=self._size_limit),
         )
 

@@ -84,7 +84,7 @@ class Flying(Family):
     @property
     def brief(self) -> Brief:
         knobs = self.parameters
-        blocks = tuple(sorted((*BLOCKS, FLYING_BLOCK))) if self.marks else BLOCKS
+        blocks = self.allow(tuple(sorted((*BLOCKS, FLYING_BLOCK))) if self.marks else BLOCKS)
         return Brief(
             name=self.name,
             objective="Build a machine that flies through the hoops ahead, one after the other."

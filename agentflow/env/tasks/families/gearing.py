@@ -146,7 +146,7 @@ class Gearing(Family):
                 f"interruption within {self.window:g} s; else 0.",
                 "Speeds are measured relative to the plate, every 0.1 s.",
             ),
-            blocks=BLOCKS,
+            blocks=self.allow(BLOCKS),
             limits=self.limits,
             given=self.given,
             greatest=1.0,

@@ -123,7 +123,7 @@ class Jumping(TrialFamily):
                 "the left or right.",
                 *_yaw_sentences(knobs.yaw),
             ),
-            schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
+            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=(
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
@@ -134,7 +134,7 @@ class Jumping(TrialFamily):
                 "At t = 0 every block must be on the near side of the first obstacle; crossing it "
                 "before t = 0 fails the trial.",
             ),
-            blocks=BLOCKS,
+            blocks=self.allow(BLOCKS),
             limits=self.limits,
             greatest=float(self.count),
         )

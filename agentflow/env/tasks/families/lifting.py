@@ -123,7 +123,7 @@ class Lifting(TrialFamily):
                 f"{by.mass:.0%}, its friction by up to {by.friction:.0%}, and its position by up "
                 f"to {by.offset:g} m along x and z.",
             ),
-            schedule=schedule_sentences(self.schedule, self.window, BLOCKS),
+            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
             score=(
                 f"Score: the number of successful trials out of {self.count}, {self.window:g} s "
                 "each.",
@@ -131,7 +131,7 @@ class Lifting(TrialFamily):
                 f"height at t = 0 for {HOLD:g} s without interruption and is that high at the "
                 f"end; it must have touched the machine within the last {LOOSE:g} s.",
             ),
-            blocks=BLOCKS,
+            blocks=self.allow(BLOCKS),
             limits=self.limits,
             greatest=float(self.count),
         )

@@ -74,7 +74,7 @@ class Movement(Family):
     @property
     def brief(self) -> Brief:
         knobs, way = self.parameters, scoring_direction(self.parameters.curve)
-        blocks = BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS
+        blocks = self.allow(BLOCKS + CURVE_BLOCKS if knobs.curve.angle else BLOCKS)
         return Brief(
             name=self.name,
             objective=f"Build a machine that drives its Starting Block as far as possible {way}.",

@@ -118,7 +118,7 @@ class Picking(Family):
                 "The run is a success if the ball ends outside the pit: above ground level and not "
                 "over the opening.",
             ),
-            blocks=BLOCKS,
+            blocks=self.allow(BLOCKS),
             limits=self.limits,
         )
 

@@ -1,0 +1,1 @@
+"""The benchmark: a sweep with a fixed plan, its scorecard, and leaderboards of scorecards."""

@@ -1,0 +1,190 @@
+"""Scorecards: the result of a benchmark in one sealed file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from statistics import fmean
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from agentflow.config.yaml import describe_fault, first_fault
+from agentflow.errors import RunError
+from agentflow.files import parse_object, write_output
+from agentflow.metrics.intervals import bootstrap_mean
+from agentflow.runs.document import seal_of
+
+NAME = "card.json"
+SCHEMA = 1
+_SEAL = "seal"
+
+Outcome = Literal[
+    "scored", "invalid", "diverged", "simulation_failed", "unverified", "stopped", "missing"
+]
+"""scored; invalid: no valid machine, share 0; diverged: the machine made the simulation fail, score
+0; simulation_failed: it timed out or crashed; unverified: some verifying simulation did; stopped:
+the budget of calls, tokens or money ran out; missing: the run failed or is unfinished, mostly
+because of the endpoint."""
+COUNTED: tuple[Outcome, ...] = ("scored", "invalid", "diverged")
+"""Outcomes that are the model's; the others say nothing about it and leave the item without a
+share."""
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Part(BaseModel):
+    """Base class: frozen, no unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Mean(_Part):
+    """A mean share of the full score, with its 95 % bootstrap interval."""
+
+    mean: Number | None
+    """None if nothing counts."""
+    interval: tuple[Number, Number] | None = None
+    """None for fewer than two values, or without scipy."""
+
+    @classmethod
+    def of(cls, shares: Iterable[float | None]) -> Mean:
+        """The mean of the shares that are known."""
+        known = [share for share in shares if share is not None]
+        interval = bootstrap_mean(known)
+        ends = interval and (round(interval.low, 6), round(interval.high, 6))
+        return cls(mean=round(fmean(known), 6) if known else None, interval=ends)
+
+
+class Attempt(_Part):
+    """One machine that counts: a first reply, or the best machine of a refined run."""
+
+    outcome: Outcome
+    score: Number | None
+    share: Number | None
+    """Of the full score; None unless the outcome counts."""
+    reason: str = ""
+    """Why there is no score."""
+
+
+class ItemResult(_Part):
+    """What was reached on one item."""
+
+    item: str
+    family: str
+    task: str
+    knobs: dict[str, Any]
+    full: Number
+    """Score that a share of 1 stands for: the greatest possible one, or that of the record."""
+    first: tuple[Attempt, ...]
+    """First replies, with plain scores."""
+    refined: Attempt
+    """Best machine of the refined run, with its verified score."""
+
+    @property
+    def first_share(self) -> float | None:
+        """Mean share of the first replies; None if any of them does not count."""
+        shares = [attempt.share for attempt in self.first]
+        known = [share for share in shares if share is not None]
+        return fmean(known) if known and len(known) == len(shares) else None
+
+
+class Cost(_Part):
+    """What a benchmark cost."""
+
+    calls: int
+    prompt_tokens: int
+    completion_tokens: int
+    money: Number | None
+    """None if a model has no price."""
+    rollouts: int
+
+
+class Family(_Part):
+    """Mean shares over the items of a family, or over all."""
+
+    first: Mean
+    refined: Mean
+
+
+class Card(_Part):
+    """A scorecard."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+    schema_version: int = Field(SCHEMA, alias="schema")
+    agentflow: str
+    conditions: dict[str, Any]
+    """What cards must share to be comparable; see `plan.conditions`."""
+    digest: str
+    """Hash of the conditions."""
+    model: str
+    """Name in results, for example "procedural (no language model)"."""
+    sampling: dict[str, Any]
+    made: str
+    """Day, UTC."""
+    complete: bool
+    """Whether every item has its shares."""
+    total: Family
+    families: dict[str, Family]
+    items: tuple[ItemResult, ...]
+    cost: Cost
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Items without one of their shares."""
+        return tuple(item.item for item in self.items if not is_counted(item))
+
+
+def is_counted(item: ItemResult) -> bool:
+    """Whether an item has both shares."""
+    return item.first_share is not None and item.refined.share is not None
+
+
+def summary(items: Sequence[ItemResult]) -> Family:
+    """Mean shares over items."""
+    return Family(
+        first=Mean.of(item.first_share for item in items),
+        refined=Mean.of(item.refined.share for item in items),
+    )
+
+
+def write_card(path: Path, card: Card) -> None:
+    """Write a card, sealed."""
+    content = card.model_dump(mode="json", by_alias=True)
+    text = json.dumps({**content, _SEAL: seal_of(content)}, indent=1)
+    with write_output(path) as part:
+        part.write_text(text + "\n", encoding="utf-8")
+
+
+def read_card(path: Path) -> Card:
+    """Read a card.
+
+    Raises:
+        RunError: It cannot be read, is not a card, is of another version, lacks something, or was
+            edited.
+    """
+    again = "make it again with: agentflow benchmark"
+    try:
+        content = parse_object(path.read_bytes())
+    except OSError as error:
+        raise RunError(f"cannot read {path}: {error.strerror}") from None
+    if content is None or "schema" not in content:
+        raise RunError(
+            f"{path} is not a scorecard: expected the {NAME} that agentflow benchmark writes"
+        )
+    if content["schema"] != SCHEMA:
+        raise RunError(
+            f"{path} has schema {content['schema']!r}, but this version reads only schema "
+            f"{SCHEMA}: use the agentflow version that wrote it, or {again}"
+        )
+    seal = content.pop(_SEAL, None)
+    try:
+        card = Card.model_validate(content)
+    except ValidationError as error:
+        fault = first_fault(error)
+        place = ".".join(map(str, fault["loc"]))
+        raise RunError(f"{path} is damaged: {place} {describe_fault(fault)}; {again}") from None
+    if seal != seal_of(content):
+        raise RunError(f"{path} was edited after it was written; restore it, or {again}")
+    return card

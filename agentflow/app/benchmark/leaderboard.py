@@ -1,0 +1,118 @@
+"""Leaderboards: scorecards side by side, ranked by verified scores."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from agentflow.app.benchmark.card import Card, Mean, read_card
+from agentflow.errors import UsageError
+from agentflow.metrics.cells import Value
+from agentflow.metrics.intervals import missing_scipy
+from agentflow.metrics.tables import FORMATS, Column, Row, Table
+
+INTERVAL = "95 %"
+ABOUT = (
+    "Shares are scores divided by the greatest possible score of the item or, if there is none, by "
+    "that of the best known machine, averaged over items; an invalid machine counts as 0. refined: verified score of the best "
+    "machine of a run with two rounds of feedback; cards are ranked by it. first: plain scores of "
+    "single replies without feedback. Intervals are bootstrap intervals over items."
+)
+
+
+def read_cards(paths: Sequence[Path]) -> list[Card]:
+    """Read cards that can be compared, best first.
+
+    Raises:
+        RunError: A file is not a card, is damaged, or was edited.
+        UsageError: The cards are of different versions.
+    """
+    cards = [read_card(path) for path in paths]
+    first = cards[0]
+    for path, card in zip(paths, cards, strict=True):
+        if different := [
+            key for key, value in first.conditions.items() if card.conditions.get(key) != value
+        ]:
+            raise UsageError(
+                f"{path} and {paths[0]} cannot be compared: they differ in "
+                f"{' and '.join(different)}; make both with the same version of the benchmark and "
+                "of agentflow"
+            )
+    return sorted(cards, key=lambda card: (not card.complete, -(card.total.refined.mean or 0.0)))
+
+
+def leaderboard(cards: Sequence[Card]) -> tuple[Table, ...]:
+    """Three tables: all cards ranked, by family, and by item."""
+    return _ranking(cards), _by_family(cards), _by_item(cards)
+
+
+def format_tables(tables: Sequence[Table], form: str) -> str:
+    """Tables one after the other, in one of the `FORMATS`; JSON is one object per line."""
+    return ("" if form == "json" else "\n").join(FORMATS[form](table) for table in tables)
+
+
+def _ranking(cards: Sequence[Card]) -> Table:
+    columns = (
+        Column("refined", "share", percent=True),
+        Column("refined", INTERVAL),
+        Column("first", "share", percent=True),
+        Column("first", INTERVAL),
+        *(Column("", name) for name in ("calls", "tokens", "money", "rollouts")),
+    )
+    rows = []
+    for place, card in enumerate(cards, start=1):
+        cost, total = card.cost, card.total
+        values: tuple[Value, ...] = (
+            *(total.refined.mean, _interval(total.refined)),
+            *(total.first.mean, _interval(total.first)),
+            *(cost.calls, cost.prompt_tokens + cost.completion_tokens, cost.money, cost.rollouts),
+        )
+        rows.append(Row((str(place) if card.complete else "-", card.model), values))
+    conditions = cards[0].conditions
+    lite = ", lite" if conditions["lite"] else ""
+    title = f"Benchmark version {conditions['version']}{lite} ({cards[0].digest})"
+    incomplete = [
+        f"INCOMPLETE: {card.model} lacks {len(card.missing)} of {len(card.items)} items: "
+        f"{', '.join(card.missing)}."
+        for card in cards
+        if not card.complete
+    ]
+    notes = (*incomplete, ABOUT, *filter(None, [missing_scipy()]))
+    return Table(title, ("rank", "model"), columns, tuple(rows), notes=notes)
+
+
+def _by_family(cards: Sequence[Card]) -> Table:
+    names = list(cards[0].families)
+    columns = tuple(
+        Column(name, part, percent=True) for name in names for part in ("first", "refined")
+    )
+    rows = tuple(
+        Row(
+            (card.model,),
+            tuple(
+                mean
+                for name in names
+                for mean in (card.families[name].first.mean, card.families[name].refined.mean)
+            ),
+        )
+        for card in cards
+    )
+    return Table("Shares by family", ("model",), columns, rows)
+
+
+def _by_item(cards: Sequence[Card]) -> Table:
+    columns = tuple(
+        Column(card.model, part, percent=True) for card in cards for part in ("first", "refined")
+    )
+    rows = tuple(
+        Row(
+            (of[0].item, of[0].family, f"{of[0].full:.2f}"),
+            tuple(share for item in of for share in (item.first_share, item.refined.share)),
+        )
+        for of in zip(*(card.items for card in cards), strict=True)
+    )
+    return Table("Shares by item", ("item", "family", "full score"), columns, rows)
+
+
+def _interval(mean: Mean) -> str | None:
+    return mean.interval and f"{mean.interval[0]:.1%} - {mean.interval[1]:.1%}"

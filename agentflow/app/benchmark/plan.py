@@ -1,0 +1,162 @@
+"""Plans of benchmarks: sweeps with fixed items and parts, of which users set only the model.
+
+Every item (axis `task`) is done in every part (axis `part`): `first`, single replies without any
+feedback, and `refined`, a short iterative run. Random machines and edits can take the place of a
+model, with as many simulations.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from agentflow.app.design.plan import physics_conditions
+from agentflow.app.design.trust import Approve, refuse
+from agentflow.app.sweeps.folder import is_sweep
+from agentflow.app.sweeps.plan import SweepPlan, plan_sweep
+from agentflow.config.run import DesignConfig
+from agentflow.config.sweep import BenchmarkSettings, SweepConfig, list_runs
+from agentflow.env.tasks.records import TaskRecord, record_of
+from agentflow.env.tasks.registry import get_level, get_task
+from agentflow.errors import ConfigError, RunError, UsageError
+from agentflow.prompts.render import PromptSet
+
+PART, ITEM = "part", "task"
+FIRST, REFINED = "first", "refined"
+WITHOUT_MODEL: Mapping[str, str] = MappingProxyType(
+    {"single": "random-dsl", "iterative": "random-dsl", "placement": "random-placement"}
+)
+"""Workflow -> its baseline without a model."""
+
+
+def plan_benchmark(
+    path: Path,
+    settings: Iterable[str],
+    options: Mapping[str, Any],
+    *,
+    lite: bool = False,
+    random: bool = False,
+    approve: Approve = refuse,
+) -> SweepPlan:
+    """Read a benchmark and look everything up.
+
+    Args:
+        path: The YAML file, or the folder of a benchmark to resume.
+        settings: Strings `model.a.b=value`.
+        options: Dotted configuration keys; None means not given.
+        lite: Whether to do only the first item of each family.
+        random: Whether random machines and edits take the place of the model.
+        approve: Is asked about hosts and key variables that only the file names.
+
+    Raises:
+        UsageError: A setting is not about the model; or it is no benchmark.
+        ConfigError: The file is wrong.
+    """
+    settings = list(settings)
+    for setting in settings:
+        if not setting.startswith("model."):
+            raise UsageError(
+                f"a benchmark has a fixed plan, so --set takes only keys of the model such as "
+                f"model.sampling.temperature=0.5, not {setting!r}"
+            )
+    if is_sweep(path) and (lite or random):
+        raise UsageError(f"{path} is resumed with its own settings; remove --lite and --random")
+    adapt = partial(_adapt, source=path, lite=lite, random=random)
+    plan = plan_sweep(path, settings, options, approve=approve, adapt=adapt)
+    benchmark_of(plan.sweep, path)
+    variant = f"{plan.name}{'-lite' * lite}{'-random-dsl' * random}"
+    return replace(plan, name=variant)
+
+
+def benchmark_of(sweep: SweepConfig, source: Path) -> BenchmarkSettings:
+    """The settings of a benchmark; raises RunError if it is an ordinary sweep."""
+    if sweep.benchmark is None:
+        raise RunError(
+            f"{source} is not a benchmark but an ordinary sweep; run it with agentflow sweep"
+        )
+    return sweep.benchmark
+
+
+def item_configs(sweep: SweepConfig) -> dict[str, DesignConfig]:
+    """Name of each item -> the configuration of one of its runs."""
+    return {run.labels[ITEM]: run.config for run in list_runs(sweep)}
+
+
+def item_records(sweep: SweepConfig) -> dict[str, TaskRecord]:
+    """Name of each item -> its record; raises ConfigError if one has none."""
+    found = {}
+    for name, config in item_configs(sweep).items():
+        record = record_of(get_task(config.task, config.knobs))
+        if record is None:
+            raise ConfigError(
+                f"the item {name} has no record to compare with; find one with: "
+                f"python benchmarks/records.py update {name}"
+            )
+        found[name] = record
+    return found
+
+
+def conditions(sweep: SweepConfig) -> dict[str, Any]:
+    """Everything that two scorecards must share to be comparable."""
+    assert sweep.benchmark is not None
+    records = item_records(sweep)
+    return {
+        "version": sweep.benchmark.version,
+        "lite": sweep.benchmark.lite,
+        "plan": sweep.benchmark.plan,
+        **physics_conditions(),
+        "prompts": PromptSet().digest,
+        "records": digest_of({name: [r.verified, r.low] for name, r in records.items()}),
+    }
+
+
+def digest_of(value: Any) -> str:
+    """Hash of JSON data, 16 hex digits."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _adapt(sweep: SweepConfig, source: Path, lite: bool, random: bool) -> SweepConfig:
+    """The sweep in the file, checked, reduced if `lite`, and without a model if `random`."""
+    settings = benchmark_of(sweep, source)
+    _check(sweep, source)
+    axes = {part: dict(sweep.axes[part]) for part in (PART, ITEM)}
+    if lite:
+        configs = reversed(item_configs(sweep).items())
+        firsts = {get_level(config.task).file.family: name for name, config in configs}
+        axes[ITEM] = {name: axes[ITEM][name] for name in axes[ITEM] if name in firsts.values()}
+    settings = settings.model_copy(update={"lite": lite, "plan": digest_of([sweep.base, axes])})
+    if random:
+        axes = {
+            axis: {name: _without_model(changes) for name, changes in values.items()}
+            for axis, values in axes.items()
+        }
+    return sweep.model_copy(update={"axes": axes, "benchmark": settings})
+
+
+def _check(sweep: SweepConfig, source: Path) -> None:
+    """Raise ConfigError unless axes, seeds and items are those of a benchmark."""
+    if list(sweep.axes) != [PART, ITEM] or set(sweep.axes[PART]) != {FIRST, REFINED}:
+        raise ConfigError(
+            f"{source}: axes: a benchmark has the axis {PART}, with {FIRST} and {REFINED}, and "
+            f"then the axis {ITEM}, with the items"
+        )
+    if len(sweep.seeds) > 1:
+        raise ConfigError(f"{source}: seeds: a benchmark has one seed, for example seeds: [0]")
+    for name, changes in sweep.axes[ITEM].items():
+        if "task" not in changes:
+            raise ConfigError(f"{source}: axes.{ITEM}.{name}: name the level with task")
+    item_records(sweep)
+    settings = benchmark_of(sweep, source)
+    if unknown := [name for name in settings.lowest if name not in sweep.axes[ITEM]]:
+        raise ConfigError(f"{source}: benchmark.lowest: there is no item {unknown[0]}")
+
+
+def _without_model(changes: Mapping[str, Any]) -> dict[str, Any]:
+    workflow = changes.get("workflow")
+    return dict(changes) | ({"workflow": WITHOUT_MODEL[workflow]} if workflow else {})

@@ -1,0 +1,175 @@
+"""Carries out a benchmark and makes its scorecard from the finished runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+
+from agentflow import __version__
+from agentflow.app.benchmark.card import (
+    COUNTED,
+    NAME,
+    Attempt,
+    Card,
+    Cost,
+    ItemResult,
+    Outcome,
+    is_counted,
+    summary,
+    write_card,
+)
+from agentflow.app.benchmark.plan import (
+    FIRST,
+    ITEM,
+    PART,
+    REFINED,
+    conditions,
+    digest_of,
+    item_records,
+)
+from agentflow.app.design.results import read_finished
+from agentflow.app.sweeps.plan import SweepPlan
+from agentflow.app.sweeps.run import SweepOutcome, Watcher, run_sweep
+from agentflow.app.sweeps.tables import FinishedRun, SweepResult, read_sweep_result
+from agentflow.app.sweeps.views import total_bill
+from agentflow.config.run import build_config
+from agentflow.env.tasks.records import TaskRecord, full_score
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine import library, read_machine
+from agentflow.runs.events import EvaluationEvent, read_typed_events
+from agentflow.runs.places import INITIAL
+
+BUDGET = "budget"
+"""Why a run stopped if its limit of calls, tokens or money was reached."""
+DIGITS = 6
+"""Decimals of scores and shares in cards."""
+
+
+@dataclass(frozen=True)
+class BenchmarkOutcome:
+    """The runs of a benchmark, and its card."""
+
+    runs: SweepOutcome
+    file: Path
+    card: Card
+
+
+def run_benchmark(
+    plan: SweepPlan, folder: Path, watcher: Watcher, *, jobs: int, resume: bool
+) -> BenchmarkOutcome:
+    """Carry out the unfinished runs, and write the card; see `run_sweep`."""
+    runs = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
+    card, file = make_card(read_sweep_result(folder)), folder / NAME
+    write_card(file, card)
+    return BenchmarkOutcome(runs, file, card)
+
+
+def make_card(result: SweepResult) -> Card:
+    """The card of the finished runs."""
+    sweep = result.sweep
+    done = {
+        tuple(run.planned.labels[axis] for axis in (PART, ITEM)): run for run in result.finished
+    }
+    records = item_records(sweep)
+    items = tuple(_item(result, name, records[name], done) for name in sweep.axes[ITEM])
+    families = {item.family: [i for i in items if i.family == item.family] for item in items}
+    shared = conditions(sweep)
+    bill = total_bill(result.finished).total
+    return Card(
+        agentflow=__version__,
+        conditions=shared,
+        digest=digest_of(shared),
+        model=result.finished[0].model,
+        sampling=build_config(sweep.base).model.sampling.model_dump(mode="json"),
+        made=datetime.now(timezone.utc).date().isoformat(),
+        complete=all(map(is_counted, items)),
+        total=summary(items),
+        families={name: summary(of) for name, of in families.items()},
+        items=items,
+        cost=Cost(
+            calls=bill.calls,
+            prompt_tokens=bill.prompt,
+            completion_tokens=bill.completion,
+            money=bill.money,
+            rollouts=sum(read_finished(run.path)["rollouts"] for run in result.finished),
+        ),
+    )
+
+
+def _item(
+    result: SweepResult,
+    name: str,
+    record: TaskRecord,
+    done: Mapping[tuple[str, ...], FinishedRun],
+) -> ItemResult:
+    assert result.sweep.benchmark is not None
+    lowest = name in result.sweep.benchmark.lowest
+    task = get_task(record.task, record.knobs)
+    full = full_score(task, lowest)
+    assert full is not None
+    first, refined = done.get((FIRST, name)), done.get((REFINED, name))
+    return ItemResult(
+        item=name,
+        family=task.family,
+        task=record.task,
+        knobs=record.knobs,
+        full=full,
+        first=_replies(first, full) if first else (_missing(result, FIRST, name),),
+        refined=_best(refined, full, lowest) if refined else _missing(result, REFINED, name),
+    )
+
+
+def _replies(run: FinishedRun, full: float) -> tuple[Attempt, ...]:
+    """The first replies of a run, with plain scores."""
+    if read_finished(run.path)["stopped"] == BUDGET:
+        return (_without_score("stopped", "the budget was used up"),)
+    statuses = _statuses(run)
+    return tuple(
+        _attempt(statuses.get(item.machine or "", "ok"), item.score, full)
+        if item.valid
+        else Attempt(outcome="invalid", score=0.0, share=0.0, reason=item.reason)
+        for item in run.numbers.record.of_stage(INITIAL)
+    )
+
+
+def _best(run: FinishedRun, full: float, lowest: bool) -> Attempt:
+    """The best machine of a run, with its verified score or, if `lowest`, the lowest of all."""
+    result = read_finished(run.path)
+    if result["stopped"] == BUDGET:
+        return _without_score("stopped", "the budget was used up")
+    machine = read_machine(result["machine"], tuple(library())).machine
+    if not result["valid"] or machine is None:
+        return Attempt(outcome="invalid", score=0.0, share=0.0, reason=str(result["reason"]))
+    status, verified = _statuses(run).get(machine.digest, "ok"), result["verified"] or {}
+    if status in ("ok", "diverged") and verified.get("score") is None:
+        return _without_score("unverified", "a simulation of the verification failed")
+    return _attempt(status, verified.get("low" if lowest else "score"), full)
+
+
+def _attempt(status: str, score: float | None, full: float) -> Attempt:
+    outcome: Outcome = "diverged" if status == "diverged" else "scored"
+    if score is None:
+        return _without_score("simulation_failed", f"the simulation ended with status {status}")
+    assert outcome in COUNTED
+    return Attempt(outcome=outcome, score=round(score, DIGITS), share=round(score / full, DIGITS))
+
+
+def _missing(result: SweepResult, part: str, name: str) -> Attempt:
+    """What takes the place of a run that is not finished."""
+    run = next(
+        run.name for run in result.planned if (run.labels[PART], run.labels[ITEM]) == (part, name)
+    )
+    why = "failed; members.jsonl has the reason" if run in result.failed else "is unfinished"
+    return _without_score("missing", f"the run {why}")
+
+
+def _without_score(outcome: Outcome, reason: str) -> Attempt:
+    return Attempt(outcome=outcome, score=None, share=None, reason=reason)
+
+
+def _statuses(run: FinishedRun) -> dict[str, str]:
+    """Content hash of each simulated machine -> status of its simulation."""
+    events = read_typed_events(run.path)
+    return {item.machine: item.status for item in events if isinstance(item, EvaluationEvent)}

@@ -1,0 +1,124 @@
+"""Commands for the benchmark and its leaderboards. Importing this module registers them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from shlex import quote
+from typing import Annotated, Literal
+
+import typer
+
+from agentflow.cli.commands.sweeps import NO_ENDPOINT, print_estimate
+from agentflow.cli.display.text import escape_controls
+from agentflow.cli.root import (
+    PARTLY,
+    BaseUrl,
+    Json,
+    ModelName,
+    Quiet,
+    Settings,
+    Trust,
+    allow,
+    approve,
+    commands,
+    print_json,
+)
+
+DEFAULT = Path("configs/benchmark.yaml")
+
+
+@commands.command(epilog="Example: agentflow benchmark --model NAME --base-url URL --lite")
+def benchmark(
+    source: Annotated[
+        Path, typer.Argument(help="Benchmark file or existing benchmark directory.")
+    ] = DEFAULT,
+    model: ModelName = None,
+    base_url: BaseUrl = None,
+    settings: Settings = None,
+    lite: Annotated[
+        bool, typer.Option("--lite", help="Only the first item of each task family.")
+    ] = False,
+    random: Annotated[
+        bool,
+        typer.Option(
+            "--random", help="Random machines and edits in place of a model, as a baseline."
+        ),
+    ] = False,
+    jobs: Annotated[
+        int,
+        typer.Option(min=1, help="Number of runs to execute concurrently; they share the workers."),
+    ] = 2,
+    workers: Annotated[
+        int | None, typer.Option(help="Worker processes, shared by all runs.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Parent directory of the benchmark's directory.")] = (
+        Path("sweeps")
+    ),
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Resume unfinished and failed runs.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="List the runs and estimate their cost.")
+    ] = False,
+    trust: Trust = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Measure a model on fixed tasks and write a scorecard, card.json.
+
+    Scores are given as shares of the greatest possible score of each task or, if there is none, of
+    the score of the best known machine.
+    `agentflow leaderboard` compares scorecards.
+    """
+    from agentflow.app.benchmark.leaderboard import format_tables, leaderboard
+    from agentflow.app.benchmark.plan import plan_benchmark
+    from agentflow.app.benchmark.run import run_benchmark
+    from agentflow.app.design.trust import trust_option
+    from agentflow.app.sweeps.plan import sweep_folder
+    from agentflow.cli.display.sweep_live import watch_sweep
+
+    options = {"model.name": model, "model.base_url": base_url, "workers": workers}
+    allowed = allow if trust or dry_run else approve
+    plan = plan_benchmark(
+        source, settings or (), options, lite=lite, random=random, approve=allowed
+    )
+    folder = sweep_folder(plan, source, out)
+    if dry_run:
+        print_estimate(plan, folder, as_json)
+        return
+    with watch_sweep(len(plan.runs), quiet) as watcher:
+        outcome = run_benchmark(plan, folder, watcher, jobs=jobs, resume=resume)
+    if as_json:
+        print_json(outcome.card.model_dump(mode="json", by_alias=True))
+    else:
+        text = format_tables(leaderboard([outcome.card])[:1], "text")
+        print(escape_controls(text, "\n"))
+        print(f"scorecard: {outcome.file}")
+    if not outcome.card.complete:
+        if not as_json:
+            again = f"agentflow benchmark {quote(str(folder))} --resume{trust_option(plan.models)}"
+            print(f"do the missing runs with: {again}")
+        runs = outcome.runs
+        raise typer.Exit(NO_ENDPOINT if runs.endpoint and not runs.done else PARTLY)
+
+
+@commands.command(epilog="Example: agentflow leaderboard a/card.json b/card.json --html board.html")
+def leaderboard(
+    cards: Annotated[list[Path], typer.Argument(help="Scorecards of agentflow benchmark.")],
+    form: Annotated[
+        Literal["text", "md", "csv", "latex", "json"],
+        typer.Option("--format", help="Output format."),
+    ] = "text",
+    html: Annotated[Path | None, typer.Option(help="Also write an HTML page to this file.")] = None,
+) -> None:
+    """Compare scorecards: ranking, shares by family, shares by item."""
+    from agentflow.app.benchmark.leaderboard import format_tables, read_cards
+    from agentflow.app.benchmark.leaderboard import leaderboard as compare
+
+    tables = compare(read_cards(cards))
+    text = format_tables(tables, form)
+    print(escape_controls(text, "\n") if form == "text" else text, end="")
+    if html:
+        from agentflow.app.pages.leaderboard import leaderboard_page
+
+        print(leaderboard_page(tables, html))

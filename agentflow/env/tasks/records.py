@@ -1,0 +1,127 @@
+"""Records: the best known machine of each level, which shows what a score is worth.
+
+Each is a file `records/<name>.json`; `benchmarks/records.py` finds and updates them. Some levels
+also have records with changed knobs: those of the benchmark's items.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine.blocks.library import library
+from agentflow.machine.formats.parse import read_machine
+from agentflow.machine.tree import Machine
+
+FOLDER = "records"
+
+
+class TaskRecord(BaseModel):
+    """The best known machine of a task, by verified score."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    task: str
+    """Name of the level."""
+    knobs: dict[str, Any] = {}
+    """Dotted knobs that differ from the level's."""
+    seed: int = 0
+    """Random seed of the trials."""
+    score: float
+    verified: float
+    """Median of the scores under small variations of physics; see `env.verification`."""
+    low: float
+    """Lowest of these scores."""
+    how: str
+    """How the machine was found."""
+    platform: str
+    """Platform and package versions; where they are equal, scores are bitwise equal."""
+    blocks: tuple[dict[str, int], ...]
+    """The machine's construction tree."""
+
+    @property
+    def machine(self) -> Machine:
+        """The machine.
+
+        Raises:
+            ValueError: The tree is not one.
+        """
+        reading = read_machine(list(self.blocks), tuple(library()))
+        if reading.machine is None:
+            raise ValueError(f"the record of {self.task}: {reading.problems[0].message}")
+        return reading.machine
+
+    def to_text(self) -> str:
+        """The content of the file, one block per line."""
+        head = self.model_dump(mode="json", exclude={"blocks"})
+        lines = [f" {json.dumps(key)}: {json.dumps(value)}" for key, value in head.items()]
+        blocks = ",\n".join("  " + json.dumps(block) for block in self.blocks)
+        return "{\n" + ",\n".join([*lines, f' "blocks": [\n{blocks}\n ]']) + "\n}\n"
+
+
+@cache
+def read_records() -> Mapping[str, TaskRecord]:
+    """All records by name of their file, without the ending."""
+    folder = files(__package__) / FOLDER
+    found = sorted((item for item in folder.iterdir()), key=lambda item: item.name)
+    return {
+        item.name.removesuffix(".json"): TaskRecord.model_validate_json(item.read_bytes())
+        for item in found
+        if item.name.endswith(".json")
+    }
+
+
+def record_of(task: Task) -> TaskRecord | None:
+    """The record of a task; None if there is none for this level with these knobs."""
+    return next((item for item in read_records().values() if _fits(item, task)), None)
+
+
+def full_score(task: Task, lowest: bool = False) -> float | None:
+    """The score that a share of 1 stands for: the greatest possible one, or that of the record.
+
+    Args:
+        task: The task.
+        lowest: Take the lowest score of the record's verification in place of the median.
+
+    Returns:
+        None if there is neither, or if it is not above 0.
+    """
+    if task.brief.greatest is not None:
+        return task.brief.greatest
+    found = record_of(task)
+    return (found.low if lowest else found.verified) or None if found else None
+
+
+def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None:
+    """The record of a task for readers: `score`, `verified`, `how`, `blocks` (their number), and
+    `share`, the share of the full score that `score` reaches. None if there is no record."""
+    found = record_of(task)
+    if found is None:
+        return None
+    return {
+        "score": found.score,
+        "verified": found.verified,
+        "how": found.how,
+        "blocks": len(found.blocks),
+        "share": record_share(task, score),
+    }
+
+
+def record_share(task: Task, score: float | None) -> float | None:
+    """The share of the full score that a score on a task reaches; None without either."""
+    full = full_score(task)
+    return None if score is None or full is None else score / full
+
+
+def _fits(record: TaskRecord, task: Task) -> bool:
+    """Whether a record is for the task: knobs are compared by value, not as written."""
+    if record.task != task.name:
+        return False
+    return get_task(record.task, record.knobs).parameters == task.parameters

@@ -1,0 +1,176 @@
+"""Scorecards and leaderboards: what is counted, what is refused, how cards are ranked."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentflow.app.benchmark.card import (
+    Attempt,
+    Card,
+    Cost,
+    ItemResult,
+    is_counted,
+    read_card,
+    summary,
+    write_card,
+)
+from agentflow.app.benchmark.leaderboard import format_tables, leaderboard, read_cards
+from agentflow.errors import AgentflowError
+from agentflow.runs.document import seal_of
+
+MISSING = Attempt(outcome="missing", score=None, share=None, reason="the run is unfinished")
+
+
+def scored(share: float) -> Attempt:
+    return Attempt(outcome="scored", score=10 * share, share=share)
+
+
+def item(name: str, firsts: tuple[float, ...], refined: Attempt) -> ItemResult:
+    return ItemResult(
+        item=name,
+        family=name.partition("-")[0],
+        task=name.replace("-", "/"),
+        knobs={},
+        full=10.0,
+        first=tuple(map(scored, firsts)),
+        refined=refined,
+    )
+
+
+def card(model: str, *items: ItemResult, **conditions: Any) -> Card:
+    return Card(
+        agentflow="0",
+        conditions={"version": 1, "lite": False, "constants": "c", **conditions},
+        digest="0123456789abcdef",
+        model=model,
+        sampling={},
+        made="2026-01-01",
+        complete=all(map(is_counted, items)),
+        total=summary(items),
+        families={each.family: summary([each]) for each in items},
+        items=items,
+        cost=Cost(calls=13, prompt_tokens=100, completion_tokens=50, money=None, rollouts=10),
+    )
+
+
+GOOD = card(
+    "good", item("throwing-1", (0.5, 0.25), scored(0.75)), item("flying-1", (0.0,), scored(1))
+)
+POOR = card(
+    "poor", item("throwing-1", (0.1, 0.1), scored(0.2)), item("flying-1", (0.0,), scored(0))
+)
+HALF = card("half", item("throwing-1", (0.9, 0.9), scored(0.9)), item("flying-1", (0.0,), MISSING))
+
+
+def written(folder: Path, name: str, of: Card) -> Path:
+    path = folder / f"{name}.json"
+    write_card(path, of)
+    return path
+
+
+def test_a_card_is_read_as_it_was_written(tmp_path: Path) -> None:
+    assert read_card(written(tmp_path, "a", GOOD)) == GOOD
+
+
+def test_a_missing_item_counts_neither_as_nothing_nor_as_complete() -> None:
+    assert (GOOD.complete, HALF.complete, HALF.missing) == (True, False, ("flying-1",))
+    assert HALF.total.refined.mean == 0.9
+    partly = item("a-1", (), scored(1)).model_copy(update={"first": (scored(1.0), MISSING)})
+    assert partly.first_share is None
+
+
+def test_cards_are_ranked_by_refined_share_and_incomplete_ones_last(tmp_path: Path) -> None:
+    paths = [written(tmp_path, each.model, each) for each in (HALF, POOR, GOOD)]
+    tables = leaderboard(read_cards(paths))
+    assert (
+        format_tables(tables, "text")
+        == """\
+Benchmark version 1 (0123456789abcdef)
+
+                refined                   first
+rank  model   share            95 %   share          95 %  calls  tokens  money  rollouts
+-----------------------------------------------------------------------------------------
+1     good   87.50%  75.0% - 100.0%  18.75%  0.0% - 37.5%     13     150      -        10
+2     poor   10.00%    0.0% - 20.0%   5.00%  0.0% - 10.0%     13     150      -        10
+-     half   90.00%               -  45.00%  0.0% - 90.0%     13     150      -        10
+
+INCOMPLETE: half lacks 1 of 2 items: flying-1.
+Shares are scores divided by the record, the score of the best known machine of each item, \
+averaged over items; an invalid machine counts as 0. refined: verified score of the best machine \
+of a run with two rounds of feedback; cards are ranked by it. first: plain scores of single \
+replies without feedback. Intervals are bootstrap intervals over items.
+
+Shares by family
+
+       throwing          flying
+model     first  refined  first  refined
+----------------------------------------
+good     37.50%   75.00%  0.00%  100.00%
+poor     10.00%   20.00%  0.00%    0.00%
+half     90.00%   90.00%  0.00%        -
+
+Shares by item
+
+                               good             poor             half
+item        family    record  first  refined   first  refined   first  refined
+------------------------------------------------------------------------------
+throwing-1  throwing  10.00   37.50%   75.00%  10.00%   20.00%  90.00%   90.00%
+flying-1    flying    10.00    0.00%  100.00%   0.00%    0.00%   0.00%        -
+"""
+    )
+    assert "| 1 | good | 87.50% |" in format_tables(tables, "md")
+    assert len(format_tables(tables, "json").splitlines()) == 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"version": 2}, "they differ in version; make both with the same version of the"),
+        ({"constants": "d", "lite": True}, "they differ in lite and constants; make both"),
+    ],
+)
+def test_cards_of_different_versions_are_not_mixed(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    a, b = written(tmp_path, "a", GOOD), written(tmp_path, "b", card("x", *POOR.items, **changes))
+    with pytest.raises(AgentflowError) as caught:
+        read_cards([a, b])
+    assert str(caught.value).startswith(f"{b} and {a} cannot be compared: {message}")
+
+
+def test_damaged_and_edited_cards_say_what_to_change(tmp_path: Path) -> None:
+    path = written(tmp_path, "card", GOOD)
+    content = json.loads(path.read_text())
+    items = [{**content["items"][0], "full": 1.0}, content["items"][1]]
+    lacking = {key: value for key, value in content.items() if key != "items"}
+    again = "make it again with: agentflow benchmark"
+    cases = {
+        "{": "is not a scorecard: expected the card.json that agentflow benchmark writes",
+        "[]": "is not a scorecard: expected the card.json that agentflow benchmark writes",
+        '{"a": 1}': "is not a scorecard: expected the card.json that agentflow benchmark writes",
+        json.dumps({**content, "schema": 9}): (
+            "has schema 9, but this version reads only schema 1: use the agentflow version that "
+            f"wrote it, or {again}"
+        ),
+        json.dumps(lacking | {"seal": seal_of(lacking)}): f"is damaged: items is missing; {again}",
+        json.dumps({**content, "cost": {**content["cost"], "calls": "many"}}): (
+            f"is damaged: cost.calls expected a whole number; {again}"
+        ),
+        json.dumps({**content, "items": items}): (
+            f"was edited after it was written; restore it, or {again}"
+        ),
+        json.dumps({**content, "seal": "0"}): (
+            f"was edited after it was written; restore it, or {again}"
+        ),
+    }
+    for text, message in cases.items():
+        path.write_text(text)
+        with pytest.raises(AgentflowError) as caught:
+            read_card(path)
+        assert str(caught.value) == f"{path} {message}"
+    with pytest.raises(AgentflowError, match=r"cannot read .*nowhere.json: No such file"):
+        read_card(tmp_path / "nowhere.json")

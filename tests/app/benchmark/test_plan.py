@@ -1,0 +1,80 @@
+"""Plans of benchmarks: what is fixed, what users may set, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agentflow.app.benchmark.plan import conditions, plan_benchmark
+from agentflow.errors import AgentflowError
+from agentflow.workflows.registry import WORKFLOWS
+from tests.app.benchmark.boards import SMALL, write
+
+
+def test_every_item_is_done_in_both_parts(tmp_path: Path) -> None:
+    plan = plan_benchmark(write(tmp_path), (), {})
+    assert [run.name for run in plan.runs] == [
+        f"{part}.gearing-{level}.seed-0" for part in ("first", "refined") for level in (1, 2)
+    ]
+    assert {run.config.workflow for run in plan.runs} == {"placement"}
+
+
+def test_lite_keeps_the_first_item_of_each_family_and_is_another_plan(tmp_path: Path) -> None:
+    file = write(tmp_path)
+    whole, lite = plan_benchmark(file, (), {}), plan_benchmark(file, (), {}, lite=True)
+    assert [run.labels["task"] for run in lite.runs] == ["gearing-1"] * 2
+    assert (whole.name, lite.name) == ("small", "small-lite")
+    differing = {
+        key
+        for key, value in conditions(whole.sweep).items()
+        if conditions(lite.sweep)[key] != value
+    }
+    assert differing == {"lite", "plan", "records"}
+
+
+def test_without_a_model_the_plan_is_the_same(tmp_path: Path) -> None:
+    """Random machines get as many simulations, and their card can be compared."""
+    file = write(tmp_path)
+    usual, random = plan_benchmark(file, (), {}), plan_benchmark(file, (), {}, random=True)
+    assert {run.config.workflow for run in random.runs} == {"random-placement"}
+    assert not any(WORKFLOWS[run.config.workflow].asks_models for run in random.runs)
+    assert conditions(random.sweep) == conditions(usual.sweep)
+    model = plan_benchmark(file, ["model.sampling.temperature=0"], {"model.name": "m"})
+    assert conditions(model.sweep) == conditions(usual.sweep)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"benchmark": None}, "is not a benchmark but an ordinary sweep; run it with agentflow sw"),
+        ({"benchmark": {}}, "benchmark.version is missing"),
+        ({"benchmark": {"version": 1, "lowest": ["x"]}}, "lowest: there is no item x"),
+        ({"axes": {"task": SMALL["axes"]["task"]}}, "a benchmark has the axis part, with first an"),
+        ({"seeds": [0, 1]}, "seeds: a benchmark has one seed, for example seeds: [0]"),
+        (
+            {"axes": {**SMALL["axes"], "task": {"a": {"workflow": "placement"}}}},
+            "axes.task.a: name the level with task",
+        ),
+        (
+            {"axes": {**SMALL["axes"], "task": {"a": {"task": "throwing", "window": 4}}}},
+            "the item a has no record to compare with; find one with: python benchmarks/records.py",
+        ),
+    ],
+)
+def test_files_that_are_no_benchmark_are_refused(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(AgentflowError) as caught:
+        plan_benchmark(write(tmp_path, **changes), (), {})
+    assert message in str(caught.value)
+
+
+def test_only_the_model_can_be_set(tmp_path: Path) -> None:
+    with pytest.raises(AgentflowError) as caught:
+        plan_benchmark(write(tmp_path), ["search.rounds=9"], {})
+    assert str(caught.value) == (
+        "a benchmark has a fixed plan, so --set takes only keys of the model such as "
+        "model.sampling.temperature=0.5, not 'search.rounds=9'"
+    )

@@ -1,0 +1,93 @@
+"""Records: each is a valid machine within its budget that has the scores of its file."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from agentflow.app.tasks import list_tasks, task_json
+from agentflow.env.simulation.simulate import simulate
+from agentflow.env.tasks.records import (
+    full_score,
+    read_records,
+    record_json,
+    record_of,
+    record_share,
+)
+from agentflow.env.tasks.registry import get_task
+from agentflow.env.verification import verify
+from agentflow.machine.validity import check
+from benchmarks.shelf import DIGITS, here
+
+ELSEWHERE = 0.05
+"""How far a score may be off on another platform."""
+RECORDS = read_records()
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_record_is_a_valid_machine_within_its_budget(name: str) -> None:
+    record = RECORDS[name]
+    task = get_task(record.task, record.knobs)
+    report = check(record.machine, task.brief)
+    assert report.task_valid, report.problems
+    assert record_of(task) == record
+    assert record.low <= record.verified
+    assert record.how.startswith(("reference ", "hill climbing from ", "by hand", "strong ", "pro"))
+    levels = {f"{task.family}-{task.level}"}
+    assert name in levels if not record.knobs else name not in levels
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_record_keeps_its_scores(name: str) -> None:
+    record = RECORDS[name]
+    found = verify(record.machine, get_task(record.task, record.knobs), seed=record.seed)
+    assert found.score is not None
+    assert found.low is not None
+    now = [round(score or 0.0, DIGITS) for score in (found.default.score, found.score, found.low)]
+    then = [record.score, record.verified, record.low]
+    assert now == (then if record.platform == here() else pytest.approx(then, rel=ELSEWHERE))
+
+
+def test_knobs_are_compared_by_value() -> None:
+    """A record counts for its level however its knobs are written, and for no other knobs."""
+    record = record_of(get_task("throwing"))
+    assert record is not None
+    assert record_of(get_task("throwing/1", {"wall.height": "1.5"})) == record
+    assert record_of(get_task("throwing", {"wall": {"height": 1.5}})) == record
+    assert record_of(get_task("throwing", {"wall.height": 1.6})) is None
+    assert record_share(get_task("throwing", {"wall.height": 1.6}), 1.0) is None
+
+
+def test_the_share_is_that_of_the_verified_score() -> None:
+    task = get_task("throwing")
+    record = record_of(task)
+    assert record is not None
+    assert record_share(task, record.verified / 2) == 0.5
+    assert record_share(task, None) is None
+    found = record_json(task, record.verified / 4)
+    assert found is not None
+    assert (found["share"], found["blocks"]) == (0.25, len(record.machine))
+
+
+def test_the_greatest_possible_score_takes_the_place_of_the_record() -> None:
+    assert full_score(get_task("flying/5")) == 30.0
+    assert record_share(get_task("lifting", {"wind.speed": 1}), 7.0) == 0.7
+
+
+def test_lists_of_tasks_show_records() -> None:
+    (first,) = (item for item in list_tasks() if item["name"] == "throwing")
+    assert first["record"] == task_json("throwing")["record"] == record_json(get_task("throwing"))
+    assert task_json("throwing", ["wind.speed=1"])["record"] is None
+    json.dumps(first)
+
+
+def test_types_can_be_withheld() -> None:
+    """The reference of throwing needs springs; without them it is refused."""
+    task = get_task("throwing", {"blocks.without": [9]})
+    record = record_of(get_task("throwing"))
+    assert record is not None
+    assert 9 not in task.brief.blocks
+    assert simulate(record.machine, task).status == "invalid"
+    assert not any("pring" in sentence for sentence in task.brief.schedule[1:])
