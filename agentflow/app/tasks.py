@@ -19,20 +19,10 @@ def find_task(name: str, settings: Iterable[str] = ()) -> Task:
 
 
 def list_tasks() -> list[dict[str, Any]]:
-    """Every level: name, family, title, objective, window, blocks, good and greatest score, record."""
-    keys = (
-        "name",
-        "family",
-        "title",
-        "objective",
-        "window",
-        "blocks",
-        "good",
-        "greatest",
-        "record",
-    )
+    """Every level: the first keys of `task_json`, its good and greatest scores, and its record."""
+    keys = ("name", "family", "title", "objective", "window", "blocks", "good", "greatest")
     levels = map(task_json, task_names())
-    return [{key: level[key] for key in keys} for level in levels]
+    return [{key: level[key] for key in (*keys, "record")} for level in levels]
 
 
 def task_json(name: str, settings: Iterable[str] = ()) -> dict[str, Any]:

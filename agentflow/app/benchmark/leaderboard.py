@@ -13,10 +13,10 @@ from agentflow.metrics.tables import FORMATS, Column, Row, Table
 
 INTERVAL = "95 %"
 ABOUT = (
-    "Shares are scores divided by the greatest possible score of the item or, if there is none, by "
-    "that of the best known machine, averaged over items; an invalid machine counts as 0. refined: verified score of the best "
-    "machine of a run with two rounds of feedback; cards are ranked by it. first: plain scores of "
-    "single replies without feedback. Intervals are bootstrap intervals over items."
+    "Shares are scores divided by the greatest possible score of the item or, if there is none, "
+    "by the record, averaged over items; an invalid machine counts as 0. refined: verified score "
+    "of the best machine of a run with two rounds of feedback; cards are ranked by it. first: "
+    "plain scores of single replies without feedback. Intervals are bootstrap intervals over items."
 )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
+from shlex import quote
 
 from agentflow import __version__
 from agentflow.app.benchmark.card import (
@@ -30,13 +31,15 @@ from agentflow.app.benchmark.plan import (
     item_records,
 )
 from agentflow.app.design.results import read_finished
+from agentflow.app.design.trust import trust_option
 from agentflow.app.sweeps.plan import SweepPlan
-from agentflow.app.sweeps.run import SweepOutcome, Watcher, run_sweep
+from agentflow.app.sweeps.run import Watcher, run_sweep
 from agentflow.app.sweeps.tables import FinishedRun, SweepResult, read_sweep_result
 from agentflow.app.sweeps.views import total_bill
 from agentflow.config.run import build_config
 from agentflow.env.tasks.records import TaskRecord, full_score
 from agentflow.env.tasks.registry import get_task
+from agentflow.errors import EndpointError
 from agentflow.machine import library, read_machine
 from agentflow.runs.events import EvaluationEvent, read_typed_events
 from agentflow.runs.places import INITIAL
@@ -49,9 +52,8 @@ DIGITS = 6
 
 @dataclass(frozen=True)
 class BenchmarkOutcome:
-    """The runs of a benchmark, and its card."""
+    """The card of a benchmark, and its file."""
 
-    runs: SweepOutcome
     file: Path
     card: Card
 
@@ -59,11 +61,20 @@ class BenchmarkOutcome:
 def run_benchmark(
     plan: SweepPlan, folder: Path, watcher: Watcher, *, jobs: int, resume: bool
 ) -> BenchmarkOutcome:
-    """Carry out the unfinished runs, and write the card; see `run_sweep`."""
+    """Carry out the unfinished runs, and write the card; see `run_sweep`.
+
+    Raises:
+        EndpointError: All runs failed because of the endpoint.
+    """
     runs = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
+    if runs.endpoint and not runs.done:
+        raise EndpointError(
+            "no run could use its endpoint, so there is no scorecard; when it answers, continue "
+            f"with: agentflow benchmark {quote(str(folder))} --resume{trust_option(plan.models)}"
+        )
     card, file = make_card(read_sweep_result(folder)), folder / NAME
     write_card(file, card)
-    return BenchmarkOutcome(runs, file, card)
+    return BenchmarkOutcome(file, card)
 
 
 def make_card(result: SweepResult) -> Card:

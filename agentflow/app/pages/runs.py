@@ -28,7 +28,7 @@ from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
 from agentflow.env.tasks.base import Task
-from agentflow.env.tasks.records import record_share
+from agentflow.env.tasks.records import record_json
 from agentflow.errors import UsageError
 from agentflow.files import write_output
 from agentflow.machine import Machine, library, read_machine
@@ -111,8 +111,8 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
         "files": shapes.files,
         "task": task_summary(path, document),
     }
-    if result and (share := record_share(task_of_run(path, document), trusted_score(result))):
-        data["run"]["about"] += f"; {share:.0%} of the greatest or best known score"
+    if result and (record := record_json(task_of_run(path, document), trusted_score(result))):
+        data["run"]["about"] += f"; {record['share']:.0%} of the {record['of']}"
     if note := level_note(path, document):
         data["facts"].append(["Level", note])
     write_page(out, page(f"{config.task} · agentflow", data))

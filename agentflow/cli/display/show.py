@@ -76,7 +76,7 @@ def record_text(record: Data) -> str:
 
 def record_line(record: Data) -> str:
     """The share of the greatest or best known score that a score reaches, in one line."""
-    return f"{record['share']:.0%} of what is possible; record: {record_text(record)}"
+    return f"{record['share']:.0%} of the {record['of']}; record: {record_text(record)}"
 
 
 def verified_line(verified: Data) -> str:

@@ -100,8 +100,12 @@ def full_score(task: Task, lowest: bool = False) -> float | None:
 
 
 def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None:
-    """The record of a task for readers: `score`, `verified`, `how`, `blocks` (their number), and
-    `share`, the share of the full score that `score` reaches. None if there is no record."""
+    """The record of a task for readers; None if there is none.
+
+    Returns:
+        `score`, `verified`, `how`, `blocks` (their number), and the share that `score` reaches as
+        `share` and `of` ("record" or "greatest possible score").
+    """
     found = record_of(task)
     if found is None:
         return None
@@ -111,6 +115,7 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
         "how": found.how,
         "blocks": len(found.blocks),
         "share": record_share(task, score),
+        "of": "record" if task.brief.greatest is None else "greatest possible score",
     }
 
 

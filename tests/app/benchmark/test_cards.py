@@ -66,6 +66,41 @@ POOR = card(
 HALF = card("half", item("throwing-1", (0.9, 0.9), scored(0.9)), item("flying-1", (0.0,), MISSING))
 
 
+BOARD = """\
+Benchmark version 1 (0123456789abcdef)
+
+                            refined                 first
+rank  model   share            95 %   share          95 %  calls  tokens  money  rollouts
+-----------------------------------------------------------------------------------------
+1     good   87.50%  75.0% - 100.0%  18.75%  0.0% - 37.5%     13     150      -        10
+2     poor   10.00%    0.0% - 20.0%   5.00%  0.0% - 10.0%     13     150      -        10
+-     half   90.00%               -  45.00%  0.0% - 90.0%     13     150      -        10
+
+INCOMPLETE: half lacks 1 of 2 items: flying-1.
+Shares are scores divided by the greatest possible score of the item or, if there is none, by the \
+record, averaged over items; an invalid machine counts as 0. refined: verified score of the best \
+machine of a run with two rounds of feedback; cards are ranked by it. first: plain scores of \
+single replies without feedback. Intervals are bootstrap intervals over items.
+
+Shares by family
+
+              throwing          flying
+model   first  refined  first  refined
+--------------------------------------
+good   37.50%   75.00%  0.00%  100.00%
+poor   10.00%   20.00%  0.00%    0.00%
+half   90.00%   90.00%  0.00%        -
+
+Shares by item
+
+                                             good             poor             half
+item        family    full score   first  refined   first  refined   first  refined
+-----------------------------------------------------------------------------------
+throwing-1  throwing  10.00       37.50%   75.00%  10.00%   20.00%  90.00%   90.00%
+flying-1    flying    10.00        0.00%  100.00%   0.00%    0.00%   0.00%        -
+"""
+
+
 def written(folder: Path, name: str, of: Card) -> Path:
     path = folder / f"{name}.json"
     write_card(path, of)
@@ -86,42 +121,7 @@ def test_a_missing_item_counts_neither_as_nothing_nor_as_complete() -> None:
 def test_cards_are_ranked_by_refined_share_and_incomplete_ones_last(tmp_path: Path) -> None:
     paths = [written(tmp_path, each.model, each) for each in (HALF, POOR, GOOD)]
     tables = leaderboard(read_cards(paths))
-    assert (
-        format_tables(tables, "text")
-        == """\
-Benchmark version 1 (0123456789abcdef)
-
-                refined                   first
-rank  model   share            95 %   share          95 %  calls  tokens  money  rollouts
------------------------------------------------------------------------------------------
-1     good   87.50%  75.0% - 100.0%  18.75%  0.0% - 37.5%     13     150      -        10
-2     poor   10.00%    0.0% - 20.0%   5.00%  0.0% - 10.0%     13     150      -        10
--     half   90.00%               -  45.00%  0.0% - 90.0%     13     150      -        10
-
-INCOMPLETE: half lacks 1 of 2 items: flying-1.
-Shares are scores divided by the record, the score of the best known machine of each item, \
-averaged over items; an invalid machine counts as 0. refined: verified score of the best machine \
-of a run with two rounds of feedback; cards are ranked by it. first: plain scores of single \
-replies without feedback. Intervals are bootstrap intervals over items.
-
-Shares by family
-
-       throwing          flying
-model     first  refined  first  refined
-----------------------------------------
-good     37.50%   75.00%  0.00%  100.00%
-poor     10.00%   20.00%  0.00%    0.00%
-half     90.00%   90.00%  0.00%        -
-
-Shares by item
-
-                               good             poor             half
-item        family    record  first  refined   first  refined   first  refined
-------------------------------------------------------------------------------
-throwing-1  throwing  10.00   37.50%   75.00%  10.00%   20.00%  90.00%   90.00%
-flying-1    flying    10.00    0.00%  100.00%   0.00%    0.00%   0.00%        -
-"""
-    )
+    assert format_tables(tables, "text") == BOARD
     assert "| 1 | good | 87.50% |" in format_tables(tables, "md")
     assert len(format_tables(tables, "json").splitlines()) == 3
 

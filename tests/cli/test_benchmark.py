@@ -1,0 +1,123 @@
+"""`agentflow benchmark` and `agentflow leaderboard` as a user types them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from selenium.webdriver.common.by import By
+
+from agentflow.app.benchmark.card import read_card
+from agentflow.app.benchmark.run import make_card
+from agentflow.app.sweeps.tables import read_sweep_result
+from agentflow.cli import main
+from tests.app.benchmark.boards import write
+from tests.report.browser import chromium, complaints
+
+pytestmark = pytest.mark.slow
+COMMAND = [sys.executable, "-c", "import sys; from agentflow.cli import main; sys.exit(main())"]
+Captured = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Cards of the procedural model and of random machines, in `small` and `small-random-dsl`."""
+    folder = tmp_path_factory.mktemp("boards")
+    words = ["benchmark", str(write(folder)), "--out", str(folder), "--quiet"]
+    assert main(words) == 0
+    assert main([*words, "--random"]) == 0
+    return folder
+
+
+def test_the_card_has_every_item_and_its_cost(folder: Path) -> None:
+    card = read_card(folder / "small" / "card.json")
+    assert (card.complete, card.model) == (True, "procedural (no language model)")
+    assert [item.item for item in card.items] == ["gearing-1", "gearing-2"]
+    assert [len(item.first) for item in card.items] == [2, 2]
+    assert (card.cost.calls, card.cost.money) == (2 * (2 + 3), 0.0)
+    assert card.cost.rollouts <= 2 * (2 + 3)
+    for item in card.items:
+        attempts = [*item.first, item.refined]
+        assert all(attempt.share in (0.0, 1.0) for attempt in attempts)
+        assert {attempt.outcome for attempt in attempts} <= {"scored", "invalid"}
+        assert item.full == 1.0
+
+
+def test_a_killed_benchmark_goes_on_where_it_was(folder: Path, tmp_path: Path) -> None:
+    words = ["benchmark", str(write(tmp_path)), "--out", str(tmp_path), "--jobs", "1"]
+    process = subprocess.Popen([*COMMAND, *words], stdout=subprocess.DEVNULL)
+    runs, deadline = tmp_path / "small" / "runs", time.monotonic() + 120
+    while not list(runs.glob("*/result.json")):
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    done = {path: path.stat().st_mtime_ns for path in runs.glob("*/result.json")}
+    assert main(["benchmark", str(tmp_path / "small"), "--resume", "--quiet"]) == 0
+    assert {path: path.stat().st_mtime_ns for path in done} == done
+    assert read_card(tmp_path / "small" / "card.json") == read_card(folder / "small" / "card.json")
+
+
+def test_an_endpoint_that_fails_costs_no_points(tmp_path: Path, capsys: Captured) -> None:
+    """There is no card, and the status is that of the endpoint."""
+    dead = ["--model", "nobody", "--base-url", "http://127.0.0.1:9/v1"]
+    path = tmp_path / "small-nobody"
+    words = ["benchmark", str(write(tmp_path)), "--out", str(tmp_path), "--quiet", *dead]
+    assert main([*words, "--set", "model.endpoint.retry.attempts=1"]) == 4
+    told = capsys.readouterr()
+    assert "no answer from http://127.0.0.1:9/v1" in told.err
+    assert told.err.endswith(
+        "agentflow: no run could use its endpoint, so there is no scorecard; when it answers, "
+        f"continue with: agentflow benchmark {path} --resume --trust\n"
+    )
+    assert not (path / "card.json").exists()
+
+
+def test_items_without_a_run_are_missing_and_not_worth_nothing(
+    folder: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "small"
+    shutil.copytree(folder / "small", path)
+    shutil.rmtree(path / "runs" / "refined.gearing-2.seed-0")
+    with (path / "members.jsonl").open("a") as log:
+        log.write('{"run": "refined.gearing-2.seed-0", "state": "failed", "reason": "no answer"}\n')
+    card = make_card(read_sweep_result(path))
+    assert (card.complete, card.missing) == (False, ("gearing-2",))
+    refined = card.items[1].refined
+    assert (refined.outcome, refined.share) == ("missing", None)
+    assert refined.reason == "the run failed; members.jsonl has the reason"
+    assert card.total.refined.mean == card.items[0].refined.share
+
+
+def test_lite_does_one_item_of_each_family(tmp_path: Path, capsys: Captured) -> None:
+    words = ["benchmark", str(write(tmp_path)), "--out", str(tmp_path), "--quiet", "--lite"]
+    assert main([*words, "--json"]) == 0
+    card = json.loads(capsys.readouterr().out)
+    assert [item["item"] for item in card["items"]] == ["gearing-1"]
+    assert card["conditions"]["lite"] is True
+
+
+def test_a_leaderboard_opens_in_a_browser(
+    folder: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, capsys: Captured
+) -> None:
+    cards = [str(folder / name / "card.json") for name in ("small-random-dsl", "small")]
+    board = tmp_path / "board.html"
+    assert main(["leaderboard", *cards, "--html", str(board)]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("Benchmark version 1 (")
+    ranks = [line.split()[:2] for line in out.splitlines() if line[:1] in ("1", "2")]
+    assert ranks == [["1", "procedural"], ["2", "none"]]
+    assert out.endswith(f"{board}\n")
+    with chromium(tmp_path_factory.mktemp("profile")) as driver:
+        driver.get(board.as_uri())
+        assert driver.title == "Leaderboard · agentflow"
+        headings = [item.text for item in driver.find_elements(By.CSS_SELECTOR, "h2")]
+        assert headings[1:] == ["Shares by family", "Shares by item"]
+        assert "procedural (no language model)" in driver.page_source
+        assert complaints(driver) == []
