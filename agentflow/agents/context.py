@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 
@@ -10,9 +10,9 @@ from agentflow.agents.replies import Representation, machine_text
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import BlockType, Face
 from agentflow.machine.brief import Brief
-from agentflow.machine.description.geometry_info import describe_text
+from agentflow.machine.description.geometry_info import describe_text, list_text
 from agentflow.machine.tree import Machine
-from agentflow.prompts.render import block_functions
+from agentflow.prompts.render import block_functions, facts
 
 ROOT_TYPE = 0
 EXAMPLE = 15
@@ -64,6 +64,10 @@ def task_context(brief: Brief) -> dict[str, object]:
         "example_types": sorted({plain[0], EXAMPLE if EXAMPLE in plain else plain[-1]}),
         "two_ended": [f"{kind.name} {kind.type}" for kind in linear],
         "two_ended_type": linear[0].type if linear else None,
+        "motors": any(kind.type in facts()["motor"] for kind in kinds),
+        "joints": any(kind.joint.moves for kind in kinds),
+        "strengths": _exceptions(kinds, lambda kind: facts()["strength"].get(kind.type)),
+        "drags": _exceptions(kinds, lambda kind: _unusual_drag(kind.linear_drag)),
         "size_limit": f"{x} m along x, {y} m along y and {z} m along z",
     }
 
@@ -75,17 +79,22 @@ def machine_context(
     representation: Representation = "tree",
     brief: Brief | None = None,
 ) -> dict[str, object]:
-    """The machine as JSON text and, if `spatial`, its 3D information; "" without a machine.
+    """The machine as a list or as JSON text and, if `spatial`, with geometry; "" without a machine.
 
-    `geometry_short` is the 3D information without building points and positions of faces.
+    `geometry_short` is the geometry without building points and positions of faces.
     """
     shown = machine if spatial else None
+    written = list_text if representation == "tree" else _coordinates_text
     return {
         "representation": representation,
-        "machine": machine_text(machine, representation) if machine else "",
+        "machine": written(machine) if machine else "",
         "geometry": describe_text(shown, brief) if shown else "",
         "geometry_short": describe_text(shown, brief, short=True) if shown else "",
     }
+
+
+def _coordinates_text(machine: Machine) -> str:
+    return machine_text(machine, "coordinates")
 
 
 def report_context(score: float | None, feedback: str) -> dict[str, object]:
@@ -99,28 +108,41 @@ def report_context(score: float | None, feedback: str) -> dict[str, object]:
 
 
 def block_rows(kinds: Sequence[BlockType]) -> list[dict[str, object]]:
-    """The rows of the block table: size x, y, z in m, mass in kg, faces as id:direction@x,y,z.
+    """The rows of the block table: size x, y, z in m, mass in kg, faces as direction ids @x,y,z.
 
-    `faces_short` refers to an earlier row with the same faces.
+    A row refers to an earlier one with the same faces.
     """
     first: dict[tuple[Face, ...], int] = {}
     rows = []
     for kind in kinds:
         same = first.setdefault(kind.faces, kind.type)
         repeated = kind.faces and same != kind.type
-        faces = (f"{f.id}:{f.direction}@{_join(f.position, ',')}" for f in kind.faces)
         rows.append(
             {
                 "type": kind.type,
                 "name": kind.name,
                 "size": _join(kind.size, "x") if kind.size else "two-ended",
                 "mass": f"{kind.mass:g}",
-                "faces": " ".join(faces) or "none",
-                "faces_short": f"as type {same}" if repeated else _faces_text(kind.faces),
+                "faces": f"as type {same}" if repeated else _faces_text(kind.faces),
                 "function": block_functions()[kind.type],
             }
         )
     return rows
+
+
+def _exceptions(
+    kinds: Sequence[BlockType], value: Callable[[BlockType], object]
+) -> list[tuple[object, list[BlockType]]]:
+    """Each unusual value with its types; None is usual."""
+    found: dict[str, tuple[object, list[BlockType]]] = {}
+    for kind in kinds:
+        if (own := value(kind)) is not None:
+            found.setdefault(str(own), (own, []))[1].append(kind)
+    return list(found.values())
+
+
+def _unusual_drag(drag: float) -> float | None:
+    return None if drag == facts()["air"]["drag"] else drag
 
 
 def _faces_text(faces: Sequence[Face]) -> str:

@@ -73,6 +73,7 @@ class Designer(Role[DesignerInput, Design]):
                 "guidance": part.guidance,
             },
             "last": given.last,
+            "next_id": len(given.machine or ()),
             "rationale": given.rationale,
         }
 
@@ -120,7 +121,7 @@ def _find_altered_block(machine: Machine, given: DesignerInput) -> tuple[str, st
             return (
                 "given_altered",
                 f"Block {step.id} of the current machine, {json.dumps(old)}, was {change}. "
-                f"Repeat its {len(given.machine)} steps unchanged and append new ones.",
+                f"Send only the new steps, with ids from {len(given.machine)} on.",
             )
     if len(machine) == len(given.machine):
         return "nothing_added", "The machine has no new block. Append at least one."

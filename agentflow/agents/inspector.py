@@ -13,9 +13,9 @@ from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.orientation import ID_LIST, orientation_score, read_orientation
 from agentflow.agents.replies import find_sections
 from agentflow.machine.brief import Brief
-from agentflow.machine.description.tree_text import tree_text
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
+from agentflow.prompts.text import oneline
 
 ORIENTATION = "Three-Dimensional Perception of the World"
 ANSWERS = "Question Answer"
@@ -35,7 +35,7 @@ class InspectorInput(RoleInput):
     machine: Machine
     blueprint: Blueprint | None = None
     groups: Mapping[str, Sequence[int]] = field(default_factory=dict)
-    """Structure -> ids of its blocks, if known; the tree is then grouped by structure."""
+    """Structure -> ids of its blocks, if known."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Inspector(Role[InspectorInput, Inspection]):
         return {
             **given.context(given.machine),
             "blueprint": given.blueprint and given.blueprint.to_json(),
-            "tree": tree_text(given.machine, given.groups or None),
+            "structures": _structure_lines(given.groups),
         }
 
     def parse(self, text: str, given: InspectorInput) -> Parsed[Inspection]:
@@ -116,6 +116,12 @@ def read_defects(text: str, count: int) -> tuple[Defect, ...]:
         blocks = dict.fromkeys(int(number) for number in ids if int(number) < count)
         defects.append(Defect(tuple(blocks), structure, description))
     return tuple(defects)
+
+
+def _structure_lines(groups: Mapping[str, Sequence[int]]) -> str:
+    """One line per structure: its name and the ids of its blocks."""
+    lines = (f"{oneline(name)}: blocks {', '.join(map(str, ids))}" for name, ids in groups.items())
+    return "\n".join(lines)
 
 
 def _structure(text: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from agentflow.agents.base import Parsed
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
-from agentflow.machine.formats.parse import read_machine
+from agentflow.machine.formats.parse import find_items, read_machine
 from agentflow.machine.problems import REQUIRED_COUNT, Problem
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import Report, check
@@ -39,12 +39,37 @@ def read_reply(
 ) -> Report:
     """Read and check the last machine of a reply or of a section of it; never raises.
 
-    The reply may begin with the `given` machine. Coordinates do not say which block a block is
-    attached to, so blocks in the positions of given ones keep the given attachments.
+    The reply may begin with the `given` machine, or go on from it: a list that does not begin with
+    a root is appended to it. Coordinates do not say which block a block is attached to, so blocks
+    in the positions of given ones keep the given attachments.
     """
+    source, repaired = _whole(text, given, representation)
     if representation == "tree":
-        return check(read_machine(text, brief.blocks, brief.given), brief)
-    report = check(read_coordinates(text, brief.blocks), brief)
+        report = check(read_machine(source, brief.blocks, brief.given), brief)
+    else:
+        report = check(read_coordinates(source, brief.blocks), brief)
+    report = replace(report, repaired=report.repaired or repaired)
+    return report if representation == "tree" else _keep_attachments(report, brief, given)
+
+
+def _whole(
+    text: str, given: Machine | None, representation: Representation
+) -> tuple[str | Sequence[object], bool]:
+    """A reply, or all items of a machine if it has only those after the given ones.
+
+    And whether its JSON was repaired in the second case.
+    """
+    if given is None:
+        return text, False
+    items, repaired, fault = find_items(text, "")
+    first = items[0] if items else None
+    if fault or not isinstance(first, dict) or str(first.get("type")) == str(given[0].type):
+        return text, False
+    return [*machine_items(given, representation), *items], repaired
+
+
+def _keep_attachments(report: Report, brief: Brief, given: Machine | None) -> Report:
+    """The report on a machine in coordinates, with given blocks attached as they were."""
     if report.machine is None or given is None:
         return report
     if to_coordinates(report.machine)[: len(given)] != to_coordinates(given):

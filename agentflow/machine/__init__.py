@@ -8,7 +8,6 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import BlockType
 from agentflow.machine.brief import Brief
 from agentflow.machine.description.geometry_info import describe, describe_text
-from agentflow.machine.description.tree_text import tree_text
 from agentflow.machine.edits.script import StepVerdict, apply_script
 from agentflow.machine.formats.json_text import extract_json
 from agentflow.machine.formats.parse import read_machine
@@ -38,5 +37,4 @@ __all__ = [
     "place",
     "read_machine",
     "spatial_problems",
-    "tree_text",
 ]

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from importlib import resources
 from importlib.abc import Traversable
+from typing import Any
 
 import jinja2
 import yaml
@@ -18,15 +19,22 @@ from agentflow.prompts.text import CL100K, as_json, clip, guard, oneline, quote,
 
 _ROOM = (1.0, 0.5, 0.25, 0.0)
 """Shares of the usual space for long sections, tried in turn until a prompt fits."""
-_FUNCTIONS = "block_functions.yaml"
+_FACTS, _FUNCTIONS = "facts.yaml", "block_functions.yaml"
 _RETRY = "_parts/retry.j2"
+
+
+@cache
+def facts() -> Mapping[str, Any]:
+    """Measured numbers of physics that prompts state."""
+    loaded: dict[str, Any] = yaml.safe_load(_home().joinpath(_FACTS).read_text("utf-8"))
+    return loaded
 
 
 @cache
 def block_functions() -> Mapping[int, str]:
     """One line per block type on what it does: the last column of the Blocks table."""
     loaded: dict[int, str] = yaml.safe_load(_home().joinpath(_FUNCTIONS).read_text("utf-8"))
-    return loaded
+    return {kind: line.format(**facts()) for kind, line in loaded.items()}
 
 
 class PromptSet:
@@ -58,7 +66,8 @@ class PromptSet:
     @cached_property
     def digest(self) -> str:
         """Content hash (16 hex digits) of everything that affects the set's prompts."""
-        files = {**self.files, _FUNCTIONS: _home().joinpath(_FUNCTIONS).read_text("utf-8")}
+        shared = {name: _home().joinpath(name).read_text("utf-8") for name in (_FACTS, _FUNCTIONS)}
+        files = {**self.files, **shared}
         files |= {ABOUT: str(self.fits)} if self.fits else {}
         digest = hashlib.sha256()
         for path in sorted(files):
@@ -133,4 +142,5 @@ def _environment(files: Mapping[str, str]) -> jinja2.Environment:
     )
     filters = {"quote": quote, "guard": guard, "oneline": oneline, "as_json": as_json, "clip": clip}
     environment.filters.update(filters)
+    environment.globals["facts"] = facts()
     return environment

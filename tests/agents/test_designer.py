@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import pytest
 
 from agentflow.agents.designer import Designer, DesignerInput, extract_rationale
+from agentflow.agents.replies import machine_items
 from agentflow.machine.tree import Machine
 from tests.agents.fakes import FRAME, MOVEMENT, PLAN, THROWER, THROWING, fenced, machine
 
@@ -58,15 +60,15 @@ def test_repaired() -> None:
             ARM,
             "given_altered",
             'Block 1 of the current machine, {"type": 1, "id": 1, "parent": 0, "face_id": 0}, was '
-            'changed to {"type": 15, "id": 1, "parent": 0, "face_id": 0}. Repeat its 3 steps '
-            "unchanged and append new ones.",
+            'changed to {"type": 15, "id": 1, "parent": 0, "face_id": 0}. Send only the new '
+            "steps, with ids from 3 on.",
         ),
         (
             machine((1, 0, 0)),
             ARM,
             "given_altered",
             'Block 2 of the current machine, {"type": 1, "id": 2, "parent": 0, "face_id": 1}, was '
-            "left out. Repeat its 3 steps unchanged and append new ones.",
+            "left out. Send only the new steps, with ids from 3 on.",
         ),
         (FRAME, ARM, "nothing_added", "The machine has no new block. Append at least one."),
         (
@@ -130,3 +132,31 @@ def test_rationale_is_what_is_outside_fences() -> None:
 
 def test_thrower_is_a_whole_machine() -> None:
     assert Designer().parse(fenced(THROWER), DesignerInput(THROWING)).output is not None
+
+
+def test_new_steps_alone_are_added_to_the_current_machine() -> None:
+    arm = _with((22, 0, 4), (30, 3, 0), (36, 4, 0))
+    steps = arm.to_json()[len(ARM.machine or ()) :]
+    parsed = Designer().parse(f"Arm.\n```json\n{json.dumps(steps)}\n```", ARM)
+    assert parsed.output is not None, parsed.problem
+    assert (parsed.output.machine, parsed.output.rationale) == (arm, "Arm.")
+    damaged = json.dumps(steps).replace('"type"', "type", 1)
+    parsed = Designer().parse(f"```json\n{damaged}\n```", ARM)
+    assert parsed.repaired
+    assert parsed.output is not None
+
+
+def test_new_blocks_alone_are_added_in_coordinates() -> None:
+    given = replace(ARM, representation="coordinates")
+    arm = _with((22, 0, 4), (30, 3, 0), (36, 4, 0))
+    items = machine_items(arm, "coordinates")[len(ARM.machine or ()) :]
+    parsed = Designer().parse(f"```json\n{json.dumps(items)}\n```", given)
+    assert parsed.output is not None, parsed.problem
+    assert parsed.output.machine == arm
+
+
+def test_new_steps_with_other_ids_say_which_ids_are_expected() -> None:
+    steps = [{"type": 22, "id": 1, "parent": 0, "face_id": 4}]
+    parsed = Designer().parse(f"```json\n{json.dumps(steps)}\n```", ARM)
+    assert parsed.code == "id_sequence"
+    assert "item 3 of the list has id 1;" in parsed.problem

@@ -20,6 +20,7 @@ from agentflow.agents.querier import Querier, QuerierInput
 from agentflow.agents.refiner import Refiner, RefinerInput
 from agentflow.agents.replies import machine_text
 from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.llm.procedural.reading import read_listing
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT, Brief, Limits
 from agentflow.machine.formats.coordinates import read_coordinates
@@ -88,42 +89,30 @@ def _section(text: str, heading: str) -> str:
 
 ASKED = list(_inputs(THROWING))
 HEADINGS = [
-    ["Task", "Blocks", "Your reply"],
-    ["Task", "Blocks", "Your reply"],
-    ["Task", "Blocks", "Your reply"],
-    ["Task", "Blocks", "Blueprint", "Structure to build now", "Your reply"],
+    ["Task", "Blocks", "Physics", "Your reply"],
+    ["Task", "Blocks", "Physics", "Your reply"],
+    ["Task", "Blocks", "Physics", "Your reply"],
+    ["Task", "Blocks", "Physics", "Blueprint", "Structure to build now", "Your reply"],
     [
         "Task",
         "Blocks",
+        "Physics",
         "Blueprint",
         "Structure to build now",
         "Rationale to follow",
         "Current machine",
-        "3D information",
         "Your reply",
     ],
+    ["Task", "Blocks", "Physics", "Current machine", "Your reply"],
+    ["Task", "Blocks", "Physics", "Current machine", "Your reply"],
+    ["Task", "Blocks", "Physics", "Blueprint", "Current machine", "Structures", "Your reply"],
+    ["Task", "Blocks", "Current machine", "Simulation feedback", "Your reply"],
     ["Task", "Blocks", "Current machine", "Your reply"],
-    ["Task", "Blocks", "Current machine", "3D information", "Tree", "Your reply"],
-    ["Task", "Blocks", "Blueprint", "Current machine", "3D information", "Tree", "Your reply"],
-    ["Task", "Blocks", "Current machine", "3D information", "Simulation feedback", "Your reply"],
-    ["Task", "Blocks", "Current machine", "3D information", "Your reply"],
-    ["Task", "Blocks", "Current machine", "3D information", "Your reply"],
+    ["Task", "Blocks", "Physics", "Current machine", "Your reply"],
     [
         "Task",
         "Blocks",
-        "Blueprint",
-        "Current machine",
-        "3D information",
-        "Critique",
-        "Edit history",
-        "Simulation feedback",
-        "Queried states",
-        "Earlier attempts",
-        "Your reply",
-    ],
-    [
-        "Task",
-        "Blocks",
+        "Physics",
         "Blueprint",
         "Current machine",
         "Critique",
@@ -136,9 +125,22 @@ HEADINGS = [
     [
         "Task",
         "Blocks",
+        "Physics",
         "Blueprint",
         "Current machine",
-        "3D information",
+        "Critique",
+        "Edit history",
+        "Simulation feedback",
+        "Queried states",
+        "Earlier attempts",
+        "Your reply",
+    ],
+    [
+        "Task",
+        "Blocks",
+        "Physics",
+        "Blueprint",
+        "Current machine",
         "Views",
         "Critique",
         "Edit history",
@@ -196,18 +198,18 @@ def test_block_rows() -> None:
     _, user = _render(Designer(), DesignerInput(THROWING))
     assert TABLE in user
     assert (
-        "| 2 | Powered Wheel | 2x2x0.5 | 1 | 0:Front@0,0,0.5 | motor wheel of radius 1, 10 rad/s, "
+        "| 2 | Powered Wheel | 2x2x0.5 | 1 | Front 0 @0,0,0.5 | motor wheel of radius 1, 10 rad/s, "
         "40 N m; drives by its facing (see Motion) |"
     ) in user
     assert "| 7 | Brace | two-ended | 0.5 | none |" in user
     assert "| 36 | Boulder | 1.9x1.9x1.9 | 5 | none |" in user
-    assert " 1:Left@-0.5,0,0.5 2:Left@-0.5,0,1.5 " in user
+    assert "; Left 1 2 @-0.5,0,0.5/1.5; " in user
 
 
-def test_compact_faces_are_those_of_the_library() -> None:
+def test_faces_are_those_of_the_library() -> None:
     """Read back from the short notation, for every type."""
     task = replace(THROWING, blocks=tuple(library()), required={})
-    _, user = _render(Designer(), DesignerInput(task), "compact")
+    _, user = _render(Designer(), DesignerInput(task))
     cells = {
         int(row[1]): row[5].strip()
         for line in _section(user, "Blocks").splitlines()[2:]
@@ -253,8 +255,9 @@ def test_structure_section() -> None:
 
 def test_current_machine_can_be_read_back() -> None:
     _, user = _render(*ASKED[4])
-    fence = _section(user, "Current machine").split("```")[1].removeprefix("json")
-    assert json.loads(fence) == FRAME.to_json()
+    assert read_listing(_section(user, "Current machine")) == FRAME
+    _, user = _render(*ASKED[5])
+    assert read_listing(_section(user, "Current machine")) == FRAME
 
 
 @SETS
@@ -318,25 +321,25 @@ def test_numbers_are_those_of_the_simulation() -> None:
     constants = json.loads(files("agentflow.env").joinpath("constants.json").read_text("utf-8"))
     system, user = _render(Designer(), DesignerInput(replace(THROWING, blocks=tuple(library()))))
     lines = dict(re.findall(r"^\| (\d+) \|.*\| ([^|]+) \|$", user, re.MULTILINE))
-
-    def facts(name: str, unit: str) -> Iterator[tuple[str, str]]:
-        for kind, value in constants[name].get("by_type", {}).items():
-            yield kind, f"{value:g} {unit}".strip()
-
-    of_types = (("motor_speed", "rad/s"), ("motor_torque", "N m"), ("restitution", ""))
-    for name, unit in of_types:
-        for kind, fact in facts(name, unit):
-            assert fact in lines[kind]
-    assert f"friction {constants['friction']['by_type']['49']:.1f}" in lines["49"]
+    for name, unit in (("motor_speed", "rad/s"), ("motor_torque", "N m")):
+        for kind, value in constants[name]["by_type"].items():
+            assert f"{value:g} {unit}" in lines[kind]
     assert f"{-constants['suspension_low']['value']:g} m inwards" in lines["16"]
     assert f"{constants['suspension_high']['value']:g} m outwards" in lines["16"]
-    assert f"with {constants['spring_force']['value']:g} N," in lines["9"]
-    assert f"a length of {constants['spring_length']['value']:g} m" in lines["9"]
-    reels = f"at {constants['winch_speed']['value']:g} m/s"
-    assert f"{reels} with up to {constants['winch_force']['value']:g} N" in lines["45"]
     assert f"Gravity is {constants['gravity']['value']:g} m/s2 along y-." in system
-    strength = [constants[f"strength_{what}"]["value"] for what in ("force", "torque")]
-    assert "wooden ones at about {:.0f} N or {:.0f} N m:".format(*strength) in system
+
+
+def test_physics_names_what_differs_from_the_usual() -> None:
+    _, user = _render(Designer(), DesignerInput(THROWING))
+    told = _section(user, "Physics")
+    assert "bears 15000 N and 5000 N m; of Hinge, Brace, " in told
+    assert "Air slows blocks with 0.2 N for each kg and m/s; Brace, " in told
+    assert "A Spring pulls with 600 N at a length of 1 m or more" in told
+    assert "300 N at 0.75 m, nothing from 0.5 m down" in told
+    assert "Wind" not in told
+    windy = replace(THROWING, scene=("From t = 0 on a steady wind blows: 5 m/s towards x+.",))
+    _, user = _render(Designer(), DesignerInput(windy))
+    assert "Wind pushes a block with 0.6 N x area" in _section(user, "Physics")
 
 
 COMPACT, ANSWER = 3440, 1168
@@ -389,7 +392,7 @@ def test_compact_prompts_keep_what_fits() -> None:
         history = history.add(EditRecord(f"Remove {number}", "Success", "", 4.0, 5.0))
     _, user = _render(Refiner(), RefinerInput(THROWING, FRAME, history=history), "compact")
     assert re.findall(r"^> (\d+)\.", user, re.MULTILINE) == ["1", "2", "31", "32"]
-    assert "## 3D information" in user
+    assert "on ground, free 2-4\n" in user
     told = "Score: 4.00\n" + "\n".join(f"Trial {number}: over" for number in range(40))
     _, user = _render(Refiner(), RefinerInput(THROWING, FRAME, feedback=told), "compact")
     assert "Score: 4.00\nTrial 30: over\n" in user

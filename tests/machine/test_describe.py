@@ -2,9 +2,10 @@ import re
 
 import pytest
 
-from agentflow.machine import Machine, apply_script, describe, describe_text, tree_text
+from agentflow.machine import Machine, apply_script, describe, describe_text
+from agentflow.machine.description.geometry_info import list_text
 from agentflow.machine.description.rounding import one_decimal
-from tests.machine.builders import CAR, CATAPULT, build
+from tests.machine.builders import CATAPULT, build
 
 SPRUNG = build((1, 0, 0), (22, 1, 6), (9, 0, 4, 1, 5), (45, 2, 0, 2, 0), (36, 2, 0))
 LOGS = build(
@@ -160,19 +161,18 @@ def test_the_text() -> None:
     assert describe_text(build((1, 0, 3), (2, 1, 3), (9, 0, 0, 1, 0))) == "\n".join(
         (
             "x, y, z in m, y from the lowest corner. 'on 4.2 Left': on block 4, face 2, which is "
-            "a Left face. Free faces: facing, ids, position; a/b: one coordinate per id.",
+            "a Left face. Free faces but those on the ground: facing, ids (position). a/b: one "
+            "value each; 1-4, a..b: in even steps.",
             "Size (3,2,1.5), mass 2.15 kg, centre of mass (1,1,-0.3), NOT over the support "
             "polygon (x,z) (1,-1) (1,-0.5).",
             "Powered wheels on the ground drive the machine: 2 to x+.",
-            "Spring 3 pulls 0 along (0.98,0,-0.2), 1 back.",
-            "0 Starting Block: faces z+, centre (0,1,0), building point (0,1,0), carries 1, free "
-            "z+ 0 (0,1,0.5); z- 1 (0,1,-0.5); x- 2 (-0.5,1,0); y+ 4 (0,1.5,0); y- 5 (0,0.5,0)",
-            "1 Wooden Block: on 0.3 Right, faces x+, centre (1.5,1,0), building point (0.5,1,0), "
-            "carries 2, free x+ 0 (2.5,1,0); z+ 1 2 (1/2,1,0.5); z- 4 (2,1,-0.5); "
-            "y+ 5 6 (1/2,1.5,0); y- 7 8 (1/2,0.5,0)",
+            "0 Starting Block: faces z+, centre (0,1,0), free z+ 0 (0,1,0.5); z- 1 (0,1,-0.5); "
+            "x- 2 (-0.5,1,0); y+ 4 (0,1.5,0); y- 5 (0,0.5,0)",
+            "1 Wooden Block: on 0.3 Right, faces x+, centre (1.5,1,0), free x+ 0 (2.5,1,0); "
+            "z+ 1-2 (1/2,1,0.5); z- 4 (2,1,-0.5); y+ 5-6 (1/2,1.5,0); y- 7-8 (1/2,0.5,0)",
             "2 Powered Wheel: on 1.3 Right, faces z-, centre (1,1,-0.8), building point "
             "(1,1,-0.5), on ground, free z- 0 (1,1,-1)",
-            "3 Spring: from 0.0 to 1.0 (0,1,0.5) to (2.5,1,0), length 2.5",
+            "3 Spring: from 0.0 to 1.0, (0,1,0.5) to (2.5,1,0), length 2.5",
         )
     )
 
@@ -181,7 +181,8 @@ def test_the_short_text() -> None:
     assert describe_text(build((1, 0, 3), (2, 1, 3)), short=True) == "\n".join(
         (
             "x, y, z in m, y from the lowest corner. 'on 4.2 Left': on block 4, face 2, which is "
-            "a Left face. Free faces: ids.",
+            "a Left face. Free faces but those on the ground: ids. a/b: one value each; 1-4, a..b: "
+            "in even steps.",
             "Size (3,2,1.5), mass 1.75 kg, centre of mass (1,1,-0.4), NOT over the support polygon "
             "(x,z) (1,-1) (1,-0.5).",
             "Powered wheels on the ground drive the machine: 2 to x+.",
@@ -201,32 +202,27 @@ def test_twenty_blocks_stay_within_the_token_limits(machine: Machine) -> None:
         assert len(text) / 3.3 < limit
 
 
-def test_the_tree() -> None:
-    assert tree_text(CAR) == "\n".join(
-        (
-            "0 Starting Block",
-            "  1 Wooden Block on face 0 Front",
-            "    3 Powered Wheel on face 1 Left",
-            "    4 Powered Wheel on face 3 Right",
-            "  2 Wooden Block on face 1 Back",
-            "    5 Powered Wheel on face 1 Left",
-            "    6 Powered Wheel on face 3 Right",
-        )
-    )
+def test_two_ended_blocks_between_the_same_blocks_share_a_line() -> None:
+    ends = ((9, 0, 4, 1, 6), (9, 0, 2, 1, 2), (7, 0, 4, 1, 6), (9, 0, 4, 1, 5))
+    text = describe_text(build((1, 0, 0), *ends))
+    assert text.splitlines()[-2:] == [
+        "2/3/5 Spring: from 0.4/2/4 to 1.6/2/5, (0/-0.5/0,1/0.5/1,0) to "
+        "(0/-0.5/0,1/0.5/1,2/2/1), length 2/2/1",
+        "4 Brace: from 0.4 to 1.6, (0,1,0) to (0,1,2), length 2",
+    ]
 
 
-def test_the_tree_by_structure() -> None:
-    machine = build((1, 0, 0), (22, 1, 6), (63, 2, 0), (7, 0, 4, 3, 1), (15, 3, 0))
-    assert tree_text(machine, {"Arm": [3, 2, 5], "Base": [0, 1, 2]}) == "\n".join(
-        (
-            "Arm:",
-            "  2 Rotating Block on 1 Wooden Block face 6 Up",
-            "    3 Log on face 0 Front",
-            "      5 Small Wooden Block on face 0 Front",
-            "Base:",
-            "  0 Starting Block",
-            "    1 Wooden Block on face 0 Front",
-            "Other blocks:",
-            "  4 Brace from 0 Starting Block face 4 Up to 3 Log face 1 Left",
-        )
-    )
+def test_faces_on_the_ground_are_not_listed_as_free() -> None:
+    assert "y-" not in describe_text(build((63, 0, 0)))
+    assert "free y- 0 (0,0,0)" not in describe_text(build((63, 0, 5)))
+    assert "; y- 10-12 (0,3,1..3)" in describe_text(build((63, 0, 5), (63, 0, 0)))
+
+
+def test_the_list_without_geometry() -> None:
+    assert list_text(build((1, 0, 3), (2, 1, 3), (9, 0, 0, 1, 0))).splitlines() == [
+        "'on 4.2 Left': on block 4, face 2, which is a Left face.",
+        "0 Starting Block: faces z+",
+        "1 Wooden Block: on 0.3 Right",
+        "2 Powered Wheel: on 1.3 Right",
+        "3 Spring: from 0.0 to 1.0, length 2.5",
+    ]

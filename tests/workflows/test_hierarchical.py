@@ -149,12 +149,9 @@ async def test_golden_record() -> None:
 
 async def test_the_inspector_sees_which_blocks_are_of_which_structure() -> None:
     prompt = (await golden()).prompt("inspector/traj-1/attempt-1")
-    assert prompt.partition("## Tree\n")[2].partition("\n\n")[0].splitlines() == [
-        "Body:",
-        "  0 Starting Block",
-        "    1 Wooden Block on face 0 Front",
-        "Drive:",
-        "  2 Powered Wheel on 0 Starting Block face 2 Left",
+    assert prompt.partition("## Structures\n")[2].partition("\n\n")[0].splitlines() == [
+        "Body: blocks 0, 1",
+        "Drive: blocks 2",
     ]
 
 
@@ -184,7 +181,7 @@ async def test_only_the_first_refiner_sees_the_critique() -> None:
         ("feedback", "basic", "1 tables."),
         ("feedback", "score_only", "Rolled"),
         ("history", False, "## Edit history"),
-        ("spatial", False, "## 3D information"),
+        ("spatial", False, "support polygon"),
         ("meta_designer", "off", "## Blueprint"),
     ],
 )
@@ -220,7 +217,7 @@ async def test_a_detailed_plan_sees_faces_and_is_told_step_by_step() -> None:
         await run()
         system, user = (message.text for message in run.client.requests[0].messages)
         assert ("step by step" in system) == (setting == "detailed")
-        assert ("0:Front@" in user) == (setting == "detailed")
+        assert ("Front 0 @" in user) == (setting == "detailed")
         assert ("# Geometry" in system) == (setting == "detailed")
 
 

@@ -13,6 +13,7 @@ from agentflow.agents.base import AskContext
 from agentflow.agents.replies import machine_items
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Reply, Request, Usage
+from agentflow.llm.procedural.reading import read_listing
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget, BudgetClient, BudgetSettings
 from agentflow.machine.brief import Brief
@@ -276,7 +277,10 @@ def machine_in(prompt: str) -> Machine:
 
 
 def _current(prompt: str) -> list[dict[str, int]]:
-    found = re.search(r"## Current machine\n```json\n(.*?)```", prompt, re.DOTALL)
+    section = prompt.partition("## Current machine\n")[2].partition("\n## ")[0]
+    if (listed := read_listing(section)) is not None:
+        return listed.to_json()
+    found = re.search(r"```json\n(.*?)```", section, re.DOTALL)
     if found and '"Position"' in found[1]:
         read = read_coordinates(found[1], BRIEF.blocks).machine
         assert read is not None

@@ -7,6 +7,9 @@ import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
+from operator import itemgetter
+from typing import Any
 
 from agentflow.llm.messages import Message
 from agentflow.machine import Brief, Machine, library, read_machine
@@ -14,6 +17,11 @@ from agentflow.machine.brief import LONE_ROOT, Limits
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
 
 _HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
+_LISTED = re.compile(
+    r"^(\d{1,3}(?:/\d{1,3})*) ([A-Z][A-Za-z ]+): (?:on (\d{1,3})\.(\d{1,3}) |faces |"
+    r"from (\d{1,3})\.(\d{1,3}(?:/\d{1,3})*) to (\d{1,3})\.(\d{1,3}(?:/\d{1,3})*))",
+    re.MULTILINE,
+)
 _ROW = re.compile(r"^\| *([0-9]{1,6}) *\|", re.MULTILINE)
 _REQUIRED = re.compile(r"exactly (\w{1,9}) [^()\n]*\(type (\d{1,6})\)")
 _MOST_BLOCKS = re.compile(r"at most (\d{1,3}) blocks? \(")
@@ -44,7 +52,9 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
     sections = defaultdict(str, zip(map(str.strip, pieces[1::2]), pieces[2::2], strict=True))
     structure, current = sections["Structure to build now"], sections["Current machine"]
     coordinates = '"Position"' in (current or sections["Your reply"])
-    machine = (read_coordinates if coordinates else read_machine)(current, library()).machine
+    machine = read_listing(current)
+    if machine is None:
+        machine = (read_coordinates if coordinates else read_machine)(current, library()).machine
     types = frozenset(map(int, _ROW.findall(sections["Blocks"]))) & frozenset(library())
     listed = map(int, re.findall(r"[0-9]{1,6}", value_of(structure, "Allowed types")))
     return Prompt(
@@ -56,6 +66,21 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
         has_machine=machine is not None,
         coordinates=coordinates,
     )
+
+
+def read_listing(text: str) -> Machine | None:
+    """Read a machine from its list of blocks, one line each; None if there is no such list."""
+    types = {kind.name: kind.type for kind in library().values()}
+    steps: list[dict[str, Any]] = []
+    for ids, name, parent, face, near, near_faces, far, far_faces in _LISTED.findall(text):
+        ends = zip(ids.split("/"), cycle(near_faces.split("/")), cycle(far_faces.split("/")))
+        for number, face_a, face_b in ends:
+            where = {"parent": parent or -1, "face_id": face or -1}
+            if near:
+                where = {"parent_a": near, "face_id_a": face_a}
+                where |= {"parent_b": far, "face_id_b": face_b}
+            steps.append({"type": types.get(name), "id": int(number), **where})
+    return read_machine(sorted(steps, key=itemgetter("id")), library()).machine
 
 
 def value_of(text: str, key: str) -> str:

@@ -1,9 +1,9 @@
-"""3D information: a machine's geometry as JSON data, and as text for models."""
+"""A machine and its geometry as JSON data, and as text for models."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import groupby
+from collections.abc import Collection, Iterator, Sequence
+from itertools import groupby, pairwise
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
@@ -11,7 +11,7 @@ from agentflow.machine.description.rounding import GroundFrame, span_of
 from agentflow.machine.geometry.balance import mass, on_ground, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.geometry.pose import Placed, ShapeFace
-from agentflow.machine.geometry.vectors import add
+from agentflow.machine.geometry.vectors import Vec3, add
 from agentflow.machine.tree import Machine
 
 DRIVES = {"x+": "z+", "x-": "z+", "z+": "x-", "z-": "x+"}
@@ -107,26 +107,69 @@ def _pull(placed: Placed) -> dict[str, object]:
 
 
 def describe_text(machine: Machine, brief: Brief | None = None, *, short: bool = False) -> str:
-    """The 3D information as compact text, one line per block.
+    """The machine and its geometry as compact text, one line per block.
+
+    The machine can be built again from it. Two-ended blocks come last; those of a type between the
+    same two blocks share a line. Free faces that point at the ground and lie on it are left out.
 
     Args:
         machine: a file-valid machine.
         brief: the task, for its limit of blocks.
-        short: leave out building points, children, and the positions of free faces.
+        short: leave out building points and the positions of free faces.
     """
     geometry = place(machine)
     frame = GroundFrame(geometry.lo[1])
-    lines = [_legend(short=short), *_budget_lines(machine, brief)]
-    lines += _summary_lines(geometry, frame)
-    lines += [_block_line(geometry, frame, placed, short=short) for placed in geometry.blocks]
-    return "\n".join(lines)
+    return "\n".join(
+        [
+            _legend(short=short),
+            *_budget_lines(machine, brief),
+            *_summary_lines(geometry, frame),
+            *(_block_line(geometry, frame, placed, short=short) for placed in _boxed(geometry)),
+            *(_span_line(frame, blocks, short=short) for blocks in _spans(geometry)),
+        ]
+    )
+
+
+def list_text(machine: Machine) -> str:
+    """What each block is attached to, without geometry: else like `describe_text`."""
+    geometry = place(machine)
+    frame = GroundFrame(geometry.lo[1])
+    boxed = (
+        f"{block.id} {block.name}: {_attachment(geometry, block)}" for block in _boxed(geometry)
+    )
+    spans = (_span_line(frame, blocks, short=True) for blocks in _spans(geometry))
+    return "\n".join((ON, *boxed, *spans))
+
+
+ON = "'on 4.2 Left': on block 4, face 2, which is a Left face."
+"""How lines say what a block is attached to."""
+
+
+def _boxed(geometry: Geometry) -> Iterator[Placed]:
+    return (placed for placed in geometry.blocks if not placed.two_ended)
+
+
+def _spans(geometry: Geometry) -> Collection[Sequence[Placed]]:
+    """Two-ended blocks by type and the two blocks that they join."""
+    spans: dict[tuple[int, ...], list[Placed]] = {}
+    for placed in geometry.blocks:
+        if placed.two_ended:
+            spans.setdefault((placed.type, *placed.step.parents), []).append(placed)
+    return spans.values()
+
+
+def _attachment(geometry: Geometry, placed: Placed) -> str:
+    step = placed.step
+    if step.parent < 0:
+        return f"faces {placed.facing}"
+    return f"on {step.parent}.{step.face_id} {_direction(geometry, step.parent, step.face_id)}"
 
 
 def _legend(*, short: bool) -> str:
-    free = "ids" if short else "facing, ids, position; a/b: one coordinate per id"
+    free = "ids" if short else "facing, ids (position)"
     return (
-        "x, y, z in m, y from the lowest corner. 'on 4.2 Left': on block 4, face 2, which is a "
-        f"Left face. Free faces: {free}."
+        f"x, y, z in m, y from the lowest corner. {ON} Free faces but those on the ground: {free}. "
+        "a/b: one value each; 1-4, a..b: in even steps."
     )
 
 
@@ -147,11 +190,6 @@ def _summary_lines(geometry: Geometry, frame: GroundFrame) -> list[str]:
     drives = [f"{wheel} to {to}" if to else f"{wheel} not" for wheel, to in _drives(geometry)]
     if drives:
         lines.append(f"Powered wheels on the ground drive the machine: {', '.join(drives)}.")
-    for placed in filter(_pulls, geometry.blocks):
-        if direction := span_of(placed)[1]:
-            near, far = placed.step.parents
-            to = _vector(direction)
-            lines.append(f"{placed.name} {placed.id} pulls {near} along {to}, {far} back.")
     loops = [
         f"{loop.block}.{loop.face_id} with {loop.partner}.{loop.partner_face}"
         for loop in geometry.auto_connections
@@ -161,54 +199,80 @@ def _summary_lines(geometry: Geometry, frame: GroundFrame) -> list[str]:
     return lines
 
 
+def _span_line(frame: GroundFrame, blocks: Sequence[Placed], *, short: bool) -> str:
+    """Two-ended blocks of one type between the same two blocks."""
+    steps = [placed.step for placed in blocks]
+    near, far = steps[0].parents
+    faces = [
+        _listed(numbers) for numbers in zip(*((s.face_id, s.face_id_b) for s in steps), strict=True)
+    ]
+    ends = f"{near}.{faces[0]} to {far}.{faces[1]}"
+    starts = _points([frame.point(placed.at) for placed in blocks])
+    stops = _points([frame.point(placed.far) for placed in blocks if placed.far is not None])
+    points = "" if short else f", {starts} to {stops}"
+    length = _listed([span_of(placed)[0] for placed in blocks])
+    ids = _listed([placed.id for placed in blocks])
+    return f"{ids} {blocks[0].name}: from {ends}{points}, length {length}"
+
+
 def _block_line(geometry: Geometry, frame: GroundFrame, placed: Placed, *, short: bool) -> str:
-    step = placed.step
-    name = f"{placed.id} {placed.name}"
-    if placed.far is not None and step.parent_b is not None:
-        ends = f"{step.parent}.{step.face_id} to {step.parent_b}.{step.face_id_b}"
-        points = f" {_vector(frame.point(placed.at))} to {_vector(frame.point(placed.far))}"
-        length = f"length {span_of(placed)[0]:g}"
-        return f"{name}: from {ends}{'' if short else points}, {length}"
-    parts = []
-    if step.parent >= 0:
-        where = _direction(geometry, step.parent, step.face_id)
-        parts.append(f"on {step.parent}.{step.face_id} {where}")
-    parts.append(f"faces {placed.facing}")
+    parts = [_attachment(geometry, placed)]
+    if placed.step.parent >= 0:
+        parts.append(f"faces {placed.facing}")
     parts.append(f"centre {_vector(frame.center(placed))}")
-    if not short:
+    if library()[placed.type].joint.moves and not short:
         parts.append(f"building point {_vector(frame.point(placed.at))}")
     if on_ground(geometry, placed):
         parts.append("on ground")
-    carried = " ".join(map(str, geometry.children(placed.id)))
-    if carried and not short:
-        parts.append(f"carries {carried}")
-    free = _free_faces(geometry, placed)
+    free = [face for face in _free_faces(geometry, placed) if not _is_grounded(face, placed, frame)]
     if free:
-        faces = _face_ranges(free) if short else _face_positions(placed, frame, free)
-        parts.append(f"free {faces}")
-    return f"{name}: {', '.join(parts)}"
+        ids = _ids([face.id for face in free])
+        parts.append(f"free {ids if short else _face_positions(placed, frame, free)}")
+    return f"{placed.id} {placed.name}: {', '.join(parts)}"
+
+
+def _is_grounded(face: ShapeFace, placed: Placed, frame: GroundFrame) -> bool:
+    """Whether a face points at the ground and lies on it."""
+    return face.facing.name == "y-" and placed.at[1] + face.offset[1] == frame.ground
 
 
 def _face_positions(placed: Placed, frame: GroundFrame, free: Sequence[ShapeFace]) -> str:
-    """Free faces by facing, with coordinates that differ between them listed one per id."""
+    """Free faces by facing: facing, ids and positions."""
     groups = []
     for facing, group in groupby(free, key=lambda face: face.facing.name):
         faces = list(group)
-        points = [frame.point(add(placed.at, face.offset)) for face in faces]
-        axes = ([f"{value:g}" for value in axis] for axis in zip(*points, strict=True))
-        where = ",".join(axis[0] if len(set(axis)) == 1 else "/".join(axis) for axis in axes)
-        groups.append(f"{facing} {' '.join(str(face.id) for face in faces)} ({where})")
+        points = _points([frame.point(add(placed.at, face.offset)) for face in faces])
+        groups.append(f"{facing} {_ids([face.id for face in faces])} {points}")
     return "; ".join(groups)
 
 
-def _face_ranges(free: Sequence[ShapeFace]) -> str:
-    """Face ids as ranges: "0 2-5"."""
+def _points(points: Sequence[Vec3]) -> str:
+    """Points with coordinates that differ between them listed one per point."""
+    return f"({','.join(_in_row(axis) for axis in zip(*points, strict=True))})"
+
+
+def _listed(values: Sequence[float | None]) -> str:
+    """One value if all are equal, else all."""
+    texts = [f"{value:g}" for value in values if value is not None]
+    return texts[0] if len(set(texts)) == 1 else "/".join(texts)
+
+
+def _in_row(values: Sequence[float]) -> str:
+    """The ends of an even row of three or more, else what `_listed` gives."""
+    steps = {f"{b - a:.6g}" for a, b in pairwise(values)}
+    if len(values) < 3 or len(steps) > 1 or steps == {"0"}:
+        return _listed(values)
+    return f"{values[0]:g}..{values[-1]:g}"
+
+
+def _ids(numbers: Sequence[int]) -> str:
+    """Face ids, rows of them as ranges: "0 2-5"."""
     runs: list[list[int]] = []
-    for face in free:
-        if runs and runs[-1][-1] == face.id - 1:
-            runs[-1].append(face.id)
+    for number in numbers:
+        if runs and runs[-1][-1] == number - 1:
+            runs[-1].append(number)
         else:
-            runs.append([face.id])
+            runs.append([number])
     return " ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs)
 
 

@@ -145,7 +145,7 @@ class Trajectory:
         return RefinerInput(
             **self._run.role_input,
             machine=node.candidate.machine,
-            blueprint=self._blueprint,
+            blueprint=None if node.candidate.edit else self._blueprint,
             history=self._history if settings.history else History(),
             score=node.evaluation.score,
             feedback="" if settings.feedback == "score_only" else _feedback(node),
