@@ -22,6 +22,7 @@ ANSWERS = "Question Answer"
 DEFECTS = "Summary of Design Defects"
 MAX_DEFECTS = 100
 """Maximum number of lines read from a summary."""
+SEVERITIES = ("fatal", "likely", "minor")
 _BULLET = re.compile(r"^\s*(?:[-*+]|\d{1,3}[.)])\s+")
 _IDS = re.compile(rf"\bblocks?\W{{0,4}}({ID_LIST.pattern})", re.IGNORECASE)
 _NUMBER = re.compile(r"\d{1,6}")
@@ -46,6 +47,8 @@ class Defect:
     """Ids of blocks of the machine, in the order named."""
     structure: str
     text: str
+    severity: str = ""
+    """One of `SEVERITIES`; "" if the reply gives none."""
 
 
 @dataclass(frozen=True)
@@ -97,16 +100,20 @@ class Inspector(Role[InspectorInput, Inspection]):
 
 
 def read_defects(text: str, count: int) -> tuple[Defect, ...]:
-    """Read one defect per line: `- blocks 3, 4 | structure NAME | what is wrong`.
+    """Read one defect per line: `- fatal | blocks 3, 4 | structure NAME | what is wrong`.
 
-    In lines without bars, block ids are found by the words "block 3". Ids that do not exist in a
-    machine of `count` blocks are dropped; a line that names no block is still a defect.
+    The severity may be missing. In lines without bars, block ids are found by the words "block 3".
+    Ids that do not exist in a machine of `count` blocks are dropped; a line that names no block is
+    still a defect.
     """
     defects = []
     for line in text.splitlines()[:MAX_DEFECTS]:
         words = _BULLET.sub("", line[:2000]).strip()
         if words.strip(" .*`").casefold() in _NOTHING or not words.strip("`-=*_ "):
             continue
+        first, _, rest = words.partition("|")
+        severity = first.strip(" *`:").casefold()
+        severity, words = (severity, rest.strip()) if severity in SEVERITIES else ("", words)
         parts = [part.strip() for part in words.split("|", 2)]
         if len(parts) == 3:
             ids, structure, description = _NUMBER.findall(parts[0]), _structure(parts[1]), parts[2]
@@ -114,7 +121,7 @@ def read_defects(text: str, count: int) -> tuple[Defect, ...]:
             named = [match[1] for match in _IDS.finditer(words)]
             ids, structure, description = _NUMBER.findall(" ".join(named)), "", words
         blocks = dict.fromkeys(int(number) for number in ids if int(number) < count)
-        defects.append(Defect(tuple(blocks), structure, description))
+        defects.append(Defect(tuple(blocks), structure, description, severity))
     return tuple(defects)
 
 

@@ -36,6 +36,10 @@ class WorkflowSettings(BaseModel):
         (), description="plans for designers to follow, one per trajectory, repeated if too few"
     )
     inspector: bool = Field(True, description="criticise machines before the blind refinement")
+    simulate_first: bool = Field(
+        False,
+        description="show the first refinement how its machine was simulated (no extra rollout)",
+    )
     querier: bool = Field(
         True, description="ask for states of single blocks (with feedback active)"
     )

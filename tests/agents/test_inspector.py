@@ -73,6 +73,12 @@ def test_missing_sections(text: str, problem: str) -> None:
         ("* blocks 3, 4 and 3: weak", (Defect((3, 4), "", "blocks 3, 4 and 3: weak"),)),
         ("3; 4 | Arm | a | b", (Defect((3, 4), "Arm", "a | b"),)),
         ("unbalanced", (Defect((), "", "unbalanced"),)),
+        (
+            "- fatal | blocks 3 | structure Arm | a | b",
+            (Defect((3,), "Arm", "a | b", "fatal"),),
+        ),
+        ("- **Minor** | block 3 | structure none | loose", (Defect((3,), "", "loose", "minor"),)),
+        ("- likely | block 3 is weak", (Defect((3,), "", "block 3 is weak", "likely"),)),
     ],
 )
 def test_defects(text: str, expected: tuple[Defect, ...]) -> None:

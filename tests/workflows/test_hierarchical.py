@@ -142,7 +142,7 @@ async def test_golden_record() -> None:
     assert notes.of("node")["env_feedback/traj-1/node-1"]["made_by"] == "round-1/node-0/try-2"
     assert set(notes.of("attempt")) == set(GOLDEN)
     assert notes.of("inspection")["inspector/traj-1"]["defects"] == [
-        {"blocks": [1], "structure": "Body", "text": "too small"}
+        {"blocks": [1], "structure": "Body", "text": "too small", "severity": ""}
     ]
     assert set(notes.machines) >= set(run.shelf.tried)
 
@@ -196,6 +196,23 @@ async def test_switches(switch: str, value: object, gone: str) -> None:
     assert ("inspector" in roles) == (switch != "inspector")
     assert ("querier" in roles) == (switch not in ("querier", "feedback"))
     assert ("meta_designer" in roles) == (switch != "meta_designer")
+
+
+async def test_the_first_refinement_can_see_a_simulation() -> None:
+    """Of the machine as designed, which costs no call and no rollout; as far as feedback goes."""
+    blind = "refiner/blind/traj-1/attempt-1"
+    seen, labels = [], []
+    for setting in ({}, {"simulate_first": True}):
+        run = Run(Author(refused=0.0), {**SMALL, **setting})
+        await run()
+        seen.append(run.prompt(blind))
+        labels.append([request.label for request in run.client.requests])
+    assert "## Simulation feedback" not in seen[0]
+    assert re.search(r"## Simulation feedback\nScore: [\d.]+\nRolled ", seen[1])
+    assert labels[0] == labels[1]
+    run = Run(Author(refused=0.0), {**SMALL, "simulate_first": True, "feedback": "score_only"})
+    await run()
+    assert re.search(r"## Simulation feedback\nScore: [\d.]+\n\n", run.prompt(blind))
 
 
 @pytest.mark.parametrize("vision", [True, False])

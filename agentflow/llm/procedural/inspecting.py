@@ -31,7 +31,7 @@ def inspect(prompt: Prompt, rng: random.Random) -> str:  # noqa: ARG001
     boxes = [block for block in geometry.blocks if not block.two_ended]
     reach = {word: max(boxes, key=lambda b: max(s * b.lo[axis], s * b.hi[axis]))
              for word, (axis, s) in load_data("replies.yaml")["extremes"].items()}  # fmt: skip
-    defects = [f"- blocks {', '.join(map(str, blocks))} | structure none | {text}"
+    defects = [f"- likely | blocks {', '.join(map(str, blocks))} | structure none | {text}"
                for blocks, text in _find_defects(geometry)]  # fmt: skip
     names = [f"block {b.id} ({b.name}) facing {b.facing}" for b in geometry.blocks]
     idle = [f"block {b} on block {geometry[b].step.parent}" for b in _idle_blocks(geometry)]

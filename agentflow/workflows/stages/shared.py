@@ -17,7 +17,7 @@ from agentflow.runs.events import FLAWLESS, FirstAttempt, InspectionEvent
 from agentflow.runs.places import BLIND, INITIAL, Place, StageName
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.node import Evaluation
-from agentflow.workflows.base import Candidate
+from agentflow.workflows.base import Candidate, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
 
 UNANSWERED = "the budget ran out before an answer"
@@ -85,8 +85,9 @@ async def simulate(
 async def refine_blindly(
     run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None
 ) -> Candidate:
-    """Criticise a machine, refine it once without feedback from a simulation, simulate it.
+    """Criticise a machine, refine it once, simulate it.
 
+    With `simulate_first`, the refiner sees the simulation of the machine as it was designed.
     A trajectory ends here if its refiner gives no valid machine within its retries.
     """
     critique = await _critique(run, candidate, blueprint)
@@ -96,6 +97,7 @@ async def refine_blindly(
         machine=candidate.machine,
         blueprint=blueprint,
         critique=critique,
+        **_simulation_of(run, candidate),
         format=run.settings.refinement,
         images=await run.views(candidate.machine),
     )
@@ -125,6 +127,16 @@ def with_result(edit: EditRecord, after: Evaluation) -> EditRecord:
     return replace(edit, after=after.score, facts=(edit.facts[0], after.details.facts))
 
 
+def _simulation_of(run: WorkflowContext, candidate: Candidate) -> dict[str, Any]:
+    """Score and feedback of a designed machine, as far as the settings show them."""
+    settings, evaluation = run.settings, candidate.evaluation
+    if not settings.simulate_first or evaluation is None:
+        return {}
+    summary: SimulationSummary = evaluation.details
+    told = "" if settings.feedback == "score_only" else summary.feedback
+    return {"score": evaluation.score, "feedback": told}
+
+
 async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None) -> str:
     """The inspector's report; "" if it is switched off or gives none."""
     if not run.settings.inspector or candidate.machine is None:
@@ -141,7 +153,13 @@ async def _critique(run: WorkflowContext, candidate: Candidate, blueprint: Bluep
         return ""
     found = outcome.output
     defects = [
-        {"blocks": list(d.blocks), "structure": d.structure, "text": d.text} for d in found.defects
+        {
+            "blocks": list(d.blocks),
+            "structure": d.structure,
+            "text": d.text,
+            "severity": d.severity,
+        }
+        for d in found.defects
     ]
     world = (found.orientation_score, found.orientation)
     run.note(InspectionEvent(place, candidate.machine.digest, *world, defects))
