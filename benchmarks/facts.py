@@ -89,11 +89,15 @@ class Stand:
         owners = [self.assembly.joints[i].block for i in loads.connections]
         return float(loads.utilisation()[owners.index(block)])
 
+    def turning(self, block: int) -> float:
+        """Spin of a block about the axis of block 1's joint."""
+        spin = self.world.state().angular_velocity[block]
+        return float(np.dot(spin, self.assembly.joints[0].axis))
+
     @property
     def spin(self) -> float:
-        """Of block 1 about its joint's axis."""
-        turning = self.world.state().angular_velocity[1]
-        return abs(float(np.dot(turning, self.assembly.joints[0].axis)))
+        """Speed with which block 1 turns."""
+        return abs(self.turning(1))
 
     @property
     def inertia(self) -> float:

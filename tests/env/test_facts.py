@@ -11,7 +11,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.machine import library
 from agentflow.prompts.render import facts
-from benchmarks.facts import MEASURED, stated
+from benchmarks.facts import MEASURED, Stand, stated
 
 LOOSE = {"bounce": 0.2, "thrust": 0.06}
 """Relative tolerance where single steps matter, or the weight of the car; 0.025 elsewhere."""
@@ -55,3 +55,21 @@ def test_the_documentation_shows_the_same_numbers() -> None:
     page = PAGE.read_text(encoding="utf-8")
     for path in MEASURED:
         assert f"| {'.'.join(map(str, path))} | {stated(path):g} |" in page
+
+
+@pytest.mark.parametrize("face", range(6))
+def test_wheels_turn_like_rotating_blocks_unless_they_face_to_the_left(face: int) -> None:
+    spins = [Stand([(kind, 0, face)]).run(0.05, motors=1).turning(1) for kind in (2, 22)]
+    left = face == 2
+    assert (spins[0] * spins[1] > 0) == (not left)
+
+
+@pytest.mark.parametrize("kind", [2, 13, 22, 28, 46])
+def test_joints_turn_about_their_building_points(kind: int) -> None:
+    stand = Stand([(kind, 0, 4)])
+    before = stand.world.state()
+    after = stand.run(0.3, motors=1, steering_hinges=1).world.state()
+    assert after.position[1] == pytest.approx(before.position[1], abs=1e-3)
+    assert abs(after.angular_velocity[1]).max() > 1.0
+    swings = abs(after.centre[1] - before.centre[1]).max() > 0.1
+    assert swings == (kind == 28)

@@ -50,5 +50,5 @@ def test_a_hurdle_stands_across_the_way() -> None:
     hurdle = task.scene().things[-1]
     assert (hurdle.name, hurdle.position, hurdle.size) == ("hurdle", (0, 3, 14), (30, 6, 0.8))
     assert task.brief.scene[-1] == (
-        "A wall 6 m high, 30 m wide and 0.8 m thick stands across z+ at z = 14 m."
+        "A wall 6 m high, 30 m wide and 0.8 m thick stands across z+ with its middle at z = 14 m."
     )

@@ -153,7 +153,7 @@ def test_the_prompt_tells_what_lies_on_the_road() -> None:
     text = " ".join(get_task("delivery/4").brief.scene)
     assert "a ball of diameter 3 m and mass 5 kg" in text
     assert "its centre at x = 0, y = 1.5, z = 15 m" in text
-    assert "A beam, 1 m thick, crosses the whole road at z = 8 m with 4 m of clearance" in text
+    assert "its middle at z = 8 m and its underside 4 m above the ground" in text
     assert "flat at z = 31.7 m and steepens to its edge at z = 38.3 m, 3.5 m high" in text
     assert (
         "A cone of diameter 12 m and height 1.5 m, tip upward, stands in the middle of the road "

@@ -58,7 +58,7 @@ def test_a_family_from_elsewhere_is_one_of_all_beside_a_broken_one(tmp_path: Pat
     points = "sweeping = broom.sweeping:Sweeping\nmopping = broom.nowhere:Mopping"
     shown = told(distribution(tmp_path, points), "sweeping/2", "mopping")
     assert shown.returncode == 20, shown.stderr
-    assert "walls at x = -12 m and x = 12 m, 2 m high" in shown.stdout
+    assert "walls with their inner sides at x = -11.5 m and x = 11.5 m, 2 m high" in shown.stdout
     assert shown.stderr.startswith(
         "agentflow: the task family 'mopping' (broom.nowhere:Mopping) of the distribution 'broom' "
         "cannot be loaded: ModuleNotFoundError: No module named 'broom.nowhere'"

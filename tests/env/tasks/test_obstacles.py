@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import atan2, degrees
 
 import numpy as np
 import pytest
@@ -41,9 +42,16 @@ def test_the_levels_place_them_by_the_table() -> None:
     assert [thing.position[2] for thing in bumps] == [15.0, 30.0]
     assert (
         "A quarter-pipe lies across the whole road: it starts flat at z = 15.7 m and steepens to "
-        "its edge at z = 22.3 m, 3.5 m high; behind the edge it drops to the ground."
+        "its edge at z = 22.3 m, 3.5 m high. Its profile is an arc of radius 8.0 m in 8 flat "
+        "pieces, the last 52 degrees steep. Behind the edge it drops to the ground."
         in get_task("movement/3").brief.scene
     )
     assert get_task("throwing/3").brief.scene[-1] == (
         "From t = 0 on a steady wind blows: 6 m/s towards z- and 3 m/s towards y- (downward)."
     )
+
+
+def test_the_profile_is_told_as_it_is_built() -> None:
+    *_, last = quarter_pipe("ramp", 19.0, 3.5, 6.6, 20.0)
+    x, _, _, w = last.rotation
+    assert degrees(2 * atan2(abs(x), w)) == pytest.approx(52.0, abs=0.5)

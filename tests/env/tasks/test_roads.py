@@ -115,8 +115,8 @@ def _within(x: float, z: float, wall: Thing) -> bool:
 def test_a_road_that_turns_tells_where() -> None:
     assert tuple(road_sentences(ROAD, CORNER))[1:] == (
         "At z = 40 m the road turns 90 degrees to the right (towards x+): its centre line follows "
-        "a circle of radius 15 m about x = 15 m, z = 40 m, to x = 15 m, z = 55 m; the walls stay "
-        "20 m apart.",
+        "a circle of radius 15 m about x = 15 m, z = 40 m, to x = 15 m, z = 55 m; the inner "
+        "sides of the walls stay 19 m apart, in flat pieces that turn by 6 degrees each.",
         "After 60 m straight ahead it turns 90 degrees to the left on a circle of the same radius, "
         "to x = 90 m, z = 70 m.",
         "From there it continues straight towards z+.",

@@ -17,7 +17,7 @@ from agentflow.env.scene import Gust, Scene
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.platforms import Platform
-from agentflow.env.tasks.features.rings import CLOSE, EACH, Ring, RingProgress, ring_things
+from agentflow.env.tasks.features.rings import CLOSE, EACH, THICK, Ring, RingProgress, ring_things
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
@@ -217,7 +217,8 @@ def _hoop_sentences(hoops: tuple[Ring, ...]) -> Iterator[str]:
         places = ", ".join("({:g}, {:g}, {:g})".format(*hoop.centre) for hoop in hoops)
         yield (
             f"Upright hoops ({len(hoops)} of them) of inner radius {hoops[0].radius:g} m stand "
-            f"across the path, with their centres at (x, y, z) = {places} m; their rims are solid."
+            f"across the path, with their centres at (x, y, z) = {places} m; their rims "
+            f"are solid, {THICK:g} m thick."
         )
 
 

@@ -177,7 +177,7 @@ def _bump_places(bumps: Bumps) -> list[float]:
 def _bump_sentences(bumps: Bumps) -> tuple[str, ...]:
     return tuple(
         f"A rounded bump lies across the whole road with its middle at z = {z:g} m: "
-        f"{bumps.height:g} m high, {bumps.length:g} m long."
+        f"{bumps.height:g} m high, {bumps.length:g} m long, the top of a circle."
         for z in _bump_places(bumps)
     )
 

@@ -16,7 +16,7 @@ from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sen
 from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_sentences, arena_things
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
 from agentflow.env.tasks.features.platforms import Platform
-from agentflow.env.tasks.features.rings import EACH, Ring, ring_things
+from agentflow.env.tasks.features.rings import EACH, THICK, Ring, ring_things
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.brief import Brief
@@ -234,7 +234,7 @@ def _ring_sentences(ring: Rings) -> tuple[str, ...]:
     places = [f"{ring.first + index * ring.spacing:g}" for index in range(ring.count)]
     return tuple(
         f"An upright ring of inner radius {ring.radius:g} m stands across z+ with its centre at "
-        f"x = 0, y = {ring.height:g}, z = {place} m."
+        f"x = 0, y = {ring.height:g}, z = {place} m; its rim is {THICK:g} m thick."
         for place in places
     )
 

@@ -48,10 +48,11 @@ def arena_things(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> tuple[Thing, ...
 def arena_sentences(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> Iterator[str]:
     """Describe walls, ramps and hurdle to designers."""
     if arena.height:
+        inner = arena.distance - arena.thickness / 2
         yield (
-            f"Walls stand around the machine at x = -{arena.distance:g}, x = {arena.distance:g}, "
-            f"z = -{arena.distance:g} and z = {arena.distance:g} m, {arena.height:g} m high and "
-            f"{arena.thickness:g} m thick."
+            f"Walls stand around the machine, {arena.height:g} m high and {arena.thickness:g} m "
+            f"thick, with their inner sides at x = -{inner:g}, x = {inner:g}, z = -{inner:g} and "
+            f"z = {inner:g} m."
         )
     if ramps.angle:
         top = ramps.length * sin(radians(ramps.angle))
@@ -63,7 +64,7 @@ def arena_sentences(arena: Arena, ramps: Ramps, hurdle: Hurdle) -> Iterator[str]
     if hurdle.height:
         yield (
             f"A wall {hurdle.height:g} m high, {hurdle.width:g} m wide and {arena.thickness:g} m "
-            f"thick stands across z+ at z = {hurdle.at:g} m."
+            f"thick stands across z+ with its middle at z = {hurdle.at:g} m."
         )
 
 

@@ -101,8 +101,8 @@ class Trench(Parameters):
         """Description for designers."""
         yield (
             f"A trench lies across the path from z = {self.near_side:g} m to z = "
-            f"{self.far_side:g} m: {self.length:g} m long, {self.depth:g} m deep, {WIDTH:g} m "
-            "wide; the far bank is as high as the near bank, on which the machine stands."
+            f"{self.far_side:g} m, {WIDTH:g} m wide; its floor is {self.depth:g} m below the "
+            "banks; the far bank is as high as the near bank, on which the machine stands."
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import asin, atan2, cos, hypot, pi, sin
+from math import asin, atan2, cos, degrees, hypot, pi, sin
 
 from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters
@@ -50,10 +50,13 @@ def ramp_sentences(ramp: Ramp) -> Iterator[str]:
     """Describe the quarter-pipe to designers."""
     if ramp.height:
         start, end = ramp.at - ramp.length / 2, ramp.at + ramp.length / 2
+        radius, steepest = _arc(ramp.height, ramp.length)
+        last = degrees(steepest * (1 - 0.5 / FACETS))
         yield (
             f"A quarter-pipe lies across the whole road: it starts flat at z = {start:g} m and "
-            f"steepens to its edge at z = {end:g} m, {ramp.height:g} m high; behind the "
-            "edge it drops to the ground."
+            f"steepens to its edge at z = {end:g} m, {ramp.height:g} m high. Its profile is an arc "
+            f"of radius {radius:.1f} m in {FACETS} flat pieces, the last {last:.0f} degrees steep. "
+            "Behind the edge it drops to the ground."
         )
 
 
@@ -68,8 +71,8 @@ def beam_sentences(beam: Beam) -> Iterator[str]:
     """Describe the beam to designers."""
     if beam.clearance:
         yield (
-            f"A beam, {beam.thickness:g} m thick, crosses the whole road at z = {beam.at:g} m with "
-            f"{beam.clearance:g} m of clearance below it."
+            f"A beam, {beam.thickness:g} m high and long, crosses the whole road with its middle "
+            f"at z = {beam.at:g} m and its underside {beam.clearance:g} m above the ground."
         )
 
 
@@ -79,6 +82,12 @@ def bump(name: str, z: float, height: float, length: float, width: float) -> Thi
     across = (0.0, 0.0, sin(pi / 4), cos(pi / 4))
     size = (2 * radius, width, 2 * radius)
     return Thing(name, "cylinder", size, (0.0, height - radius, z), across, color=WOOD)
+
+
+def _arc(height: float, length: float) -> tuple[float, float]:
+    """Radius (m) and steepest angle (rad) of an arc that starts flat and rises to a height, m."""
+    radius = (length**2 + height**2) / (2 * height)
+    return radius, asin(length / radius) if height <= radius else pi - asin(length / radius)
 
 
 def quarter_pipe(
@@ -93,8 +102,7 @@ def quarter_pipe(
         length: Length along z, m.
         width: Width along x, m.
     """
-    radius = (length**2 + height**2) / (2 * height)
-    steepest = asin(length / radius) if height <= radius else pi - asin(length / radius)
+    radius, steepest = _arc(height, length)
     bends = [steepest * index / FACETS for index in range(FACETS + 1)]
     edge = [(z - length / 2 + radius * sin(a), radius * (1 - cos(a))) for a in bends]
     for index in range(FACETS):

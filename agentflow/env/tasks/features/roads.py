@@ -202,11 +202,12 @@ def _wall_piece(
 
 def road_sentences(road: Road, curve: Curve) -> Iterator[str]:
     """Describe the road to designers."""
+    inner, back = road.inner_width / 2, road.back - road.wall_thickness / 2
     yield (
-        f"A road runs along z+ between walls at x = -{road.half_width:g} m and x = "
-        f"{road.half_width:g} m, {road.wall_height:g} m high and {road.length:g} m long, with "
-        f"friction {road.wall_friction:g}; a wall closes it behind the machine at z = "
-        f"-{road.back:g} m."
+        f"A road runs along z+ between walls with their inner sides at x = -{inner:g} m and x = "
+        f"{inner:g} m, {road.wall_height:g} m high and {road.length:g} m long, with friction "
+        f"{road.wall_friction:g}; a wall closes it behind the machine, its inner side at z = "
+        f"-{back:g} m."
     )
     if not curve.angle:
         return
@@ -216,8 +217,9 @@ def road_sentences(road: Road, curve: Curve) -> Iterator[str]:
     yield (
         f"At z = {curve.at:g} m the road turns {curve.angle:g} degrees to the right (towards x+): "
         f"its centre line follows a circle of radius {radius:g} m about x = {radius:g} m, z = "
-        f"{curve.at:g} m, to x = {rounded(x)} m, z = {rounded(z)} m; the walls stay "
-        f"{2 * road.half_width:g} m apart."
+        f"{curve.at:g} m, to x = {rounded(x)} m, z = {rounded(z)} m; the inner "
+        f"sides of the walls stay {road.inner_width:g} m apart, in flat pieces that turn by "
+        f"{degrees(FACET):g} degrees each."
     )
     x, z, heading = line[-1].end if not curve.back else line[-1].position_at(0.0)
     if curve.back:
