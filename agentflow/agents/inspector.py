@@ -13,6 +13,7 @@ from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.orientation import ID_LIST, orientation_score, read_orientation
 from agentflow.agents.replies import find_sections
 from agentflow.machine.brief import Brief
+from agentflow.machine.description.statics_text import statics_text
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from agentflow.prompts.text import oneline
@@ -79,6 +80,7 @@ class Inspector(Role[InspectorInput, Inspection]):
         return {
             **given.context(given.machine),
             "blueprint": given.blueprint and given.blueprint.to_json(),
+            "statics": statics_text(given.machine) if given.spatial else "",
             "structures": _structure_lines(given.groups),
         }
 

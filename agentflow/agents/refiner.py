@@ -12,6 +12,7 @@ from agentflow.agents.history import History
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.replies import find_sections, no_machine, read_reply, rejection
 from agentflow.machine.brief import Brief
+from agentflow.machine.description.statics_text import statics_text
 from agentflow.machine.edits.commands import read_command, script_lines
 from agentflow.machine.edits.script import StepVerdict, apply_script
 from agentflow.machine.edits.telling import Renumbering, matching_ids, renumbering
@@ -89,10 +90,13 @@ class Refiner(Role[RefinerInput, Refinement]):
         return "blind_refinement" if purpose == "blind" else cls.stage
 
     def variables(self, given: RefinerInput) -> Mapping[str, object]:
+        report = report_context(given.score, given.feedback)
+        blind = given.spatial and not report["report"]
         return {
             **given.context(given.machine),
-            **report_context(given.score, given.feedback),
+            **report,
             "blueprint": given.blueprint and given.blueprint.to_json(),
+            "statics": statics_text(given.machine) if blind else "",
             "critique": given.critique,
             "history": given.history.to_text(),
             "history_short": given.history.to_short_text(),

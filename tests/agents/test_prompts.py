@@ -104,11 +104,20 @@ HEADINGS = [
         "Your reply",
     ],
     ["Task", "Blocks", "Physics", "Current machine", "Your reply"],
-    ["Task", "Blocks", "Physics", "Current machine", "Your reply"],
-    ["Task", "Blocks", "Physics", "Blueprint", "Current machine", "Structures", "Your reply"],
+    ["Task", "Blocks", "Physics", "Current machine", "Statics", "Your reply"],
+    [
+        "Task",
+        "Blocks",
+        "Physics",
+        "Blueprint",
+        "Current machine",
+        "Statics",
+        "Structures",
+        "Your reply",
+    ],
     ["Task", "Blocks", "Current machine", "Simulation feedback", "Your reply"],
     ["Task", "Blocks", "Current machine", "Your reply"],
-    ["Task", "Blocks", "Physics", "Current machine", "Your reply"],
+    ["Task", "Blocks", "Physics", "Current machine", "Statics", "Your reply"],
     [
         "Task",
         "Blocks",
@@ -426,3 +435,14 @@ def test_prompts_are_not_long() -> None:
     ]
     for role, given in cases:
         assert sum(map(token_estimate, _render(role, given))) < 6000, role.name
+
+
+def test_statics_are_told_before_the_first_simulation() -> None:
+    blind = RefinerInput(THROWING, THROWER, critique="It tips.")
+    for role, given in ((Refiner(), blind), (Inspector(), InspectorInput(THROWING, THROWER))):
+        _, user = _render(role, given)
+        assert "## Statics\n" in user
+        assert "\nCentre of mass (" in user
+        assert "## Statics" not in _render(role, replace(given, spatial=False))[1]
+    simulated = replace(blind, score=1.0, feedback="Score: 1.00")
+    assert "## Statics" not in _render(Refiner(), simulated)[1]
