@@ -9,7 +9,6 @@ itself counts the frames.
 from __future__ import annotations
 
 import argparse
-import asyncio
 import json
 import random
 import sys
@@ -24,22 +23,15 @@ from selenium.webdriver.support.ui import WebDriverWait
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from agentflow.app.design.run import design
-from agentflow.app.pages.films import Shapes
-from agentflow.app.pages.runs import (
-    FINE,
-    ReportedMachine,
-    film_machines,
-    report,
-    task_summary,
-    write_page,
-)
+from agentflow.app.pages.runs import FINE, report
 from agentflow.config.run import build_config
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.edits.random import random_machine
-from agentflow.report.page import page
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
 from tests.report.browser import chromium
+from tests.report.one_film import one_film
 
 BLOCKS = 60
 SECONDS = 4.0
@@ -108,24 +100,8 @@ def large_machine(folder: Path) -> Path:
     """Write a page with one large random machine."""
     task, chance = get_task("movement", {"blocks.max": 0}), random.Random(4)
     machine = random_machine(chance, task.brief, size=(BLOCKS, BLOCKS))
-    shapes = Shapes()
-    shown = {"0": ReportedMachine(machine, task, 0, None, FINE)}
-    machines = asyncio.run(film_machines(shown, shapes, 1, lambda *_: None))
-    card = {"machine": "0", "task": "movement", "about": "", "run": "", "why": ""}
-    card |= {
-        "asked": task_summary(build_config({"task": "movement"})),
-        "score": None,
-        "picture": None,
-    }
-    data = {
-        "kind": "gallery",
-        "title": "Large",
-        "shapes": shapes.rows,
-        "machines": machines,
-        "cards": [card],
-    }
     file = folder / "large.html"
-    write_page(file, page("large", data))
+    file.write_text(one_film(machine, task, simulate(machine, task, interval=FINE)), "utf-8")
     return file
 
 

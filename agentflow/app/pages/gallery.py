@@ -31,7 +31,7 @@ Run = tuple[dict[str, Any], ReportedMachine | None]
 
 
 def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Progress) -> Path:
-    """Write one page with the best machine of each run, by task, best first.
+    """Write one page with the best machine of each run, by task, best verified score first.
 
     Args:
         folders: Run directories, or folders that contain some; unfinished runs are skipped.
@@ -67,12 +67,14 @@ def _finished_runs(folder: Path) -> list[Path]:
 
 
 def _sort_by_task(runs: Sequence[Run]) -> list[Run]:
-    """Runs grouped by task in order of first appearance, best first."""
+    """Runs grouped by task in order of first appearance; the best verified score first, or score
+    where there is no verified one."""
     tasks = list(dict.fromkeys(card["task"] for card, _ in runs))
 
     def order(run: Run) -> tuple[int, float]:
-        task, score = run[0]["task"], run[0]["score"]
-        return tasks.index(task), -(float("-inf") if score is None else score)
+        card, _ = run
+        score = card["score"] if card["verified"] is None else card["verified"]
+        return tasks.index(card["task"]), -(float("-inf") if score is None else score)
 
     return sorted(runs, key=order)
 

@@ -21,9 +21,13 @@ DARK = (30, 36, 30)
 SHADE = 90
 """Opacity of a shadow, of 255."""
 LINES = 25
-"""Lines on either side of z = 0."""
+"""Lines on either side of the camera's target."""
+COARSER = (1, 2, 4, 10, 20)
+"""Factors by which the lines may be farther apart."""
+REACH = 0.6
+"""How far the lines must reach to either side, in distances between eye and target."""
 SIDE_REACH, PIECES = 60.0, 49
-"""Half length of a line along x (m), and its number of points."""
+"""Least half length of a line along x (m), and its number of points."""
 LABEL_X = 3.5
 """x of the labels, m."""
 _TURNS = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
@@ -32,7 +36,7 @@ CIRCLE = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1) / 2
 
 
 def backdrop(camera: Camera, solids: Sequence[Thing], spacing: float) -> Image.Image:
-    """Draw the ground (RGBA) with lines every `spacing` metres along z."""
+    """Draw the ground (RGBA) with lines every `spacing` metres along z, fewer from far away."""
     size = (camera.width, camera.height)
     picture = Image.new("RGBA", size, LAND)
     pen = ImageDraw.Draw(picture)
@@ -49,8 +53,12 @@ def backdrop(camera: Camera, solids: Sequence[Thing], spacing: float) -> Image.I
 
 def _lines(pen: ImageDraw.ImageDraw, camera: Camera, spacing: float) -> None:
     width = max(1, camera.height // 300)
-    zs: Array = spacing * np.arange(-LINES, LINES + 1, dtype=np.float64)
-    xs = np.linspace(-SIDE_REACH, SIDE_REACH, PIECES)
+    reach = REACH * float(np.linalg.norm(np.subtract(camera.eye, camera.target)))
+    step = spacing * next((n for n in COARSER if LINES * spacing * n >= reach), COARSER[-1])
+    middle = round(camera.target[2] / step)
+    zs: Array = step * np.arange(middle - LINES, middle + LINES + 1, dtype=np.float64)
+    side = max(SIDE_REACH, reach)
+    xs = np.linspace(-side, side, PIECES)
     points = np.stack([np.tile(xs, len(zs)), np.zeros(len(zs) * PIECES), np.repeat(zs, PIECES)], 1)
     for line in project(points, camera).reshape(len(zs), PIECES, 2):
         seen = line[_in_range(line, camera)]
@@ -71,14 +79,14 @@ def _distances(pen: ImageDraw.ImageDraw, camera: Camera, zs: Array) -> None:
         key=lambda item: (item[0] % 50 != 0, item[0] % 10 != 0, item[0]),
     ):
         words = f"{z:g} m"
-        left, top, right, bottom = pen.textbbox(place, words, font=font, anchor="lb")
+        left, top, right, bottom = pen.textbbox(place, words, font=font, anchor="lt")
         gap = (bottom - top) / 2
         if all(
             right + gap < other[0] or other[2] + gap < left or bottom < other[1] or other[3] < top
             for other in taken
         ):
             taken.append((left, top, right, bottom))
-            pen.text(place, words, fill=INK, font=font, anchor="lb")
+            pen.text(place, words, fill=INK, font=font, anchor="lt")
 
 
 def _in_range(places: Array, camera: Camera) -> NDArray[np.bool_]:

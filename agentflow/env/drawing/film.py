@@ -73,6 +73,9 @@ def _frames(
         others = _remove_occluders(_things_at(rollout.scene, trace, index), camera)
         picture = render_image(camera, solids, others, GRID)
         _draw_trail(picture, camera, trace.centre[:index, tracked])
+        if tracked:
+            width = machine_solids.solids[tracked][0].size[0]
+            _draw_speck(picture, camera, trace.centre[index, tracked], width)
         caption(picture, f"{task.name}   {time:4.1f} s   score {rollout.score or 0.0:.1f}")
         yield picture
 
@@ -104,7 +107,8 @@ def _things_at(scene: Scene, trace: Trace, index: int) -> list[Thing]:
 
 
 def _remove_occluders(things: Sequence[Thing], camera: Camera) -> list[Thing]:
-    """Leave out tall objects between the eye and its target (or the ground below it)."""
+    """Leave out tall objects between the eye and its target (or the ground below it); objects on
+    which the target stands stay."""
     eye = np.asarray(camera.eye)
     way = np.array([camera.target[0], 0.0, camera.target[2]]) - eye
     kept = []
@@ -114,7 +118,7 @@ def _remove_occluders(things: Sequence[Thing], camera: Camera) -> list[Thing]:
         bounds = np.sort(np.stack([middle - half - eye, middle + half - eye]) / way, axis=0)
         enters, leaves = float(bounds[0].max()), float(bounds[1].min())
         low = thing.size[1] <= TALL or thing.rotation != IDENTITY
-        if low or enters > leaves or not 0.0 < enters < 1.0:
+        if low or enters > leaves or enters < 0.0 or leaves > 1.0:
             kept.append(thing)
     return kept
 
@@ -145,3 +149,12 @@ def _draw_trail(picture: Image.Image, camera: Camera, trail: Array) -> None:
     for x, y in project(trail, camera):
         if np.isfinite(x):
             pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=TRAIL)
+
+
+def _draw_speck(picture: Image.Image, camera: Camera, place: Array, width: float) -> None:
+    """Draw a dot over a body that is `width` metres wide, if it would look smaller than the dot."""
+    radius = picture.height / 120
+    if camera.focal_length * width < 2 * radius * float(np.linalg.norm(place - camera.eye)):
+        x, y = project(place[None], camera)[0]
+        box = (x - radius, y - radius, x + radius, y + radius)
+        ImageDraw.Draw(picture).ellipse(box, fill=TRAIL)

@@ -34,6 +34,8 @@ NEAR = 0.1
 """Near clipping distance, m."""
 OUTLINE, STEP = 0.6, 0.1
 """Brightness of outlines, and the depth step within a block that gets one (m)."""
+OUTLINED = 8
+"""Pixels per metre below which solids have no outlines, which would hide their colours."""
 BAND = 64
 """Rows drawn at a time, so that they fit into the processor's cache."""
 TINY = 1e-9
@@ -67,7 +69,7 @@ def draw(camera: Camera, things: Sequence[Thing], ground: Image.Image) -> Image.
             _add(depth, ink, camera, thing, number * LEVELS)
     pixels = _apply_colours(ink, things, ground)
     owners = np.array([0, *(names[thing.name] for thing in things)])
-    lines = _lines(ink // LEVELS, depth, owners)
+    lines = _lines(ink // LEVELS, depth, owners) & (depth < camera.focal_length / OUTLINED)
     pixels[lines] = (pixels[lines] * (OUTLINE, OUTLINE, OUTLINE, 1.0)).astype(np.uint8)
     return Image.fromarray(pixels)
 

@@ -7,7 +7,7 @@ const SIDE = new THREE.Vector3(-0.86, 0.36, -0.42).normalize(); // from the righ
 const ABOVE = new THREE.Vector3(-0.5, 0.85, -0.25).normalize(); // for flat machines
 const FLAT = 0.2; // ratio of height to width below which a machine is flat
 const EVERY = 0.1; // seconds between the points of the path
-const SMOOTHING = 8; // number of points on either side to average
+const SMOOTHING = 4; // number of points on either side to average
 const NEAR = 12; // blocks within so many metres of the root stay in the picture
 const FAR = 30; // the same for bodies with a trace
 const WIDEST = 40; // largest objects that the wide view includes, metres
@@ -21,7 +21,7 @@ export class Eye {
     this.controls = new OrbitControls(this.camera, element);
     this.controls.maxPolarAngle = 0.497 * Math.PI;
     this.controls.minDistance = 2;
-    this.controls.maxDistance = 400;
+    this.controls.maxDistance = 2000;
     this.following = true;
     this.controls.addEventListener("change", () => {
       if (this.moving) return;

@@ -1,35 +1,31 @@
-// Materials: outlined surfaces, shadows, ground, traces and distance labels.
+// Materials: outlined surfaces, shadows, ground and traces. Only the ground fades into the sky.
 // The shaders are simple and have one light, so they are fast even without a GPU.
 
 import * as THREE from "three";
 
 const SUN = "const vec3 sun = normalize(vec3(-5.0, 12.0, -6.0));";
-const FAR = "float far = smoothstep(60.0, 220.0, distance(place, cameraPosition));";
 
 export const surface = new THREE.ShaderMaterial({
-  uniforms: { sky: { value: new THREE.Color() } },
   vertexShader: `
     attribute float edged;
-    varying vec3 normal_, tint, place; varying vec2 face; varying float edges;
+    varying vec3 normal_, tint; varying vec2 face; varying float edges;
     void main() {
       mat4 m = modelMatrix * instanceMatrix;
       vec3 s = vec3(dot(m[0].xyz, m[0].xyz), dot(m[1].xyz, m[1].xyz), dot(m[2].xyz, m[2].xyz));
       normal_ = mat3(m) * (normal / max(s, 1e-9));
       tint = instanceColor; face = uv; edges = edged;
-      vec4 world = m * vec4(position, 1.0);
-      place = world.xyz;
-      gl_Position = projectionMatrix * viewMatrix * world;
+      gl_Position = projectionMatrix * viewMatrix * m * vec4(position, 1.0);
     }`,
   fragmentShader: `
-    uniform vec3 sky;
-    varying vec3 normal_, tint, place; varying vec2 face; varying float edges;
+    varying vec3 normal_, tint; varying vec2 face; varying float edges;
     ${SUN}
     void main() {
       float light = 0.7 + 0.34 * dot(normalize(normal_), sun);
-      vec2 border = min(face, 1.0 - face) / max(fwidth(face), 1e-6);
+      vec2 pixel = max(fwidth(face), 1e-6);
+      vec2 border = min(face, 1.0 - face) / pixel;
       float line = edges * (1.0 - smoothstep(0.6, 1.6, min(border.x, border.y)));
-      ${FAR}
-      gl_FragColor = vec4(mix(tint * light * (1.0 - 0.35 * line), sky, far), 1.0);
+      line *= clamp(1.2 - 3.0 * max(pixel.x, pixel.y), 0.0, 1.0); // small faces keep their colour
+      gl_FragColor = vec4(tint * light * (1.0 - 0.35 * line), 1.0);
     }`,
 });
 
@@ -57,10 +53,11 @@ export const shadows = new THREE.ShaderMaterial({
   stencilZPass: THREE.ReplaceStencilOp,
 });
 
-/** The ground, with lines every metre nearby and every five metres farther away. */
+/** The ground, with lines every 1, 5 and 50 metres, as far as they are a few pixels apart. It is clear
+ *  up to `clear` metres from the eye and fades into the sky beyond. */
 export function ground() {
   const material = new THREE.ShaderMaterial({
-    uniforms: { sky: { value: null }, land: { value: null }, line: { value: null } },
+    uniforms: { sky: { value: null }, land: { value: null }, line: { value: null }, clear: { value: 0 } },
     vertexShader: `
       varying vec3 place;
       void main() {
@@ -68,17 +65,19 @@ export function ground() {
         gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
       }`,
     fragmentShader: `
-      uniform vec3 sky, land, line; varying vec3 place;
-      const vec4 every = vec4(1.0, 1.0, 5.0, 5.0);
+      uniform vec3 sky, land, line; uniform float clear; varying vec3 place;
+      float lines(float every) {
+        vec2 pixel = fwidth(place.xz) / every;
+        vec2 off = 0.5 - abs(fract(place.xz / every) - 0.5);
+        vec2 ink = clamp(1.0 - off / pixel, 0.0, 1.0) * clamp(1.25 - 6.0 * pixel, 0.0, 1.0);
+        return max(ink.x, ink.y);
+      }
       void main() {
-        vec4 pixel = fwidth(place.xz).xyxy / every;
-        vec4 off = 0.5 - abs(fract(place.xzxz / every) - 0.5);
-        vec4 ink = clamp(1.0 - off / pixel, 0.0, 1.0) * clamp(1.25 - 2.5 * pixel, 0.0, 1.0);
-        vec3 way = place - cameraPosition;
-        float far = clamp(dot(way, way) / 40000.0 - 0.1, 0.0, 1.0);
-        float line_ = max(0.35 * max(ink.x, ink.y), max(ink.z, ink.w));
-        gl_FragColor = vec4(mix(mix(land, line, line_), sky, far), 1.0);
+        float far = smoothstep(1.0, 3.5, distance(place, cameraPosition) / clear);
+        float ink = max(0.35 * lines(1.0), max(lines(5.0), lines(50.0)));
+        gl_FragColor = vec4(mix(mix(land, line, ink), sky, far), 1.0);
       }`,
+    depthWrite: false, // labels hang below their places on the ground
   });
   const plane = new THREE.Mesh(new THREE.PlaneGeometry(1600, 1600).rotateX(-Math.PI / 2), material);
   plane.renderOrder = 1; // drawn after the solids, which hide much of it
@@ -88,7 +87,8 @@ export function ground() {
 const DOTS = 1 / 60; // seconds between the dots of a trace
 const STILL = 0.1; // a body that stays within so many metres does not move
 
-/** Dots along the path of a body; `until` shows them up to a time. */
+/** Dots along the path of a body; `until` shows them up to a time, and a larger dot where the body
+ *  is, so that it is seen from afar; from nearby, the body hides this dot. */
 export function pathDots(film, body, index) {
   const count = Math.min(Math.ceil(film.duration / DOTS), 6000) + 1;
   const places = new Float32Array(3 * count);
@@ -102,7 +102,13 @@ export function pathDots(film, body, index) {
   const dots = new THREE.Points(geometry, TRACES[index]);
   dots.frustumCulled = false;
   dots.moved = geometry.boundingSphere.radius > STILL;
-  dots.until = (time) => geometry.setDrawRange(0, Math.min(Math.floor(time / DOTS) + 1, count));
+  const head = new THREE.Points(new THREE.BufferGeometry().setFromPoints([new THREE.Vector3()]), HEADS[index]);
+  head.frustumCulled = false;
+  if (index) dots.add(head); // the root block is in the middle of the machine
+  dots.until = (time) => {
+    geometry.setDrawRange(0, Math.min(Math.floor(time / DOTS) + 1, count));
+    head.position.fromArray(film.position, 3 * body);
+  };
   return dots;
 }
 
@@ -110,44 +116,18 @@ export function pathDots(film, body, index) {
 export const traceColor = (index) => COLORS[index];
 
 const COLORS = [[0.2, 0.45, 0.7], [0.8, 0.2, 0.13], [0.85, 0.55, 0.05], [0.5, 0.3, 0.65]];
-const TRACES = COLORS.map(
-  (color, index) =>
-    new THREE.ShaderMaterial({
-      vertexShader: `void main() {
-        gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
-        gl_PointSize = ${index ? "4.0" : "3.0"};
-      }`,
-      fragmentShader: `void main() {
-        if (length(gl_PointCoord - 0.5) > 0.5) discard;
-        gl_FragColor = vec4(${color.join(", ")}, 1.0);
-      }`,
-    }),
-);
+const [TRACES, HEADS] = [4, 8].map((size) => COLORS.map((color) => dot(color, size)));
 
-/** Labels of distances along z+, every 5, 10 or 20 metres, as far as the body gets. */
-export function distanceLabels(film, body) {
-  let reach = 10;
-  for (let time = 0; time <= film.duration; time += 0.1) {
-    film.sample(time);
-    reach = Math.max(reach, film.position[3 * body + 2]);
-  }
-  const every = reach > 60 ? 20 : reach > 30 ? 10 : 5;
-  const group = new THREE.Group();
-  for (let z = every; z <= Math.min(reach + every, 400); z += every) group.add(label(`${z} m`, z));
-  return group;
-}
-
-function label(text, z) {
-  const canvas = document.createElement("canvas");
-  [canvas.width, canvas.height] = [128, 48];
-  const pen = canvas.getContext("2d");
-  pen.font = "30px system-ui, sans-serif";
-  pen.textAlign = "center";
-  pen.fillStyle = "#87908c";
-  pen.fillText(text, 64, 34);
-  const map = new THREE.CanvasTexture(canvas);
-  const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthWrite: false }));
-  sprite.scale.set(2.4, 0.9, 1);
-  sprite.position.set(-4, 0.3, z);
-  return sprite;
+/** Round dots, with a diameter in pixels. */
+function dot(color, size) {
+  return new THREE.ShaderMaterial({
+    vertexShader: `void main() {
+      gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+      gl_PointSize = ${size.toFixed(1)};
+    }`,
+    fragmentShader: `void main() {
+      if (length(gl_PointCoord - 0.5) > 0.5) discard;
+      gl_FragColor = vec4(${color.join(", ")}, 1.0);
+    }`,
+  });
 }

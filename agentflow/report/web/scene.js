@@ -2,7 +2,8 @@
 // player.js keeps the time and sets the poses.
 
 import * as THREE from "three";
-import { ground, distanceLabels, pathDots, shadows, surface } from "./materials.js";
+import { DistanceLabels, dressLabels } from "./labels.js";
+import { ground, pathDots, shadows, surface } from "./materials.js";
 
 const GEOMETRIES = {
   box: new THREE.BoxGeometry(1, 1, 1),
@@ -11,6 +12,7 @@ const GEOMETRIES = {
   cone: new THREE.ConeGeometry(0.5, 1, 28),
 };
 const TALL = 2; // height from which fixed objects can hide the machine, metres
+const CLEAR = 60; // least distance up to which the ground is clear, metres
 const ROD = 0.18; // diameter of two-ended blocks, metres
 const BROKEN = [0.85, 0.1, 0.1];
 const HIDDEN = new THREE.Matrix4().makeScale(0, 0, 0);
@@ -32,10 +34,11 @@ export class Picture {
   dress(style) {
     const color = (name) => new THREE.Color().setStyle(style.getPropertyValue(name).trim(), THREE.LinearSRGBColorSpace);
     this.renderer.setClearColor(new THREE.Color().setStyle(style.getPropertyValue("--sky").trim()), 1);
-    this.ground.material.uniforms.sky.value = surface.uniforms.sky.value = color("--sky");
+    this.ground.material.uniforms.sky.value = color("--sky");
     this.ground.material.uniforms.land.value = color("--land");
     this.ground.material.uniforms.line.value = color("--line");
     shadows.uniforms.shade.value = color("--shade");
+    dressLabels(style.getPropertyValue("--quiet").trim());
   }
 
   /** Show another machine; `machine` and `shapes` are from the report's data. */
@@ -50,7 +53,8 @@ export class Picture {
     this.groups = makeGroups(this.parts, this.rods.length);
     for (const group of this.groups) this.stage.add(group.mesh, group.shadow);
     this.traces = machine.traces.map(({ body }, index) => pathDots(film, body, index));
-    this.stage.add(...this.traces, distanceLabels(film, machine.hero));
+    this.labels = new DistanceLabels(film, machine.hero);
+    this.stage.add(...this.traces, this.labels.group);
   }
 
   /** Set all poses for a time, mark broken blocks, and hide walls in front of the target. */
@@ -69,9 +73,22 @@ export class Picture {
     }
     for (const group of this.groups) group.flush();
     for (const trace of this.traces) trace.until(time);
+    this.widen(this.camera.position.distanceTo(target));
+  }
+
+  /** Keep the ground clear, and depths exact, around a target at a distance. */
+  widen(distance) {
+    this.ground.material.uniforms.clear.value = Math.max(CLEAR, 1.6 * distance);
+    this.ground.scale.setScalar(Math.max(1, distance / 100));
+    this.camera.near = Math.max(0.1, distance / 100);
+    this.camera.far = Math.max(2000, 20 * distance);
+    this.camera.updateProjectionMatrix();
   }
 
   draw() {
+    this.camera.updateMatrixWorld();
+    const { x, y } = this.renderer.getSize(new THREE.Vector2());
+    this.labels.arrange(this.camera, x, y);
     this.renderer.render(this.scene, this.camera);
   }
 
@@ -135,7 +152,7 @@ function hasGpu() {
 const ONE = new THREE.Vector3(1, 1, 1);
 const THING_BODY = 14;
 
-/** Whether a wall, taken as infinitely high, stands between the eye and the target. */
+/** Whether a wall, taken as infinitely high, stands between the eye and the target (not under it). */
 function hides({ wall }, eye, target) {
   if (!wall) return false;
   const from = eye.clone().applyMatrix4(wall);
@@ -146,7 +163,7 @@ function hides({ wall }, eye, target) {
     enters = Math.max(enters, Math.min(...sides));
     leaves = Math.min(leaves, Math.max(...sides));
   }
-  return enters < leaves;
+  return enters < leaves && leaves < 1;
 }
 
 /** A solid from its row: kind, size, position, rotation, colour (and the body of an object). */

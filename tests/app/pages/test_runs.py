@@ -244,6 +244,9 @@ def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
     shutil.copytree(RECORDED, tmp_path / "runs" / "b")
     result = json.loads((RECORDED / "result.json").read_text()) | {"verified": VERIFIED}
     (tmp_path / "runs" / "b" / "result.json").write_text(json.dumps(result))
+    shutil.copytree(RECORDED, tmp_path / "runs" / "c")
+    fragile = {**result, "score": 99.0, "verified": {**VERIFIED, "score": 1.0}}
+    (tmp_path / "runs" / "c" / "result.json").write_text(json.dumps(fragile))
     none = {**result, "valid": False, "machine": None, "score": None, "reason": "all overlapped"}
     none["verified"] = None
     (tmp_path / "runs" / "a" / "result.json").write_text(json.dumps(none))
@@ -254,6 +257,7 @@ def test_a_gallery_of_folders_of_runs(tmp_path: Path) -> None:
     keys = ("run", "task", "score", "verified", "why")
     assert [tuple(card[key] for key in keys) for card in data["cards"]] == [
         ("b", "throwing", score, 11.0, ""),
+        ("c", "throwing", 99.0, 1.0, ""),
         ("a", "throwing", None, None, "all overlapped"),
     ]
     assert data["cards"][0]["asked"]["title"] == "walled arena"

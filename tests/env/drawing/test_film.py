@@ -21,6 +21,7 @@ from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from tests.env.drawing.mp4boxes import boxes_of
+from tests.env.far_throw import far_throw
 from tests.env.machines import CAR
 
 SIZE = (120, 90)
@@ -123,3 +124,19 @@ def test_the_camera_follows_smoothly() -> None:
     assert len(cameras) == 6
     assert max(moves) < 1.5
     assert targets[-1, 2] > targets[0, 2]
+
+
+@pytest.mark.slow
+def test_a_far_throw_shows_machine_walls_and_boulder_in_every_frame() -> None:
+    machine, task, rollout = far_throw()
+    assert rollout.trace is not None
+    every = [0, 20, 40, 60, 90, 120, 150]
+    frames = list(film._frames(machine, task, rollout, rollout.trace, (320, 240)))
+    rightmost = []
+    for index in every:
+        pixels = np.asarray(frames[index]).astype(np.int64)
+        red, green, blue = pixels[:, :, 0], pixels[:, :, 1], pixels[:, :, 2]
+        assert ((red - green > 20) & (green - blue > 20)).sum() > 80  # wood
+        columns = np.flatnonzero(((red > 150) & (green < 90) & (blue < 80)).any(axis=0))
+        rightmost.append(int(columns.max()) if len(columns) else 0)
+    assert min(rightmost[2:]) > 200, rightmost
