@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import exp, isfinite
+from math import exp, isfinite, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +68,8 @@ class Loads:
         arrays would take longer than the sums."""
         self.near: Mapping[int, float] = {}
         """The joints that nearly broke in the last step, and their load over strength."""
+        self.peak = 0.0
+        """Greatest component of a load over strength in the last step."""
         self.finite = True
         """Whether the last step's loads were finite; otherwise the simulation diverged."""
         self._broken = np.zeros(len(joints), dtype=bool)
@@ -131,9 +133,10 @@ class Loads:
         np.multiply(before, keep, spare)
         np.add(level, spare, level)
         np.multiply(level, level, spare)
-        peak = spare.max(initial=0.0)
-        self.finite, self.near = isfinite(peak), {}
-        if peak <= SAFE or not self.finite:
+        square = spare.max(initial=0.0)
+        self.peak = sqrt(square)
+        self.finite, self.near = isfinite(square), {}
+        if square <= SAFE or not self.finite:
             return {}
         share = np.sqrt(self._squares().max(axis=1))
         most = np.maximum.reduce(share)

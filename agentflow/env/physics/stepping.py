@@ -9,17 +9,20 @@ class Stepping:
     """Decides how the steps of one world are divided.
 
     Fine steps have a rate of their own: the higher the rate of the undivided steps, the less is
-    left to divide. Changing the length of steps disturbs what rests on contacts, so it is changed
-    rarely, and never by what the machine does.
+    left to divide. They last longer after a switch that loads a connection heavily: what a throw
+    breaks depends on the step. Changing the length of steps disturbs what rests on contacts, so
+    steps that have become coarse stay so until the next switch, whatever the machine does.
     """
 
     def __init__(self, physics: Constants, rate: float) -> None:
         self._fine = 1
         while self._fine * rate < physics["fine_rate"]:
             self._fine *= 2
-        self._hold = round(physics["fine_time"] * rate)
-        self._left = 0
-        """How many of the next steps are fine."""
+        self._short = round(physics["fine_time"] * rate)
+        self._long = round(physics["fine_time_loaded"] * rate)
+        self._heavy = physics["fine_load"]
+        self._since = self._end = 0
+        """Steps since the last switch, and how many of them are fine."""
 
     @property
     def settling(self) -> int:
@@ -28,11 +31,17 @@ class Stepping:
 
     def switch(self) -> None:
         """Take fine steps for some time, as something was switched."""
-        self._left = self._hold
+        self._since, self._end = 0, self._short
 
-    def advance(self) -> int:
-        """Divisions of the next step after settling."""
-        if not self._left:
+    def advance(self, load: float) -> int:
+        """Divisions of the next step after settling.
+
+        Args:
+            load: The greatest load over strength of a connection at the moment.
+        """
+        if self._since >= self._end:
             return 1
-        self._left -= 1
+        if load >= self._heavy:
+            self._end = self._long
+        self._since += 1
         return self._fine

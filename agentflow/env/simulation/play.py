@@ -183,7 +183,7 @@ class Play:
     def _step(self) -> Status:
         """Take one step, which may be divided into finer ones."""
         stepping = self._stepping
-        divisions = stepping.advance() if self._start_step else stepping.settling
+        divisions = stepping.advance(self._loads.peak) if self._start_step else stepping.settling
         for part in range(1, divisions + 1):
             self._time = self._steps + part / divisions
             status = self._advance(divisions)
