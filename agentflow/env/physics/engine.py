@@ -59,8 +59,8 @@ class World(Protocol):
         the simulation diverged.
 
         Args:
-            thorough: Check every part; otherwise the engine may check only one part of each piece
-                of the machine, and all things.
+            thorough: Check every part; otherwise the engine may check only some, and give less
+                than the greatest speeds.
         """
 
     def switch(self, entry: str, level: float) -> None:

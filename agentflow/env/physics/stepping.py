@@ -15,19 +15,14 @@ class Stepping:
     """
 
     def __init__(self, physics: Constants, rate: float) -> None:
-        self._fine = 1
-        while self._fine * rate < physics["fine_rate"]:
-            self._fine *= 2
+        self._fine = _divide(rate, physics["fine_rate"])
+        self.settling = _divide(rate, physics["settle_rate"])
+        """Divisions of a step with power off."""
         self._short = round(physics["fine_time"] * rate)
         self._long = round(physics["fine_time_loaded"] * rate)
         self._heavy = physics["fine_load"]
         self._since = self._end = 0
         """Steps since the last switch, and how many of them are fine."""
-
-    @property
-    def settling(self) -> int:
-        """Divisions of a step with power off."""
-        return self._fine
 
     def switch(self) -> None:
         """Take fine steps for some time, as something was switched."""
@@ -45,3 +40,11 @@ class Stepping:
             self._end = self._long
         self._since += 1
         return self._fine
+
+
+def _divide(rate: float, fine: float) -> int:
+    """The least power of 2 that multiplies a rate to `fine` or more."""
+    divisions = 1
+    while divisions * rate < fine:
+        divisions *= 2
+    return divisions

@@ -58,3 +58,25 @@ def test_each_adds_its_speed_at_every_rate(calm: Engine, count: int, rate: float
         free = ROTATING.torque / moment * step / rate
         spin = world.state().angular_velocity[count, 0]
         assert spin == pytest.approx(min(free, count * ROTATING.speed), rel=0.03)
+
+
+def test_a_motor_does_not_creep_before_a_device_is_switched_on(engine: Engine) -> None:
+    world = engine.build(stack(1, 460.0 / (G * REACH)), Scene(), 120.0)
+    for _ in range(240):
+        world.step()
+    sunk = HEIGHT - (world.centre(1)[1] - world.centre(0)[1] + 0.25)
+    assert sunk == pytest.approx(0.0, abs=5e-5)
+
+
+@COUNTS
+def test_motors_that_are_switched_off_brake_and_do_not_turn_back(calm: Engine, count: int) -> None:
+    world = calm.build(stack(count, 5.0), Scene(), 120.0)
+    spins = []
+    for level in (1.0, 0.0):
+        world.switch("motors", level)
+        for _ in range(60):
+            world.step()
+            spins.append(float(world.state().angular_velocity[count, 0]))
+    assert max(spins) == pytest.approx(count * ROTATING.speed, rel=0.03)
+    assert min(spins) > -0.05
+    assert spins[-1] == pytest.approx(0.0, abs=0.05)

@@ -14,12 +14,19 @@ from agentflow.env.physics.structure.drives import JointDrive, merge_drives
 from agentflow.env.physics.structure.spanning_tree import Link, Skeleton
 from agentflow.machine.geometry.vectors import IDENTITY, dot
 
-SERIES_ITERATIONS = 50
-"""Passes over motors and constraints in each of Bullet's iterations, per motor in series, where one
-is too few. With `solver_iterations` of 20, four rotating blocks in a row hold 460 N m and sink by
-0.1 degrees in a second; with one pass the arm of two falls."""
+SERIES_ITERATIONS = 6
+"""Passes over motors and constraints in each of Bullet's iterations, where one is too few: this
+times the square of the number of motors in series, as each passes torque on to the next. With
+`solver_iterations` of 20, two to four rotating blocks in a row hold 460 N m and sink by 0.2 degrees
+under it; with one pass the arm of two sinks by several degrees."""
 LOOP_ITERATIONS = 5
 """The same in machines with loops: more would add up forces that a loop leaves undetermined."""
+
+HOLD = 6.0
+"""1/s: how fast motors that hold an angle come back to it. Those that only aimed at speed 0 would
+creep under load, as the solver leaves a little speed in every step."""
+STILL = 0.05
+"""rad/s; a motor that is switched off while it turns faster brakes, and does not come back."""
 
 OBLIQUE = 0.5
 """Cosine of the angle between two axes below which their motors hardly act on each other."""
@@ -37,9 +44,22 @@ class Motors:
         levels: Mapping[str, float],
         built: Sequence[Built],
         joints: Sequence[Joint],
+        step: float,
+        series: bool,
     ) -> None:
-        """Set every motor; `levels` of schedule entries are read whenever motors are set."""
-        self._client, self._levels = client, levels
+        """Set every motor.
+
+        Args:
+            client: PyBullet's.
+            levels: Of schedule entries; read whenever motors are set.
+            built: The bodies.
+            joints: All joints of the assembly.
+            step: See `step`.
+            series: Whether motors are in series.
+        """
+        self._client, self._levels, self._series = client, levels, series
+        self.step = step
+        """Length of a step, s."""
         found: dict[str, list[Handled]] = {"revolute": [], "prismatic": [], "spherical": []}
         for body in built:
             for link, index in body.joints:
@@ -56,7 +76,7 @@ class Motors:
     def set(self) -> None:
         """Set every motor; joints without one turn freely except for their friction."""
         for handled in self._single:
-            self._set_single(*handled, 0.0)
+            self._set_single(*handled)
         for uid, index, drive in self._balls:
             pybullet.setJointMotorControlMultiDof(
                 uid,
@@ -70,8 +90,39 @@ class Motors:
                 physicsClientId=self._client,
             )
 
-    def _set_single(self, uid: int, index: int, drive: JointDrive, speed: float) -> float:
-        """Set the motor of one joint that has this speed; returns the torque to apply besides."""
+    def _set_single(self, uid: int, index: int, drive: JointDrive) -> None:
+        """Set the motor of one joint.
+
+        Motors that stand still hold their angle until a device is switched on, and at level 0
+        later if motors are in series. Others only aim at speed 0, and give way for good.
+        """
+        on = any(level for entry, level in self._levels.items() if entry != "wind")
+        holding = self._series or not on
+        off = any(motor.speed for motor in drive.motors) and not drive.command(self._levels).target
+        if holding and off:
+            angle, speed = pybullet.getJointState(uid, index, self._client)[:2]
+            if abs(speed) <= STILL:
+                self._hold(uid, index, drive, angle)
+                return
+        self._turn(uid, index, drive, 0.0)
+
+    def _hold(self, uid: int, index: int, drive: JointDrive, angle: float) -> None:
+        """Let a motor hold an angle with its torque."""
+        pybullet.setJointMotorControl2(
+            uid,
+            index,
+            pybullet.POSITION_CONTROL,
+            targetPosition=angle,
+            targetVelocity=0.0,
+            positionGain=HOLD * self.step,
+            velocityGain=1.0,
+            force=drive.command(self._levels).limit,
+            physicsClientId=self._client,
+        )
+
+    def _turn(self, uid: int, index: int, drive: JointDrive, speed: float) -> float:
+        """Let the motor of a joint that has this speed aim at a speed; returns the torque to apply
+        besides."""
         command = drive.command(self._levels, speed)
         pybullet.setJointMotorControl2(
             uid,
@@ -89,7 +140,7 @@ class Motors:
         client = self._client
         for uid, index, drive in self._mixed:
             speed = pybullet.getJointState(uid, index, client)[1]
-            self._push(uid, index, self._set_single(uid, index, drive, speed))
+            self._push(uid, index, self._turn(uid, index, drive, speed))
         for uid, index, drive in self._sliding:
             position, velocity = pybullet.getJointState(uid, index, client)[:2]
             pybullet.setJointMotorControl2(
@@ -109,19 +160,18 @@ class Motors:
         )
 
 
-def inner_iterations(assembly: Assembly, plan: Skeleton) -> int:
+def inner_iterations(series: int, plan: Skeleton) -> int:
     """How often Bullet must pass over motors and constraints in each iteration.
 
     It solves them one after another. That converges slowly where a light cluster passes the torque
     of one motor on to another, as between stacked rotating blocks, and in loops.
     """
-    series = _longest_series(assembly, plan)
     if series > 1:
-        return SERIES_ITERATIONS * series
+        return SERIES_ITERATIONS * series**2
     return LOOP_ITERATIONS if plan.loops else 1
 
 
-def _longest_series(assembly: Assembly, plan: Skeleton) -> int:
+def longest_series(assembly: Assembly, plan: Skeleton) -> int:
     """The most motors of which each passes its torque on to the next: the cluster between them is
     lighter than what is on either side of it, and their axes are not at right angles."""
     joints, cluster = assembly.joints, plan.cluster

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import chain
 from operator import itemgetter
 from struct import Struct
+from typing import Any
 
 import numpy as np
 
@@ -106,6 +107,13 @@ class Sensors:
                 self._bodies.append((body.uid, [index for _, index in own]))
                 links += [link for link, _ in own]
         self._links = links
+        self._turning = [
+            row
+            for row, link in enumerate(links)
+            if joints[link.joint].kind == "revolute" and not link.rigid
+        ]
+        self._states: Sequence[tuple[Any, ...]] = ()
+        """PyBullet's latest states of `links`."""
         self._motors = [
             (row, link.joint, _wrench_of_motor(joints[link.joint]))
             for row, link in enumerate(links)
@@ -137,11 +145,18 @@ class Sensors:
                 for uid, links in self._bodies
                 for state in pybullet.getJointStates(uid, links, client)
             ]
+        self._states = states
         self._pack(self._read.data, 0, *chain.from_iterable(map(_FORCES, states)))
         self._read.take(self._source, out=reactions, mode="clip")  # "raise" would copy
         np.multiply(reactions, self._sign, out=reactions)
         for row, joint, wrench in self._motors:
             reactions[joint] += states[row][3] * wrench
+
+    @property
+    def spin(self) -> float:
+        """Greatest speed of a turning joint in the last step, rad/s."""
+        states = self._states
+        return max([abs(states[row][1]) for row in self._turning], default=0.0)
 
     def motions(self) -> dict[int, tuple[float, float]]:
         """Position and velocity of every joint in the trees that has one degree of freedom, and of

@@ -24,7 +24,7 @@ from agentflow.env.physics.pybullet.couplings import Couplings
 from agentflow.env.physics.pybullet.forces import AppliedForces
 from agentflow.env.physics.pybullet.grip import Grippers
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.pybullet.motors import Motors, inner_iterations
+from agentflow.env.physics.pybullet.motors import Motors, inner_iterations, longest_series
 from agentflow.env.physics.pybullet.restoring import place_at_start, restore
 from agentflow.env.physics.pybullet.sensing import Rows, Sensors
 from agentflow.env.physics.readings import Readings
@@ -123,14 +123,19 @@ class PyBulletWorld:
         for built in self._now.built:
             if built.piece not in present:
                 restore(self.client, built, self._assembly, parts, motions)
+        self._now.motors.set()
         self._read()
 
     # --- observation ------------------------------------------------------------------------
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
-        """Greatest linear and angular speed; unless thorough, of pieces' roots and of things."""
-        rows = self._now.rows
-        return top_speeds(rows.all) if thorough else rows.head_speeds
+        """Greatest linear and angular speed; unless thorough, as far as pieces' roots, things and
+        joints show: of the two parts that a joint turns, one spins at half its speed or more."""
+        now = self._now
+        if thorough:
+            return top_speeds(now.rows.all)
+        linear, angular = now.rows.head_speeds
+        return linear, max(angular, 0.5 * now.sensors.spin)
 
     def state(self) -> State:
         return self._now.readings.state(self._now.rows.table)
@@ -189,8 +194,9 @@ class PyBulletWorld:
         laws += wind_laws(assembly, layout, self._scene, drag, self._wind_strength)
         set_collisions_of_clusters(client, plan, handles)
         self._couplings.renew(assembly, plan, built, handles)
+        series = longest_series(assembly, plan)
         pybullet.setPhysicsEngineParameter(
-            numNonContactInnerIterations=inner_iterations(assembly, plan), physicsClientId=client
+            numNonContactInnerIterations=inner_iterations(series, plan), physicsClientId=client
         )
         if self._grips:
             self._grips.bind(handles)
@@ -203,7 +209,7 @@ class PyBulletWorld:
             forces=AppliedForces(
                 client, assembly, plan, built, handles, layout, rows, self.things, laws
             ),
-            motors=Motors(client, self._levels, built, assembly.joints),
+            motors=Motors(client, self._levels, built, assembly.joints, self._interval, series > 1),
             rows=rows,
         )
 
@@ -224,7 +230,7 @@ class PyBulletWorld:
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self._interval, physicsClientId=self.client
         )
-        self._winches.step = self._interval
+        self._winches.step = self._now.motors.step = self._interval
         self._now.motors.set()
         self._grips.tighten()
 

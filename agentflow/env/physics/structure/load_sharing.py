@@ -30,7 +30,7 @@ RIGID = Strength(1e8, 1e8)
 """Of connections that never break: they are far stiffer than all others."""
 SOFT = 0.05
 """Flexibility along a free axis times what the drive exerts (N m, or N/m of a spring). With it, the
-strongest motor of 2,800 N m is a thousand times as flexible as a connection of 7,500 N m."""
+strongest motor of 2,825 N m is a thousand times as flexible as a connection of 7,500 N m."""
 IDLE = 1e-3
 """N m, stands for the drive of a joint that has none."""
 
