@@ -64,6 +64,7 @@ async def test_a_machine_with_the_greatest_score_is_not_refined() -> None:
         ("env_feedback", 0),
     ]
     assert [len(stage.survivors) for stage in result.stages] == [2, 2, 2]
+    assert [row["valid_first"] for row in run.notes.of("stage").values()] == [2, 2, 2]
     assert (result.best_stage, result.stopped) == ("initial", "greatest score")
     assert {end["reason"] for end in run.notes.of("search").values()} == {"greatest score"}
 

@@ -65,11 +65,12 @@ async def feedback_loop(
     )
     recorder.finish(found)
     best = found.nodes[found.best]
+    nothing_to_do = found.perfect and not found.cost.attempts
     return Candidate(
         candidate.trajectory,
         best.candidate.machine,
         best.evaluation,
-        first=trajectory.first,
+        first=candidate.first if nothing_to_do else trajectory.first,
         edit=best.candidate.edit,
         search_cost=found.cost,
     )
