@@ -45,7 +45,6 @@ def task_context(brief: Brief) -> dict[str, object]:
     kinds = [library()[kind] for kind in brief.blocks]
     linear = [kind for kind in kinds if kind.linear]
     plain = [kind.type for kind in kinds if not kind.linear and kind.type != ROOT_TYPE]
-    x, y, z = (f"{limit:g}" for limit in brief.limits.size)
     return {
         "task": {
             "name": brief.name,
@@ -68,7 +67,7 @@ def task_context(brief: Brief) -> dict[str, object]:
         "joints": any(kind.joint.moves for kind in kinds),
         "strengths": _exceptions(kinds, lambda kind: facts()["strength"].get(kind.type)),
         "drags": _exceptions(kinds, lambda kind: _unusual_drag(kind.linear_drag)),
-        "size_limit": f"{x} m along x, {y} m along y and {z} m along z",
+        "size_limit": f"{' x '.join(f'{limit:g}' for limit in brief.limits.size)} m (x, y, z)",
     }
 
 
