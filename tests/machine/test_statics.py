@@ -43,7 +43,7 @@ def test_an_arm_with_a_boulder() -> None:
     """It stands upright: gravity does not turn it until it swings."""
     assert line_of(CATAPULT, 10) == (
         "11-13: 7.50 kg with itself, inertia 167.983 kg m2 about its axis, reach 6.476 m (12); "
-        "gravity 0.000 N m, at most 1040 while it turns; motor, 12 to z-: 12 meets the ground "
+        "gravity 0.000 N m, at most 1040 while it turns; motor, 13 to z-: 12 meets the ground "
         "after 99.4 degrees."
     )
 
@@ -56,6 +56,14 @@ def test_a_hinge_turns_both_ways_up_to_its_stops() -> None:
         "0.000 N m, at most 90 while it turns; 3 to z+: 3 meets 4 after 65.9 degrees; 3 to z-: "
         "free to 90 degrees."
     )
+
+
+def test_what_only_turns_on_the_axis_has_no_direction() -> None:
+    """A log on the axis of a rotating block, and one on the axis of a free joint."""
+    machine = build((63, 0, 4), (22, 1, 0), (63, 2, 0))
+    assert line_of(machine, 2).endswith("; gravity does not turn it; motor, one way: free.")
+    machine = build((63, 0, 4), (40, 1, 0), (63, 2, 0))
+    assert line_of(machine, 2).endswith("; gravity does not turn it; free both ways.")
 
 
 def test_what_lies_on_the_ground_is_said() -> None:

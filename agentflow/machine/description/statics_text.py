@@ -17,6 +17,8 @@ BENDING, MOST_BENT = 250.0, 3
 connections are told at most."""
 AROUND = 360.0
 """degrees."""
+ON_AXIS = 0.05
+"""m from a joint's axis within which turning hardly moves the middle of a block."""
 
 
 def statics_text(machine: Machine) -> str:
@@ -84,25 +86,34 @@ def _collisions(geometry: Geometry, load: Load) -> Iterator[str]:
     joint = kind.joint
     reverse = kind.powered_wheel and geometry[load.bond.block].facing == "x-"
     senses = (joint.motor_sense * (-1 if reverse else 1),) if kind.non_static else (1, -1)
-    for sense in senses:
-        low, high = joint.stops_deg or (-AROUND, AROUND)
-        limit = high if sense > 0 else -low
-        met = first_collision(geometry, load, sense, limit)
-        towards = _motion(geometry, load, sense)
-        how = f"motor, {towards}" if kind.non_static else towards
+    low, high = joint.stops_deg or (-AROUND, AROUND)
+    end = "" if joint.stops_deg is None else f" to {high:g} degrees"
+    found = [
+        first_collision(geometry, load, sense, high if sense > 0 else -low) for sense in senses
+    ]
+    if not kind.non_static and found == [None, None]:
+        yield f"free both ways{end}"
+        return
+    for sense, met in zip(senses, found, strict=True):
+        how = "motor, " * kind.non_static + _motion(geometry, load, sense)
         if met is None:
-            yield f"{how}: free" + ("" if joint.stops_deg is None else f" to {limit:g} degrees")
+            yield f"{how}: free{end}"
         else:
             other = "the ground" if met.other is None else str(met.other)
             yield f"{how}: {met.block} meets {other} after {met.angle:.1f} degrees"
 
 
 def _motion(geometry: Geometry, load: Load, sense: int) -> str:
-    """Where the farthest block first moves when the joint turns: "12 to y+"."""
-    arm = subtract(geometry[load.farthest].center, load.bond.pivot)
-    moved = scale(cross(load.bond.axis, arm), sense)
-    axis = max(range(3), key=lambda i: abs(moved[i]))
-    return f"{load.farthest} to {'xyz'[axis]}{'+' if moved[axis] > 0 else '-'}"
+    """Where the block that is farthest from the axis first moves when the joint turns: "12 to y+";
+    whatever is on the axis only turns."""
+    arms = {block: subtract(geometry[block].center, load.bond.pivot) for block in load.blocks}
+    moved = {block: cross(load.bond.axis, arm) for block, arm in arms.items()}
+    block = max(sorted(moved), key=lambda each: round(length(moved[each]), 3))
+    if length(moved[block]) < ON_AXIS:
+        return "one way" if sense > 0 else "the other way"
+    x, y, z = scale(moved[block], sense)
+    _, axis, part = max((abs(x), "x", x), (abs(y), "y", y), (abs(z), "z", z))
+    return f"{block} to {axis}{'+' if part > 0 else '-'}"
 
 
 def _bending_lines(loads: Iterable[Load]) -> list[str]:
