@@ -14,9 +14,9 @@ TASK = get_task("movement", {"window": 1})
 
 
 def weakened(factor: float) -> Constants:
-    """The constants with the strength of every connection times `factor`."""
+    """The constants with the strength of every connection times `factor`, and the same steps."""
     value = constants()
-    changes = {}
+    changes = {"fine_load": value["fine_load"] / factor}
     for name in ("strength_force", "strength_torque"):
         changes[name] = factor * value[name]
         changes |= {f"{name}.{kind}": factor * own for kind, own in value.by_type[name].items()}

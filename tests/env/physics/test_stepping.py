@@ -9,7 +9,7 @@ from agentflow.env.physics.stepping import Stepping
 
 
 @pytest.mark.parametrize(
-    ("rate", "settling", "fine"), [(60, 4, 8), (120, 2, 4), (240, 1, 2), (300, 1, 2), (480, 1, 1)]
+    ("rate", "settling", "fine"), [(60, 8, 8), (120, 4, 4), (240, 2, 2), (300, 2, 2), (480, 1, 1)]
 )
 def test_fine_steps_have_a_rate_of_their_own(rate: float, settling: int, fine: int) -> None:
     stepping = Stepping(constants(), rate)
