@@ -195,9 +195,15 @@ def _column(trace: Trace, block: int, name: str) -> Array:
 
 
 def _table(times: Array, columns: Mapping[str, Array]) -> list[str]:
-    lines = [" | ".join(["t s", *(PROPERTIES[name] for name in columns)])]
+    """Rows by time; what stays the same to the shown digits is told once, above them."""
     digits = 1 if np.allclose(times, np.round(times, 1), atol=EPSILON) else 3
+    cells = {name: [", ".join(map(number, row)) for row in rows] for name, rows in columns.items()}
+    fixed = [name for name, column in cells.items() if len(column) > 1 and len(set(column)) == 1]
+    shown = [name for name in columns if name not in fixed]
+    lines = [f"{PROPERTIES[name]}: {cells[name][0]} throughout" for name in fixed]
+    if not shown:
+        return lines
+    lines.append(" | ".join(["t s", *(PROPERTIES[name] for name in shown)]))
     for row, time in enumerate(times):
-        cells = (", ".join(number(v) for v in values[row]) for values in columns.values())
-        lines.append(" | ".join([f"{time:.{digits}f}", *cells]))
+        lines.append(" | ".join([f"{time:.{digits}f}", *(cells[name][row] for name in shown)]))
     return lines

@@ -11,7 +11,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.machine import library
 from agentflow.prompts.render import facts
-from benchmarks.facts import MEASURED, Stand, stated
+from benchmarks.facts import MEASURED, Stand, spring_pull, stated
 
 LOOSE = {"bounce": 0.2, "thrust": 0.06}
 """Relative tolerance where single steps matter, or the weight of the car; 0.025 elsewhere."""
@@ -73,3 +73,14 @@ def test_joints_turn_about_their_building_points(kind: int) -> None:
     assert abs(after.angular_velocity[1]).max() > 1.0
     swings = abs(after.centre[1] - before.centre[1]).max() > 0.1
     assert swings == (kind == 28)
+
+
+@pytest.mark.parametrize("kind", [kind.type for kind in library().values() if kind.linear])
+def test_two_ended_blocks_collide_with_nothing_and_weigh_at_their_ends(kind: int) -> None:
+    ends = [part for part in Stand([(kind, 0, 2, 0, 3)]).assembly.parts if part.block == 1]
+    assert [part.mass for part in ends] == [library()[kind].mass / 2] * 2
+    assert not any(shape.solid for part in ends for shape in part.shapes)
+
+
+def test_the_order_of_a_springs_ends_does_not_matter() -> None:
+    assert spring_pull(4, 0) == pytest.approx(spring_pull(0, 4))

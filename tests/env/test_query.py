@@ -24,21 +24,23 @@ def ask(**query: object) -> str:
     return answer_queries(MACHINE, ROLLOUT, [query]).text
 
 
-def test_a_table_has_one_row_per_sample() -> None:
+def test_a_table_has_one_row_per_sample_of_what_changes() -> None:
     given = answer_queries(
         MACHINE,
         ROLLOUT,
-        [{"id": 2, "duration": [0.1, 0.6], "properties": ["position", "rotation"]}],
+        [{"id": 1, "duration": [0, 0.4], "properties": ["position", "velocity"]}],
     )
     assert given.text == (
-        "Block 2 (Small Wooden Block), 0.1 to 0.6 s:\n"
-        "t s | position (x, y, z) m | rotation (x, y, z, w)\n"
-        "0.2 | 0.00, 0.00, 0.00 | 0.00, 0.00, 0.00, 1.00\n"
-        "0.4 | 0.00, 0.00, 0.00 | 0.00, 0.00, 0.00, 1.00\n"
-        "0.6 | 0.00, 0.00, 0.00 | 0.00, 0.00, 0.00, 1.00"
+        "Block 1 (Wooden Block), 0 to 0.4 s:\n"
+        "velocity (x, y, z) m/s: 0.00, 0.00, 0.00 throughout\n"
+        "t s | position (x, y, z) m\n"
+        "0.0 | 0.00, 0.00, 0.00\n"
+        "0.2 | 0.10, 0.00, 0.00\n"
+        "0.4 | 0.20, 0.00, 0.00"
     )
-    assert given.data[0]["times"] == pytest.approx([0.2, 0.4, 0.6])
-    assert given.data[0]["position"] == [[0.0, 0.0, 0.0]] * 3
+    assert given.data[0]["times"] == pytest.approx([0.0, 0.2, 0.4])
+    assert given.data[0]["position"] == [[0.1 * i, 0.0, -0.001] for i in range(3)]
+    assert given.data[0]["velocity"] == [[0.0, 0.0, 0.0]] * 3
     assert given.data[0]["broke"] is None
 
 
@@ -63,13 +65,14 @@ def test_a_block_that_broke_off_while_settling_has_no_table() -> None:
 
 
 def test_rows_may_be_finer_than_the_grid() -> None:
-    rollout = make_rollout(make_trace(4, 101, 0.05))
+    path = {0: [(float(i), 0.0, 0.0) for i in range(101)]}
+    rollout = make_rollout(make_trace(4, 101, 0.05, paths=path))
     query = {"id": 0, "duration": [0, 0.1], "properties": ["position"]}
     given = answer_queries(MACHINE, rollout, [query], interval=0.05)
     assert given.text.splitlines()[2:] == [
         "0.000 | 0.00, 0.00, 0.00",
-        "0.050 | 0.00, 0.00, 0.00",
-        "0.100 | 0.00, 0.00, 0.00",
+        "0.050 | 1.00, 0.00, 0.00",
+        "0.100 | 2.00, 0.00, 0.00",
     ]
 
 
