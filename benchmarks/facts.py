@@ -191,6 +191,12 @@ def container_depth() -> float:
     return max(wall.size[2] for wall in Stand([(30, 0, 0)]).assembly.parts[1].shapes[2:])
 
 
+def container_wall() -> float:
+    """Thickness of the thickest wall or the floor."""
+    _, *sides = Stand([(30, 0, 0)]).assembly.parts[1].shapes
+    return max(min(side.size) for side in sides)
+
+
 def boulder_rest(face: int, axis: int) -> float:
     """Of a boulder's centre in a container on a face of the root, from its building point."""
     feet = [(63, 0, 5), *((35, 1, side) for side in (3, 6, 9, 12))]
@@ -293,6 +299,7 @@ MEASURED: Mapping[tuple[str | int, ...], Callable[[], float]] = {
     ("container", "wide"): partial(container_inside, 0),
     ("container", "high"): partial(container_inside, 1),
     ("container", "deep"): container_depth,
+    ("container", "wall"): container_wall,
     ("container", "rest"): partial(boulder_rest, 4, 1),
     ("container", "drop"): partial(boulder_rest, 0, 1),
     ("air", "drag"): partial(drag, 63),
