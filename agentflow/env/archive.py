@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from tokenize import TokenError
@@ -13,6 +14,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from agentflow.env.measurements import Contact, Energy, Hit, Measured, Peak
 from agentflow.env.rollout import Broken, Feedback, Marginal, Rollout, RolloutEvent, Trace
 from agentflow.errors import UsageError
 
@@ -40,7 +42,10 @@ def rollout_json(rollout: Rollout) -> dict[str, Any]:
         "score": rollout.score,
         "terms": dict(rollout.terms),
         "problems": [dict(problem) for problem in rollout.problems],
-        "broken": [asdict(item) for item in rollout.broken],
+        "broken": [
+            asdict(item) | {"force": list(item.force), "moment": list(item.moment)}
+            for item in rollout.broken
+        ],
         "marginal": [asdict(item) for item in rollout.marginal],
         "events": [asdict(item) | {"blocks": list(item.blocks)} for item in rollout.events],
         "feedback": None if rollout.status == "invalid" else rollout.feedback.text,
@@ -73,7 +78,8 @@ def save_npz(rollout: Rollout, path: Path) -> None:
         for name, value in fields.items():
             states[name] = value
         arrays["states"] = states
-        result["trace"] = {name: value for name, value in vars(trace).items() if name not in fields}
+        named = {name: value for name, value in vars(trace).items() if name not in fields}
+        result["trace"] = named | {"measured": asdict(trace.measured)}
     with path.open("wb") as file:
         np.savez(file, result=np.array(json.dumps(result).encode()), **arrays)
 
@@ -101,17 +107,44 @@ def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:
     trace = None
     if states is not None:
         named = result.pop("trace")
+        names = states.dtype.names or ()
+        older = {} if "regular" in names else {"regular": np.ones(len(states), dtype=bool)}
         trace = Trace(
-            **{name: np.ascontiguousarray(states[name]) for name in states.dtype.names or ()},
+            **{name: np.ascontiguousarray(states[name]) for name in names},
             linear=tuple(named["linear"]),
             connections=tuple((block, partner) for block, partner in named["connections"]),
             things=tuple(named["things"]),
+            measured=_measured(named.get("measured") or {}),
+            **older,
         )
     feedback = Feedback(result.pop("feedback"), result.pop("feedback_data"))
     result["problems"] = tuple(result["problems"])
-    result["broken"] = tuple(Broken(**item) for item in result["broken"])
+    result["broken"] = tuple(Broken(**_vectors(item)) for item in result["broken"])
     result["marginal"] = tuple(Marginal(**item) for item in result.get("marginal") or ())
     result["events"] = tuple(
         RolloutEvent(**(item | {"blocks": tuple(item["blocks"])})) for item in result["events"]
     )
     return Rollout(**result, trace=trace, feedback=feedback)
+
+
+def _measured(found: dict[str, Any]) -> Measured:
+    """What was measured; files from before this was recorded have none of it."""
+    energy = found.get("energy")
+    return Measured(
+        tuple(
+            Contact(**item | {name: _hit(item[name]) for name in ("first", "hardest")})
+            for item in found.get("contacts", ())
+        ),
+        tuple(Peak(**_vectors(item)) for item in found.get("peaks", ())),
+        None if energy is None else Energy(**energy),
+    )
+
+
+def _hit(found: Sequence[Any]) -> Hit:
+    time, place, impulse = found
+    return Hit(time, tuple(place), impulse)
+
+
+def _vectors(item: dict[str, Any]) -> dict[str, Any]:
+    """JSON lists are tuples again."""
+    return {name: tuple(v) if isinstance(v, list) else v for name, v in item.items()}

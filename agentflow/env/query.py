@@ -1,4 +1,4 @@
-"""Answers to queries about single blocks of a rollout: tables, or the reason for having none."""
+"""Answers to queries about blocks and things of a rollout: tables, or why there are none."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from agentflow.env.constants import constants
-from agentflow.env.feedback import block_name, number
-from agentflow.env.rollout import Array, Rollout, Trace
+from agentflow.env.feedback.text import body_name, number, spacing
+from agentflow.env.rollout import Array, Flags, Rollout, Trace
 from agentflow.machine.tree import Machine
 
 MAX_QUERIES = 12
@@ -21,7 +21,9 @@ PROPERTIES = {
     "velocity": "velocity (x, y, z) m/s",
     "length": "length m",
 }
-"""Properties and their column headings. Position is the block's building point."""
+"""Properties and their column headings. Position and velocity are those of the centre."""
+MAX_ROWS = 60
+"""Most rows of a table; longer intervals are told without the samples between regular ones."""
 EPSILON = 1e-6
 
 
@@ -37,7 +39,8 @@ class Answers:
 class _Query:
     """A valid query."""
 
-    block: int
+    body: int | str
+    """A block, or a moving thing of the scene."""
     start: float
     end: float
     properties: tuple[str, ...]
@@ -57,16 +60,17 @@ def answer_queries(
         rollout: Its rollout.
         queries: Items like {"id": 3, "duration": [0, 1], "properties": ["position"]}, as a model
             wrote them; invalid items are answered with what is wrong.
-        interval: Seconds between rows; the constants' by default. Rollouts with coarser samples
-            are told sample by sample.
+        interval: Seconds between rows; the constants' by default. Rollouts with coarser samples are
+            told sample by sample, and around events all samples are told.
     """
-    step = constants()["sample_interval"] if interval is None else interval
+    every = constants()["sample_interval"] if interval is None else interval
+    things = rollout.trace.things if rollout.trace is not None else ()
     texts, data = [], []
     for index, item in enumerate(queries):
         try:
             if index >= MAX_QUERIES:
                 raise _InvalidQuery(f"only the first {MAX_QUERIES} queries of a call are answered")
-            text, answered = _answer(machine, rollout, _read(machine, item), step)
+            text, answered = _answer(machine, rollout, _read(machine, things, item), every)
         except _InvalidQuery as refusal:
             text = f"Query {index + 1}: no answer: {refusal}"
             answered = {"query": item, "problem": str(refusal)}
@@ -75,15 +79,15 @@ def answer_queries(
     return Answers("\n\n".join(texts), data)
 
 
-def _read(machine: Machine, item: object) -> _Query:
+def _read(machine: Machine, things: Sequence[str], item: object) -> _Query:
     if not isinstance(item, Mapping):
         raise _InvalidQuery('a query is an object with "id", "duration" and "properties"')
     for key in ("id", "duration", "properties"):
         if key not in item:
             raise _InvalidQuery(f'"{key}" is missing')
     start, end = _read_duration(item["duration"])
-    block = _read_block(machine, item["id"])
-    return _Query(block, start, end, _read_properties(machine, block, item["properties"]))
+    body = item["id"] if item["id"] in things else _read_block(machine, item["id"], things)
+    return _Query(body, start, end, _read_properties(machine, body, item["properties"]))
 
 
 def _number(value: object) -> float | None:
@@ -97,10 +101,11 @@ def _number(value: object) -> float | None:
     return result if isfinite(result) else None
 
 
-def _read_block(machine: Machine, value: object) -> int:
+def _read_block(machine: Machine, value: object, things: Sequence[str]) -> int:
     block = _number(value)
     if block is None or block != int(block):
-        raise _InvalidQuery(f'"id" must be a block id, not {value!r}')
+        names = " or ".join(map(repr, things))
+        raise _InvalidQuery(f'"id" must be a block id{f" or {names}" * bool(names)}, not {value!r}')
     if not 0 <= block < len(machine):
         raise _InvalidQuery(f"there is no block {int(block)}; ids go from 0 to {len(machine) - 1}")
     return int(block)
@@ -115,7 +120,7 @@ def _read_duration(value: object) -> tuple[float, float]:
     return pair[0], pair[1]
 
 
-def _read_properties(machine: Machine, block: int, value: object) -> tuple[str, ...]:
+def _read_properties(machine: Machine, body: int | str, value: object) -> tuple[str, ...]:
     names = [value] if isinstance(value, str) else value
     known = ", ".join(PROPERTIES)
     if not isinstance(names, list | tuple) or not names:
@@ -123,9 +128,9 @@ def _read_properties(machine: Machine, block: int, value: object) -> tuple[str, 
     for name in names:
         if not isinstance(name, str) or name not in PROPERTIES:
             raise _InvalidQuery(f"unknown property {name!r}; known: {known}")
-    if "length" in names and not machine[block].two_ended:
+    if "length" in names and (isinstance(body, str) or not machine[body].two_ended):
         raise _InvalidQuery(
-            f"{block_name(machine, block)} has no length; only two-ended blocks have one"
+            f"{body_name(machine, body)} has no length; only two-ended blocks have one"
         )
     return tuple(dict.fromkeys(names))
 
@@ -139,7 +144,8 @@ def _answer(
             f"nothing was recorded because the rollout ended with status {rollout.status}"
         )
     times = trace.times
-    title = "B" + block_name(machine, query.block)[1:]
+    name = body_name(machine, query.body)
+    title = name[0].upper() + name[1:]
     broke = _breakage_time(machine, rollout, query)
     if broke < 0.0:
         raise _InvalidQuery(
@@ -147,7 +153,10 @@ def _answer(
             "t = 0 are not recorded"
         )
     inside = (times >= query.start - EPSILON) & (times <= query.end + EPSILON)
-    inside &= _on_grid(times, step)
+    fine = inside & ~trace.regular
+    inside &= trace.regular & _on_grid(trace, step)
+    if inside.sum() + fine.sum() <= MAX_ROWS:
+        inside |= fine
     if not inside.any():
         last = float(times[-1])
         raise _InvalidQuery(
@@ -155,13 +164,13 @@ def _answer(
             f"{last:g} s, one every {step:g} s"
         )
     kept = np.flatnonzero(inside & (times < broke))
-    columns = {name: _column(trace, query.block, name)[kept] for name in query.properties}
+    columns = {name: _column(trace, query.body, name)[kept] for name in query.properties}
     lines = [f"{title}, {query.start:g} to {query.end:g} s:", *_table(times[kept], columns)]
     if isfinite(broke):
         lines.append(f"{title} broke off at {number(broke)} s; its table ends there.")
     data = {
-        "id": query.block,
-        "type": machine[query.block].type,
+        "id": query.body,
+        "type": machine[query.body].type if isinstance(query.body, int) else None,
         "duration": [query.start, query.end],
         "times": times[kept].tolist(),
         **{name: values.tolist() for name, values in columns.items()},
@@ -170,28 +179,34 @@ def _answer(
     return "\n".join(lines), data
 
 
-def _on_grid(times: Array, step: float) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Mask of the samples at multiples of a step, s; all samples if they are coarser."""
-    if len(times) > 1 and times[1] - times[0] > step - EPSILON:
+def _on_grid(trace: Trace, step: float) -> Flags:
+    """Mask of the samples at multiples of a step, s; all if the regular ones are coarser."""
+    times = trace.times
+    if spacing(times[trace.regular]) > step - EPSILON:
         return np.ones(len(times), dtype=bool)
     off = np.abs(times / step - np.round(times / step))
-    grid: np.ndarray[Any, np.dtype[np.bool_]] = off < EPSILON
+    grid: Flags = off < EPSILON
     return grid
 
 
 def _breakage_time(machine: Machine, rollout: Rollout, query: _Query) -> float:
-    """Time at which the block broke off; infinite if it did not before the query's end."""
-    block, parents = query.block, machine[query.block].parents
+    """Time at which a block broke off; infinite if it did not before the query's end."""
+    if isinstance(query.body, str):
+        return inf
+    block, parents = query.body, machine[query.body].parents
     times = [b.time for b in rollout.broken if b.block == block and b.partner in parents]
     return min((time for time in times if time <= query.end), default=inf)
 
 
-def _column(trace: Trace, block: int, name: str) -> Array:
-    """Values of one property of a block, (T, K)."""
+def _column(trace: Trace, body: int | str, name: str) -> Array:
+    """Values of one property of a block or thing, (T, K)."""
+    if isinstance(body, str):
+        values: Array = getattr(trace, f"thing_{name}")
+        return values[:, trace.things.index(body)]
     if name == "length":
-        return trace.length[:, trace.linear.index(block)][:, None]
-    column: Array = getattr(trace, name)[:, block]
-    return column
+        return trace.length[:, trace.linear.index(body)][:, None]
+    column: Array = trace.centre if name == "position" else getattr(trace, name)
+    return column[:, body]
 
 
 def _table(times: Array, columns: Mapping[str, Array]) -> list[str]:

@@ -7,14 +7,16 @@ L two-ended blocks, M scene things.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agentflow.env.constants import constants
+from agentflow.env.measurements import Measured
 from agentflow.env.scene import Scene
+from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.problems import Problem
 
 Array = NDArray[np.float64]
@@ -24,14 +26,14 @@ Status = Literal["ok", "invalid", "diverged", "timeout", "crashed"]
 
 @dataclass(frozen=True)
 class Trace:
-    """States sampled every `interval` seconds from t = 0 (after settling)."""
+    """States from t = 0 (after settling): at regular times, and finer around events."""
 
     times: Array
-    """(T,) seconds."""
+    """(T,) seconds; not evenly spaced, see `regular`."""
     position: Array
     """(T, N, 3) block origins (building points), m. Two-ended blocks: midpoint of their ends."""
     centre: Array
-    """(T, N, 3) box centres, m."""
+    """(T, N, 3) box centres, m; the positions that designers are told."""
     rotation: Array
     """(T, N, 4) quaternions x, y, z, w."""
     velocity: Array
@@ -45,7 +47,8 @@ class Trace:
     linear: tuple[int, ...]
     """Ids of the two-ended blocks."""
     utilisation: Array
-    """(T, E) load over strength of each connection; it breaks at 1.0, nan from then on."""
+    """(T, E) greatest load over strength of each connection since the sample before; it breaks at
+    1.0, nan from then on."""
     connections: tuple[tuple[int, int], ...]
     """(block, partner) of each connection."""
     thing_position: Array
@@ -56,6 +59,19 @@ class Trace:
     """(T, M, 3)."""
     things: tuple[str, ...]
     """Names of the scene's moving things, in scene order."""
+    regular: Flags
+    """(T,) whether a sample is one of those at equal intervals; the others are around events."""
+    measured: Measured = field(default_factory=Measured)
+
+    def __getitem__(self, picks: slice | Flags) -> Trace:
+        """The trace of some of its samples."""
+        arrays = {n: v[picks] for n, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays)  # type: ignore[arg-type]
+
+    @property
+    def even(self) -> Trace:
+        """The samples at equal intervals."""
+        return self if self.regular.all() else self[self.regular]
 
 
 @dataclass(frozen=True)
@@ -75,6 +91,11 @@ class _ConnectionLoad:
 class Broken(_ConnectionLoad):
     """One connection that broke, as it broke."""
 
+    force: Vec3 = (0.0, 0.0, 0.0)
+    """N; as in `measurements.Peak`."""
+    moment: Vec3 = (0.0, 0.0, 0.0)
+    """N m."""
+
 
 @dataclass(frozen=True)
 class Marginal(_ConnectionLoad):
@@ -93,6 +114,19 @@ class RolloutEvent:
 
 
 @dataclass(frozen=True)
+class Moment:
+    """The moment that decides a score: loads are told before and after it, energies at it."""
+
+    time: float
+    name: str
+    """Such as "release"."""
+    body: int | str | None = None
+    """Block or thing that is thrown, carried or pushed; None if the machine itself moves."""
+    holder: int | None = None
+    """Block that it left."""
+
+
+@dataclass(frozen=True)
 class Verdict:
     """A task's score of a trace."""
 
@@ -100,6 +134,8 @@ class Verdict:
     terms: Mapping[str, float | bool | str | None]
     """Every part of the score by name."""
     events: tuple[RolloutEvent, ...] = ()
+    moment: Moment | None = None
+    """None: no moment decides more than the others."""
 
 
 @dataclass(frozen=True)

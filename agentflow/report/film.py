@@ -26,10 +26,10 @@ PRECISION = 1e-4
 
 @dataclass(frozen=True)
 class Motion:
-    """Poses of bodies at equal intervals, game frame: T samples, B bodies, E connections."""
+    """Poses of bodies over time, game frame: T samples, B bodies, E connections."""
 
-    interval: float
-    """Seconds between samples."""
+    times: NDArray[np.float64]
+    """(T,) s, increasing from 0; spaced unevenly around events."""
     position: NDArray[np.float64]
     """(T, B, 3) m."""
     rotation: NDArray[np.float64]
@@ -59,7 +59,7 @@ def pack_motion(motion: Motion) -> dict[str, Any]:
     )
     return {
         "samples": samples,
-        "interval": motion.interval,
+        "times": [round(float(time), 4) for time in motion.times],
         "bodies": bodies,
         "low": [round(float(value), 6) for value in low],
         "step": [float(value) / STEPS for value in extent],

@@ -7,17 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.env.feedback import (
-    MAX_SAMPLES,
-    compose,
-    most_loaded,
-    number,
-    orientation_runs,
-    sample_indices,
-    series,
-    stalled_motors,
-)
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.orientation import orientation_runs
+from agentflow.env.feedback.stalls import stall_lines, stalled_motors
+from agentflow.env.feedback.text import MAX_SAMPLES, number, sample_indices, series
 from agentflow.env.rollout import RolloutEvent, Verdict
+from agentflow.env.tasks.base import Schedule
 from agentflow.machine.tree import ROOT, Machine, Step
 from tests.env.fakes import make_trace
 
@@ -26,16 +21,16 @@ WHEELED = Machine((ROOT, Step(1, 2, 0, 2), Step(2, 22, 0, 0), Step(3, 15, 2, 0))
 
 
 @given(st.integers(1, 3000))
-def test_a_series_has_at_most_26_samples_and_starts_at_the_first(count: int) -> None:
+def test_a_series_has_at_most_11_samples_and_starts_at_the_first(count: int) -> None:
     picks = list(sample_indices(count))
     assert 1 <= len(picks) <= MAX_SAMPLES
     assert picks[0] == 0
     assert count - 1 - picks[-1] < max(1, picks[1] if len(picks) > 1 else 1)
 
 
-def test_a_fine_record_is_thinned_to_a_fifth_of_a_second() -> None:
+def test_a_fine_record_is_thinned_to_half_a_second() -> None:
     times = np.arange(601) / 120
-    assert series("x", times, np.zeros((601, 3))).times == pytest.approx(np.arange(26) * 0.2)
+    assert series("x", times, np.zeros((601, 3))).times == pytest.approx(np.arange(11) * 0.5)
 
 
 def test_numbers_lose_the_sign_of_zero() -> None:
@@ -61,21 +56,11 @@ def test_a_tumbling_root_gets_its_commonest_orientations() -> None:
     assert ("Orientation of block 0: changes 19 times, facing z+ 50% of the time; x+ 50%") in text
 
 
-def test_the_most_loaded_connection_of_every_sample() -> None:
-    utilisation = np.array([[0.1, 0.5], [0.9, 0.2], [np.nan, 0.3], [np.nan, np.nan]])
-    trace = make_trace(3, 4, utilisation=utilisation, connections=((1, 0), (2, 1)))
-    assert [(item["block"], item["load"]) for item in most_loaded(trace)] == [
-        (2, 0.5),
-        (1, 0.9),
-        (2, 0.3),
-    ]
-
-
 def test_a_motor_that_stands_for_over_a_second_is_told() -> None:
     spin = np.zeros((26, 4, 3))
     spin[:, 1] = (10.0, 0.0, 0.0)
     spin[:6, 2] = (0.0, 0.0, 8.0)
-    events = stalled_motors(WHEELED, make_trace(4, angular_velocity=spin), 0.0)
+    events = stalled_motors(WHEELED, make_trace(4, angular_velocity=spin), Schedule())
     assert [(event.kind, event.blocks, event.text) for event in events] == [
         ("motor_stalled", (2,), "block 2 (Rotating Block) from 1.2 to 5.0 s")
     ]
@@ -86,37 +71,43 @@ def test_a_motor_that_starts_late_does_not_stall_before() -> None:
     spin[:, 2] = (0.0, 0.0, 8.0)
     spin[16:, 1] = (10.0, 0.0, 0.0)
     trace = make_trace(4, angular_velocity=spin)
-    assert stalled_motors(WHEELED, trace, 3.0) == ()
-    assert [event.time for event in stalled_motors(WHEELED, trace, 1.0)] == [pytest.approx(1.2)]
+    assert stalled_motors(WHEELED, trace, Schedule(motors=3.0)) == ()
+    assert [event.time for event in stalled_motors(WHEELED, trace, Schedule(motors=1.0))] == [
+        pytest.approx(1.2)
+    ]
 
 
 def test_a_motor_that_broke_off_does_not_stall() -> None:
     alive = np.ones((26, 4), dtype=bool)
     alive[3:, 1:3] = False
-    assert stalled_motors(WHEELED, make_trace(4, alive=alive), 0.0) == ()
+    assert stalled_motors(WHEELED, make_trace(4, alive=alive), Schedule()) == ()
 
 
 def test_a_motor_that_turns_with_its_carrier_stalls() -> None:
     spin = np.ones((26, 4, 3)) * 7.0
     assert {
-        e.blocks for e in stalled_motors(WHEELED, make_trace(4, angular_velocity=spin), 0.0)
+        e.blocks for e in stalled_motors(WHEELED, make_trace(4, angular_velocity=spin), Schedule())
     } == {
         (1,),
         (2,),
     }
 
 
-def test_four_stalls_are_told_one_by_one_and_the_rest_by_number() -> None:
-    stalls = [
-        RolloutEvent(0.2, "motor_stalled", (i,), f"block {i} (Rotating Block)") for i in range(1, 8)
+def test_a_motor_that_is_switched_off_does_not_stall() -> None:
+    schedule = Schedule(more=((1.0, "motors", 0.0), (3.0, "motors", -1.0)))
+    events = stalled_motors(WHEELED, make_trace(4), schedule)
+    assert [event.text for event in events if event.blocks == (1,)] == [
+        "block 1 (Powered Wheel) from 3.2 to 5.0 s"
     ]
-    for told, rest in ((4, []), (5, ["Other stalled motors: blocks 5"])):
-        verdict = Verdict(0.0, {}, tuple(stalls[:told]))
-        text = compose(WHEELED, make_trace(4), (), verdict, "m", (), {}, ()).text
-        assert [line for line in text.splitlines() if line.startswith(("Motor", "Other"))] == [
-            *(f"Motor stalled: block {i} (Rotating Block)" for i in range(1, 5)),
-            *rest,
-        ]
-    verdict = Verdict(0.0, {}, tuple(stalls))
-    text = compose(WHEELED, make_trace(4), (), verdict, "m", (), {}, ()).text
-    assert text.endswith("Other stalled motors: blocks 5, 6, 7")
+
+
+def test_motors_that_stall_together_share_a_line() -> None:
+    stalls = [
+        RolloutEvent(0.2, "motor_stalled", (i,), f"block {i} (Rotating Block) from 0.2 to {end} s")
+        for i, end in ((1, "1.4"), (2, "2.0"), (3, "1.4"), (4, "3.0"), (5, "4.0"))
+    ]
+    assert stall_lines(stalls[:3]) == [
+        "Motor stalled: blocks 1, 3 (Rotating Block) from 0.2 to 1.4 s",
+        "Motor stalled: block 2 (Rotating Block) from 0.2 to 2.0 s",
+    ]
+    assert stall_lines(stalls)[-1] == "Motor stalled: 1 more times"

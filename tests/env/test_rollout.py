@@ -83,8 +83,8 @@ def test_the_published_machine_throws_backwards_and_breaks_at_its_tower_top(
     assert thrown.broken[0].block == 8
     assert thrown.broken[0].partner == 7
     assert 0.3 < thrown.broken[0].time < 0.45
-    trace = thrown.trace
-    assert trace is not None
+    assert thrown.trace is not None
+    trace = thrown.trace.even
     assert trace.position[3, 13, 2] < -7.0
     assert trace.alive[1, 8]
     assert not trace.alive[3, 8]
@@ -96,7 +96,7 @@ def test_the_published_machine_throws_backwards_and_breaks_at_its_tower_top(
 def test_with_its_ballast_it_follows_the_published_throw() -> None:
     rollout = simulate(BALLASTED, get_task("throwing"))
     assert rollout.trace is not None
-    error = rollout.trace.position[:4, 13] - PUBLISHED
+    error = rollout.trace.even.position[:4, 13] - PUBLISHED
     assert np.sqrt(np.square(error).mean()) == pytest.approx(0.434, abs=0.005)
     assert rollout.broken[0].block == 8
     assert rollout.broken[0].time == pytest.approx(0.42, abs=0.03)
@@ -260,7 +260,8 @@ def test_the_result_has_the_keys_of_the_command_line(thrown: Rollout) -> None:
     assert list(data) == KEYS
     assert data["constants"] == constants().digest
     assert data["engine"] == f"pybullet {version('pybullet')}"
-    assert set(data["broken"][0]) == {"block", "type", "partner", "time", "load"}
+    keys = {"block", "type", "partner", "time", "load", "force", "moment"}
+    assert set(data["broken"][0]) == keys
     assert json.loads(json.dumps(data)) == data
     assert (
         list(

@@ -37,7 +37,7 @@ def run(tree: Machine, schedule: Schedule, window: float = 3.0) -> Trace:
     rollout = simulate(tree, Anything(**{**vars(task), "schedule": schedule}))
     assert rollout.problems == ()
     assert rollout.trace is not None
-    return rollout.trace
+    return rollout.trace.even
 
 
 def test_powered_cogs_turn_at_the_speed_that_is_asked_for() -> None:

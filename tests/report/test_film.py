@@ -35,10 +35,9 @@ def test_places_turns_and_loads_come_back() -> None:
     turns = chance.normal(size=(40, 6, 4))
     turns /= np.linalg.norm(turns, axis=2, keepdims=True)
     load = chance.uniform(0, 1.2, (40, 9))
-    film = pack_motion(Motion(0.1, position, turns, load))
-    assert {key: film[key] for key in ("samples", "interval", "bodies", "loads")} == {
+    film = pack_motion(Motion(np.arange(40) * 0.1, position, turns, load))
+    assert {key: film[key] for key in ("samples", "bodies", "loads")} == {
         "samples": 40,
-        "interval": 0.1,
         "bodies": 6,
         "loads": 9,
     }
@@ -50,17 +49,22 @@ def test_places_turns_and_loads_come_back() -> None:
 
 def test_neighbouring_turns_lie_on_one_side() -> None:
     turns = np.array([[STILL], [tuple(-part for part in STILL)], [STILL]])
-    _, turned, _ = unpacked(pack_motion(Motion(0.1, np.zeros((3, 1, 3)), turns, np.zeros((3, 0)))))
+    _, turned, _ = unpacked(
+        pack_motion(Motion(np.arange(3), np.zeros((3, 1, 3)), turns, np.zeros((3, 0))))
+    )
     assert turned.tolist() == [[list(STILL)]] * 3
 
 
 def test_what_has_broken_and_what_is_overloaded_fits_a_byte() -> None:
     load = np.array([[np.nan, 7.0]])
     place = np.zeros((1, 1, 3))
-    _, _, loaded = unpacked(pack_motion(Motion(0.0, place, np.array([[STILL]]), load)))
+    _, _, loaded = unpacked(pack_motion(Motion(np.zeros(1), place, np.array([[STILL]]), load)))
     assert loaded.tolist() == [[0.0, pytest.approx(1.275)]]
 
 
 def test_what_never_moves_takes_next_to_nothing() -> None:
     position, turns = np.zeros((300, 60, 3)), np.tile(STILL, (300, 60, 1))
-    assert len(pack_motion(Motion(1 / 30, position, turns, np.zeros((300, 60))))["data"]) < 1000
+    assert (
+        len(pack_motion(Motion(np.arange(300) / 30, position, turns, np.zeros((300, 60))))["data"])
+        < 1000
+    )

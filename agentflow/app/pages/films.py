@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from agentflow.app.machines.convert import WRITERS
-from agentflow.env.drawing.film import frame_interval, tracked_block
+from agentflow.env.drawing.film import tracked_block
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.physics.model import Color
 from agentflow.env.rollout import Broken, Rollout, RolloutEvent, Trace
@@ -183,23 +183,22 @@ def _traces(machine: Machine, columns: Mapping[str, int]) -> list[dict[str, Any]
 
 
 def _motion(figures: MachineSolids, trace: Trace | None, machine: Machine, every: int) -> Motion:
-    """Motion of blocks, then of moving things, with one in `every` samples.
+    """Motion of blocks, then of moving things: every sample, or one in `every` regular ones.
 
     Two-ended blocks get no motion: they are drawn between their ends.
     """
     if trace is None:
         rest = figures.rest
-        return Motion(0.0, rest.centre[None], rest.rotation[None], np.zeros((1, 0)))
+        return Motion(np.zeros(1), rest.centre[None], rest.rotation[None], np.zeros((1, 0)))
+    if every > 1:
+        trace = trace.even[::every]
     position = np.concatenate([trace.centre, trace.thing_position], axis=1)
     rotation = np.concatenate([trace.rotation, trace.thing_rotation], axis=1)
     for step in machine:
         if step.two_ended:
             position[:, step.id] = position[:, 0]
             rotation[:, step.id] = IDENTITY
-    load = trace.utilisation
-    return Motion(
-        every * frame_interval(trace), *(part[::every] for part in (position, rotation, load))
-    )
+    return Motion(trace.times, position, rotation, trace.utilisation)
 
 
 def _solid_row(solid: Thing) -> Row:

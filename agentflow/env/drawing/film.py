@@ -33,19 +33,20 @@ COLORS = 96
 def save_film(
     machine: Machine, task: Task, rollout: Rollout, path: Path, *, size: Size = (640, 480)
 ) -> None:
-    """Film a rollout, one frame per sample of its trace.
+    """Film a rollout, one frame per regular sample of its trace, so that time passes evenly.
 
     Args:
         machine: The simulated machine.
         task: Its task.
-        rollout: A rollout with an evenly sampled trace.
+        rollout: A rollout with a trace.
         path: File to write, `.gif` or `.mp4`.
         size: Width and height in pixels.
     """
     assert rollout.trace is not None
-    frames = list(_frames(machine, task, rollout, rollout.trace, size))
+    trace = rollout.trace.even
+    frames = list(_frames(machine, task, rollout, trace, size))
     save = save_mp4 if path.suffix == ".mp4" else _save_gif
-    save(frames, path, frame_interval(rollout.trace))
+    save(frames, path, frame_interval(trace))
 
 
 def tracked_block(machine: Machine) -> int:
@@ -54,14 +55,15 @@ def tracked_block(machine: Machine) -> int:
 
 
 def frame_interval(trace: Trace) -> float:
-    """Time between two samples, s."""
+    """Time between two regular samples, s."""
+    trace = trace.even
     return float(trace.times[1] - trace.times[0]) if len(trace.times) > 1 else 1.0
 
 
 def _frames(
     machine: Machine, task: Task, rollout: Rollout, trace: Trace, size: Size
 ) -> Iterator[Image.Image]:
-    """One picture per sample of the trace."""
+    """One picture per sample of an evenly sampled trace."""
     assert rollout.scene is not None
     tracked, machine_solids = tracked_block(machine), MachineSolids(machine)
     for index, camera in enumerate(_cameras(trace, tracked, View(back=SIDE, size=size))):

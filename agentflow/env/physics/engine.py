@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from agentflow.errors import UsageError
 from agentflow.machine.problems import size_of_piece
@@ -35,6 +35,25 @@ class EngineIdentity:
 
     def __str__(self) -> str:
         return f"{self.name} {self.version}"
+
+
+class Touch(NamedTuple):
+    """Two bodies that touch; blocks before things, and of blocks the one with the smaller id."""
+
+    a: Body
+    b: Body
+    place: Vec3
+    """Where the contact force is greatest, m."""
+    force: float
+    """Sum of the normal forces in the last step, N."""
+
+
+class Power(NamedTuple):
+    """Rate at which devices did work on the bodies in the last step, W."""
+
+    springs: float = 0.0
+    motors: float = 0.0
+    """Motors of joints, winches and thrusters. The air drives blades, so their work is no part."""
 
 
 class World(Protocol):
@@ -85,11 +104,21 @@ class World(Protocol):
     def centres(self) -> Array:
         """(N, 3) block centres, m."""
 
-    def keep(self) -> None:
-        """Record the current state."""
+    def snapshot(self) -> object:
+        """The current state, in a form that only `states` and `energies` understand."""
 
-    def kept(self) -> State:
-        """All recorded states, at least one; every array has a leading axis of times."""
+    def states(self, snapshots: Sequence[object]) -> State:
+        """At least one snapshot as states; every array has a leading axis of times."""
+
+    def energies(self, snapshot: object) -> Array:
+        """(N + M, 2) kinetic energy and energy of height above the ground, J, of every block, then
+        of every moving thing."""
+
+    def contacts(self) -> list[Touch]:
+        """Every pair of blocks or things that touched in the last step, once."""
+
+    def power(self) -> Power:
+        """Power of the devices in the last step."""
 
     def centre(self, body: Body) -> Vec3:
         """Centre of a block or a thing."""

@@ -63,15 +63,17 @@ class Loads:
         self._per_strength = np.repeat(1.0 / np.array(strength).reshape(-1, 2), 3, axis=1)
         self._weights: dict[int, tuple[float, Array]] = {}
         """By number of divisions: the weight of earlier loads, and of this step's over strength."""
-        self._level, self._before, self._spare = np.zeros((3, len(joints), 6))
-        """Filtered load over strength, the same one step earlier, and scratch space: allocating
-        arrays would take longer than the sums."""
+        self.level, self._before, self._spare = np.zeros((3, len(joints), 6))
+        """Filtered force and moment over strength (0 where it broke), the same one step earlier,
+        and scratch space: allocating arrays would take longer than the sums."""
         self.near: Mapping[int, float] = {}
         """The joints that nearly broke in the last step, and their load over strength."""
         self.peak = 0.0
         """Greatest component of a load over strength in the last step."""
         self.finite = True
         """Whether the last step's loads were finite; otherwise the simulation diverged."""
+        self.failed: Mapping[int, Array] = {}
+        """(6,) load over strength of each joint that broke in the last step, as it broke."""
         self._broken = np.zeros(len(joints), dtype=bool)
         self.connections = [i for i, joint in enumerate(joints) if joint.strength]
         """Joint index of each connection."""
@@ -126,8 +128,8 @@ class Loads:
             reactions = reactions.copy()
             for loop in self._plan.loops:
                 reactions[loop.joints] = loop.share(reactions)
-        level, before, spare = self._before, self._level, self._spare
-        self._level, self._before = level, before
+        level, before, spare = self._before, self.level, self._spare
+        self.level, self._before = level, before
         keep, take = self._weigh(divisions)
         np.multiply(reactions, take, level)
         np.multiply(before, keep, spare)
@@ -146,6 +148,7 @@ class Loads:
         if not most >= 1.0:
             return {}
         breaking = self._breaking_now(share)
+        self.failed = {joint: level[joint].copy() for joint in breaking}
         relieved = self._relieved(breaking)
         level[relieved] = before[relieved]
         self.release(breaking)
@@ -153,7 +156,7 @@ class Loads:
 
     def release(self, joints: Sequence[int]) -> None:
         """Drop joints that broke or were released; they no longer carry load."""
-        self._level[list(joints)] = 0.0
+        self.level[list(joints)] = 0.0
         self._broken[list(joints)] = True
         self._plan = self._make_plan()
 
@@ -185,8 +188,12 @@ class Loads:
 
     def _squares(self) -> Array:
         """(J, 2) squares of force and of torque over strength."""
-        level = self._level.take(WRENCH_ORDER, axis=1)  # recorded loads were summed in this order
+        level = self.level.take(WRENCH_ORDER, axis=1)  # recorded loads were summed in this order
         return np.asarray(np.add.reduce((level * level).reshape(-1, 2, 3), axis=2))
+
+    def wrench(self, levels: Array, joint: int) -> Array:
+        """(..., 6) force (N) and moment (N m) of a joint from its rows of `level`."""
+        return np.asarray(levels / self._per_strength[joint])
 
     def utilisation(self) -> Array:
         """(E,) load over strength of each connection; nan where it broke."""

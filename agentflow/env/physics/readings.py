@@ -129,6 +129,28 @@ class Readings:
         """Orientation of a block, from the row of its cluster."""
         return product(swap_quaternion(row[ROTATION]), self._assembly.rotations[block])
 
+    def energies(
+        self, rows: Array, masses: Sequence[float], inertias: Sequence[Vec3], gravity: float
+    ) -> Array:
+        """As `engine.World.energies`.
+
+        Args:
+            rows: (C, 13) the state.
+            masses: Of the moving things, kg.
+            inertias: Their principal moments, engine frame, kg m2.
+            gravity: m/s2.
+        """
+        own = self._assembly.parts
+        parts = np.concatenate([self.parts(rows), rows[self._layout.thing_rows]])
+        mass = np.array([*(part.mass for part in own), *masses])
+        inertia = np.array([*(swap(part.inertia) for part in own), *inertias]).reshape(-1, 3)
+        spin = turn_back(matrices(parts[:, ROTATION]), parts[:, SPIN])
+        kinetic = mass * (parts[:, VELOCITY] ** 2).sum(axis=1) + (inertia * spin**2).sum(axis=1)
+        each = np.stack([kinetic / 2, mass * gravity * parts[:, POSITION][:, 2]], axis=1)
+        blocks = np.zeros((len(self._assembly.blocks), 2))
+        np.add.at(blocks, [part.block for part in own], each[: len(own)])
+        return np.concatenate([blocks, each[len(own) :]])
+
     def momentum(self, rows: Array) -> Mapping[str, Array]:
         """As `engine.World.momentum`."""
         parts = self.parts(rows)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import isfinite
+from math import inf, isfinite
 from time import perf_counter
 
 from agentflow.env.constants import Constants
-from agentflow.env.feedback import stalled_motors
+from agentflow.env.feedback.stalls import stalled_motors
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
 from agentflow.env.physics.loads import NEAR, Loads
 from agentflow.env.physics.stepping import Stepping
 from agentflow.env.rollout import (
+    Array,
     Broken,
     Feedback,
     Marginal,
@@ -22,7 +23,9 @@ from agentflow.env.rollout import (
     Trace,
     Verdict,
 )
-from agentflow.env.simulation.recorder import Recorder, digest
+from agentflow.env.simulation.load_history import split_wrench
+from agentflow.env.simulation.monitor import Monitor
+from agentflow.env.simulation.recorder import digest
 from agentflow.env.simulation.settling import Settling
 from agentflow.env.tasks.base import Task
 from agentflow.machine.geometry.placement import place
@@ -69,11 +72,8 @@ class Play:
             self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
         )
         self._stepping = Stepping(physics, rate)
-        self._recorder = Recorder(
-            self._assembly,
-            self._loads.connections,
-            tuple(thing.name for thing in self._scene.moving),
-        )
+        things = tuple(thing.name for thing in self._scene.moving)
+        self._monitor = Monitor(self._world, self._assembly, self._loads, things, rate)
         self._view = RefereeView(self._world)
         self._referee = task.referee(machine)
         self._speeds = 0.0, 0.0
@@ -85,6 +85,8 @@ class Play:
         """Steps that settling took."""
         self._broken: list[tuple[float, int, float]] = []
         """Step, joint and load of each breakage."""
+        self._wrenches: dict[int, Array] = {}
+        """Force and moment of each joint that broke, as it broke."""
         self._near: dict[int, tuple[float, float]] = {}
         """Load and step of the greatest load of each joint that nearly broke."""
         self._released: list[int] = []
@@ -127,7 +129,7 @@ class Play:
             self._events.append(RolloutEvent(0.0, "locked", (joint.block,), text))
         self._referee.start(self._view)
         self._world.switch("wind", 1.0)
-        self._sample()
+        self._monitor.start()
 
     def _window(self) -> Status:
         """Run the scored window."""
@@ -145,7 +147,7 @@ class Play:
                 return status
             if elapsed + 1 >= samples * self._sample_every - 1e-6:
                 samples += 1
-                self._sample()
+                self._monitor.recorder.sample(self._elapsed / self._rate)
             rest = rest + 1 if self._resting() else 0
             if not due and rest >= long:
                 break
@@ -161,6 +163,7 @@ class Play:
     def _switch(self, entry: str, level: float) -> None:
         """Apply a switch of the schedule; decouplers release their parents."""
         self._stepping.switch()
+        self._monitor.look_closely()
         if entry != "decouplers":
             self._world.switch(entry, level)
             return
@@ -173,8 +176,9 @@ class Play:
         self._released += loose
         self._loads.release(loose)
         self._to_split = (*self._to_split, *loose)
-        for joint in (self._assembly.joints[i] for i in loose):
-            self._recorder.lose(joint)
+        for i in loose:
+            joint = self._assembly.joints[i]
+            self._monitor.recorder.lose(i, (self._elapsed + 0.5) / self._rate)
             text = f"block {joint.block} let go of block {joint.partner}"
             self._events.append(
                 RolloutEvent(self._elapsed / self._rate, "released", (joint.block,), text)
@@ -192,7 +196,10 @@ class Play:
             if self._start_step:
                 self._view.time = (self._time - self._start_step) / self._rate
                 self._referee.watch(self._view)
+        usual = self._steps % self._check_every
         self._steps += 1
+        if self._start_step:
+            self._monitor.add_step(self._elapsed / self._rate, self._speeds if usual else None)
         if perf_counter() - self._began > self._wall_limit:
             return "timeout"
         return "ok"
@@ -212,9 +219,14 @@ class Play:
         self._to_split = tuple(broken)
         for joint, load in self._loads.near.items():
             self._near[joint] = max(self._near.get(joint, (0.0, 0.0)), (load, self._time))
+        seconds = (self._time - self._start_step) / self._rate
+        if self._start_step:
+            self._monitor.add_part(seconds)
         for joint, load in broken.items():
             self._broken.append((self._time, joint, load))
-            self._recorder.lose(self._assembly.joints[joint])
+            self._wrenches[joint] = self._loads.wrench(self._loads.failed[joint], joint)
+            self._monitor.recorder.lose(joint, seconds if self._start_step else -inf)
+            self._monitor.look_closely()
         return "ok"
 
     @property
@@ -229,17 +241,13 @@ class Play:
     def _slow(self, speeds: tuple[float, float]) -> bool:
         return speeds[0] < self._still[0] and speeds[1] < self._still[1]
 
-    def _sample(self) -> None:
-        self._world.keep()
-        self._recorder.sample(self._elapsed / self._rate, self._loads.utilisation())
-
     def _result(self, status: Status) -> Rollout:
-        trace = None
-        if self._start_step and status != "timeout":
-            trace = self._recorder.trace(self._world.kept())
-        broken = tuple(Broken(*self._connection(*item)) for item in self._broken)
+        broken = tuple(
+            Broken(*self._connection(*item), *split_wrench(self._wrenches[item[1]]))
+            for item in self._broken
+        )
         marginal = tuple(Marginal(*self._connection(*item)) for item in self._nearly_broken())
-        verdict, feedback = self._judge(status, trace, broken)
+        trace, verdict, feedback = self._judge(status, broken)
         events = sorted((*self._events, *verdict.events), key=lambda event: event.time)
         return Rollout(
             status=status,
@@ -274,18 +282,24 @@ class Play:
         return sorted([*spared, *(item for item in self._broken if item[2] <= 1.0 + NEAR)])
 
     def _judge(
-        self, status: Status, trace: Trace | None, broken: tuple[Broken, ...]
-    ) -> tuple[Verdict, Feedback]:
-        """Score and feedback: the task's after a whole window, otherwise why the trial ended."""
-        if status == "ok" and trace is not None:
-            verdict = self._referee.verdict(trace)
+        self, status: Status, broken: tuple[Broken, ...]
+    ) -> tuple[Trace | None, Verdict, Feedback]:
+        """Trace, score and feedback: the task's after a whole window, else why the trial ended."""
+        if status == "ok":
+            whole = self._monitor.trace()
+            verdict = self._referee.verdict(whole)
+            measured = self._monitor.measure(verdict.moment, broken)
+            trace = self._monitor.thin_out(whole, verdict.moment, broken)
+            trace = replace(trace, measured=measured)
             if self._power:
-                stalls = stalled_motors(self._machine, trace, self._task.schedule.motors)
+                stalls = stalled_motors(self._machine, trace.even, self._task.schedule)
                 verdict = replace(verdict, events=(*verdict.events, *stalls))
-            return verdict, self._task.feedback(self._machine, trace, broken, verdict)
+            return trace, verdict, self._task.feedback(self._machine, trace, broken, verdict)
+        recorded = self._start_step and status != "timeout"
+        states = self._monitor.trace() if recorded else None
         seconds = self._elapsed / self._rate
         if status == "diverged":
             text = f"The simulation diverged after {seconds:.2f} s; this counts as score 0."
         else:
             text = f"The simulation was cut off after {self._wall_limit:g} s of computing time."
-        return Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})
+        return states, Verdict(0.0, {}), Feedback(text, {"status": status, "time": seconds})

@@ -3,51 +3,121 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from agentflow.env.physics.model import Assembly, Joint, State
-from agentflow.env.rollout import Array, Broken, Trace
+from agentflow.env.physics.engine import World
+from agentflow.env.physics.model import Assembly
+from agentflow.env.rollout import Array, Broken, Flags, Trace
+
+MOST_FINE = 26
+"""Most fine samples of a rollout, as many as a window of 5 s has regular ones."""
+
+
+class Interval(NamedTuple):
+    """Times between which fine samples are kept, s, and what they are around."""
+
+    first: float
+    last: float
+    event: float
+
+    @classmethod
+    def around(cls, event: float, before: float, after: float) -> Interval:
+        """The interval around an event."""
+        return cls(event - before - 1e-9, event + after + 1e-9, event)
 
 
 class Recorder:
     """Collects the samples of one rollout."""
 
-    def __init__(self, assembly: Assembly, connections: Sequence[int], things: tuple[str, ...]):
+    def __init__(
+        self, world: World, assembly: Assembly, connections: Sequence[int], things: tuple[str, ...]
+    ):
         """Start an empty record; `connections` are the indices of the breakable joints."""
-        self._assembly = assembly
+        self._world, self._assembly = world, assembly
         self._pairs = tuple(
             (assembly.joints[i].block, assembly.joints[i].partner) for i in connections
         )
-        self._things = things
+        self._connections = connections
+        self.things = things
         self._times: list[float] = []
-        self._shares: list[Array] = []
-        self._alive = np.ones(len(assembly.blocks), dtype=bool)
-        self._lives: list[np.ndarray[tuple[int], np.dtype[np.bool_]]] = []
+        self._regular: list[bool] = []
+        self._snapshots: list[object] = []
+        self._lost: dict[int, float] = {}
+        """Time at which each joint was lost, s."""
 
-    def lose(self, joint: Joint) -> None:
-        """Record that a connection was lost: its block no longer holds on to its parent."""
-        if not joint.extra:
-            self._alive[joint.block] = False
+    def lose(self, joint: int, time: float) -> None:
+        """Record that a connection was lost; samples from that time on are without it."""
+        self._lost[joint] = time
 
-    def sample(self, time: float, utilisation: Array) -> None:
-        """Add one sample; the world keeps the positions."""
+    def sample(self, time: float, regular: bool = True) -> None:
+        """Take a sample: a regular one, or a fine one, of which only those near events are kept."""
+        if self._times and self._times[-1] == time:
+            self._regular[-1] |= regular
+            return
         self._times.append(time)
-        self._shares.append(utilisation)
-        self._lives.append(self._alive.copy())
+        self._regular.append(regular)
+        self._snapshots.append(self._world.snapshot())
 
-    def trace(self, states: State) -> Trace:
-        """The trace of all samples, at least one; `states` has a leading axis of times."""
+    def snapshot_near(self, time: float) -> tuple[float, object]:
+        """Time and snapshot of the sample closest to a time, s."""
+        last = self._times[-1]
+        index = int(np.abs(np.array(self._times) - min(time, last)).argmin())
+        return self._times[index], self._snapshots[index]
+
+    def trace(self, loads: Callable[[Array], Array]) -> Trace:
+        """The trace of all samples.
+
+        Args:
+            loads: Gives the greatest loads, (T, E), since the time before, of (T,) times.
+        """
+        times = np.array(self._times)
+        states = self._world.states(self._snapshots)
         return Trace(
-            times=np.array(self._times),
-            alive=np.stack(self._lives),
+            times=times,
+            alive=self._alive(times),
             linear=tuple(block for block, _, _ in self._assembly.spans),
-            utilisation=np.stack(self._shares),
+            utilisation=self._utilisation(times, loads(times)),
             connections=self._pairs,
-            things=self._things,
+            things=self.things,
+            regular=np.array(self._regular),
             **vars(states),
         )
+
+    def _alive(self, times: Array) -> Flags:
+        alive = np.ones((len(times), len(self._assembly.blocks)), dtype=bool)
+        for index, time in self._lost.items():
+            joint = self._assembly.joints[index]
+            if not joint.extra:
+                alive[times >= time, joint.block] = False
+        return alive
+
+    def _utilisation(self, times: Array, greatest: Array) -> Array:
+        for column, joint in enumerate(self._connections):
+            if joint in self._lost:
+                greatest[times >= self._lost[joint], column] = np.nan
+        return greatest
+
+
+def thin_out(trace: Trace, events: Sequence[Interval]) -> Trace:
+    """The regular samples of a trace, and at most `MOST_FINE` others, those near events.
+
+    Args:
+        trace: All samples.
+        events: The most important first.
+    """
+    times, keep = trace.times, trace.regular.copy()
+    left = MOST_FINE
+    for first, last, event in events:
+        found = np.flatnonzero((times >= first) & (times <= last) & ~keep)
+        order = found[np.argsort(np.abs(times[found] - event), kind="stable")]
+        keep[order[:left]] = True
+        left -= min(left, len(order))
+    starts = np.concatenate([[0], np.flatnonzero(keep)[:-1] + 1])
+    return replace(trace[keep], utilisation=np.maximum.reduceat(trace.utilisation, starts))
 
 
 def digest(trace: Trace, broken: Sequence[Broken]) -> str:

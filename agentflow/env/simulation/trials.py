@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 from agentflow.env.rollout import Feedback, Rollout
@@ -14,6 +16,8 @@ SUCCESS, OUTCOME, MISS = "success", "outcome", "miss"
 missed success (None if it succeeded or no distance applies)."""
 SHOWN_TRIAL = "shown_trial"
 """Term of the combined rollout: number of the trial whose trace, scene and events it shows."""
+FIGURE = re.compile(r"(?<=\s)-?\d+\.\d+")
+"""A measured number in an outcome; numbers of blocks and walls have no decimals."""
 DIVERGED = "the simulation diverged"
 
 
@@ -22,9 +26,10 @@ def combine_trials(played: Sequence[Rollout]) -> Rollout:
 
     The score is the number of successful trials. A trial that diverged has failed; the combined
     rollout has diverged if all trials have. Terms and feedback cover every trial. Trace, scene,
-    breakages and events are those of one trial: the first that failed, or else the first. The
-    digest covers all, and marginal connections are those of all. If a trial is invalid, timed out
-    or crashed, the first such trial is returned unchanged.
+    breakages and events are those of the worst trial: the failed one that missed by most (a miss
+    that is not known counts as infinite), or else the first. The digest covers all, and marginal
+    connections are those of all. If a trial is invalid, timed out or crashed, the first such trial
+    is returned unchanged.
 
     Args:
         played: At least one; all of one machine at one task's trials.
@@ -37,7 +42,8 @@ def combine_trials(played: Sequence[Rollout]) -> Rollout:
 
 def _combine_scored(played: Sequence[Rollout]) -> Rollout:
     wins = [rollout.terms.get(SUCCESS) is True for rollout in played]
-    index = wins.index(False) if False in wins else 0
+    misses_by = [0.0 if won else _miss(rollout) for won, rollout in zip(wins, played, strict=True)]
+    index = max(range(len(played)), key=lambda i: (not wins[i], misses_by[i]))
     shown, score = played[index], float(sum(wins))
     terms: dict[str, float | bool | str | None] = {
         "successes": score,
@@ -62,16 +68,22 @@ def _combine_scored(played: Sequence[Rollout]) -> Rollout:
     )
 
 
+def _miss(rollout: Rollout) -> float:
+    """By how much a failed trial missed, m; infinite if that is not known."""
+    miss = rollout.terms.get(MISS)
+    return inf if miss is None else float(miss)
+
+
 def _outcome(rollout: Rollout) -> str:
     return DIVERGED if rollout.status == "diverged" else str(rollout.terms[OUTCOME])
 
 
 def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
-    """A line for every trial, then the feedback of the one shown."""
+    """The outcome of every trial, then the feedback of the one shown."""
     shown = played[index].feedback
     text = [
         f"Score: {score:.2f} successful trials out of {len(played)}",
-        *(f"Trial {n}: {_outcome(rollout)}" for n, rollout in enumerate(played, start=1)),
+        *_trial_lines([_outcome(rollout) for rollout in played]),
         f"Everything below is about trial {index + 1}.",
         *(line for line in shown.text.splitlines() if not line.startswith(("Score:", "Result:"))),
     ]
@@ -80,6 +92,26 @@ def _feedback(played: Sequence[Rollout], score: float, index: int) -> Feedback:
     ]
     data = {**shown.data, "score": score, "trials": trials, SHOWN_TRIAL: index + 1}
     return Feedback("\n".join(text), data)
+
+
+def _trial_lines(outcomes: Sequence[str]) -> list[str]:
+    """One line for all trials whose outcomes differ only in numbers, which are told as ranges."""
+    alike: dict[str, list[int]] = {}
+    for index, outcome in enumerate(outcomes):
+        alike.setdefault(FIGURE.sub("#", outcome), []).append(index)
+    lines = []
+    for indices in alike.values():
+        columns = zip(*(FIGURE.findall(outcomes[index]) for index in indices), strict=True)
+        spans = iter([_span(column) for column in columns])
+        text = FIGURE.sub(lambda _, spans=spans: next(spans), outcomes[indices[0]])  # type: ignore[misc]
+        name = f"Trial{'s' * (len(indices) > 1)} {', '.join(str(index + 1) for index in indices)}"
+        lines.append(f"{name}: {text}")
+    return lines
+
+
+def _span(figures: Sequence[str]) -> str:
+    low, high = min(figures, key=float), max(figures, key=float)
+    return low if low == high else f"{low} to {high}"
 
 
 def _digest(played: Sequence[Rollout]) -> str:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from math import ceil
 from typing import ClassVar, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
-from agentflow.env.constants import constants
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.guard import guard_family
@@ -19,11 +17,6 @@ from agentflow.machine.tree import Machine
 
 ROUNDING = 1e-6
 """Tolerance for the rounding error of summed time steps, s."""
-
-
-def sample_at(time: float) -> int:
-    """Index of the first sample at or after a time, s."""
-    return ceil(time / constants()["sample_interval"] - ROUNDING)
 
 
 Body = int | str

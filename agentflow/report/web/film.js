@@ -16,16 +16,16 @@ export async function unpackJson(text) {
 }
 
 export class Film {
-  /** @param packed {samples, interval, bodies, low, step, loads, data} */
+  /** @param packed {samples, times, bodies, low, step, loads, data} */
   static async of(packed) {
     return new Film(packed, await inflate(packed.data));
   }
 
   constructor(packed, bytes) {
     this.samples = packed.samples;
-    this.interval = packed.interval;
+    this.times = packed.times;
     this.bodies = packed.bodies;
-    this.duration = (packed.samples - 1) * packed.interval;
+    this.duration = packed.times[packed.samples - 1];
     this.low = packed.low;
     this.step = packed.step;
     const rows = COMPONENTS * packed.bodies;
@@ -53,9 +53,14 @@ export class Film {
 
   /** Index of the sample at or before a time, and the fraction of the way to the next. */
   place(time) {
-    const exact = this.interval ? Math.min(Math.max(time, 0), this.duration) / this.interval : 0;
-    const index = Math.min(Math.floor(exact + 1e-9), Math.max(this.samples - 2, 0));
-    return [index, Math.min(Math.max(exact - index, 0), 1)];
+    let index = 0;
+    for (let end = this.samples - 2; index < end; ) {
+      const middle = (index + end + 1) >> 1;
+      if (this.times[middle] <= time + 1e-9) index = middle;
+      else end = middle - 1;
+    }
+    const span = this.samples > 1 ? this.times[index + 1] - this.times[index] : 0;
+    return [index, span ? Math.min(Math.max((time - this.times[index]) / span, 0), 1) : 0];
   }
 
   /** One component between two samples: positions along a curve, rotations linearly. */
@@ -65,9 +70,14 @@ export class Film {
     if (share <= 0) return here;
     const next = this.values[row + 1];
     if (component > 2) return here + share * (next - here);
-    const before = index > 0 ? this.values[row - 1] : here;
-    const after = index + 2 < this.samples ? this.values[row + 2] : next;
-    return catmullRom(before, here, next, after, share);
+    const span = this.times[index + 1] - this.times[index];
+    const slope = (from, to) => {
+      const low = Math.max(index + from, 0);
+      const high = Math.min(index + to, this.samples - 1);
+      const missing = (to - from - (high - low)) * span;
+      return ((this.values[row + high - index] - this.values[row + low - index]) * span) / (this.times[high] - this.times[low] + missing);
+    };
+    return hermite(here, next, slope(-1, 1), slope(0, 2), share);
   }
 
   turn(body, index, share) {
@@ -78,10 +88,8 @@ export class Film {
   }
 }
 
-/** Catmull-Rom spline through four values, between the second and the third. */
-function catmullRom(before, here, next, after, share) {
-  const first = (next - before) / 2;
-  const last = (after - here) / 2;
+/** Cubic between two values with the given changes per interval at its start and end. */
+function hermite(here, next, first, last, share) {
   const rest = next - here;
   return here + share * (first + share * (3 * rest - 2 * first - last + share * (first + last - 2 * rest)));
 }

@@ -119,7 +119,7 @@ def test_recorded_films_are_shown_if_physics_has_changed(
     machines = data_of(out)["machines"]
     assert kept
     for digest in kept:
-        assert machines[digest]["film"]["interval"] == pytest.approx(0.2)
+        assert machines[digest]["film"]["times"][:3] == pytest.approx([0.0, 0.2, 0.4])
         assert machines[digest]["remark"] == f"As recorded, with different {change}."
     winner = best_machine(read_result(run))
     assert winner is not None
@@ -179,8 +179,9 @@ def test_every_trial_but_the_one_shown_has_a_film() -> None:
     (first, second) = shown["trials"]
     assert (first["number"], first["outcome"], first["shown"]) == (1, "success", False)
     assert second == {"number": 2, "success": False, "outcome": "failed", "shown": True}
-    assert first["film"]["samples"] == -(-shown["film"]["samples"] // 3)
-    assert first["film"]["interval"] == pytest.approx(3 * shown["film"]["interval"])
+    assert rollout.trace is not None
+    assert first["film"]["times"] == pytest.approx(rollout.trace.even.times[::3], abs=1e-4)
+    assert shown["film"]["times"] == pytest.approx(rollout.trace.times, abs=1e-4)
     assert [event["text"] for event in shown["events"]] == [
         "motor stalled: block 3 (Powered Wheel) from 1.0 to 2.0 s"
     ]

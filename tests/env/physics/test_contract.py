@@ -124,7 +124,7 @@ def test_looking_changes_nothing(engine: Engine) -> None:
         for _ in range(90):
             world.step()
             if look:
-                world.keep()
+                world.snapshot(), world.contacts(), world.power(), world.energies(world.snapshot())
                 world.speeds(thorough=False), world.speeds(), world.touching(0), world.centres()
                 world.state(), world.momentum(), world.rotation(2), world.centre("ball")
         seen.append(everything(world))
@@ -316,16 +316,16 @@ def test_states_have_their_shapes_and_agree_with_single_looks(engine: Engine) ->
         assert world.rotation(block) == pytest.approx(state.rotation[block])
 
 
-def test_states_kept_are_the_states_of_their_times_also_across_a_split(engine: Engine) -> None:
+def test_snapshots_are_the_states_of_their_times_also_across_a_split(engine: Engine) -> None:
     world = engine.build(arm(drive=MOTOR), Scene((BALL,)), RATE)
-    states = []
+    states, snapshots = [], []
     for step in range(6):
         run(world, 10)
-        world.keep()
+        snapshots.append(world.snapshot())
         states.append(vars(world.state()))
         if step == 3:
             world.split([1])
-    kept = vars(world.kept())
+    kept = vars(world.states(snapshots))
     for name, values in kept.items():
         assert (values == np.array([state[name] for state in states])).all()
 

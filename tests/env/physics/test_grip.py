@@ -183,7 +183,7 @@ def test_a_decoupler_lets_go_at_its_time(facing: str) -> None:
     assert told == [(1.0, "released", (decoupler,), text)]
     alive = rollout.trace.alive[:, decoupler]
     assert alive.tolist() == [time < 1.001 for time in rollout.trace.times]
-    high = rollout.trace.centre[:, decoupler, 1]
+    high = rollout.trace.even.centre[:, decoupler, 1]
     assert high[:6] == pytest.approx(high[0], abs=0.01)
     if facing != "y+":
         assert high[7] < high[0] - 1.0

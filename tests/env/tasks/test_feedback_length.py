@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agentflow.env.feedback import MAX_SAMPLES, stalled_motors
+from agentflow.env.feedback.stalls import stalled_motors
+from agentflow.env.feedback.text import MAX_SAMPLES
 from agentflow.env.rollout import Broken, Feedback, Flags, Rollout, Trace
 from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Body, Task
@@ -65,7 +66,8 @@ def crowd(task: Task) -> list[Machine]:
     ):
         steps, kinds = list(given), [*need, *kinds]
         for kind in kinds[: BLOCKS - len(steps)]:
-            steps.append(Step(len(steps), kind, 0 if given.steps[0].type else len(steps) - 1, 0))
+            parent = max(step.id for step in steps if library()[step.type].faces)
+            steps.append(Step(len(steps), kind, 0 if given.steps[0].type else parent, 0))
         machines.append(Machine(tuple(steps)))
     return machines
 
@@ -108,7 +110,7 @@ def told(task: Task, machine: Machine, seed: int) -> Rollout:
         world.time = step / 10
         referee.watch(world)
     verdict = referee.verdict(trace)
-    stalls = stalled_motors(machine, trace, 0.0)
+    stalls = stalled_motors(machine, trace, task.schedule)
     verdict = replace(verdict, events=(*verdict.events, *stalls))
     broken = tuple(
         Broken(i, machine[i].type, i - 1, task.window - 0.01 * i, 1.234) for i in range(1, BLOCKS)
@@ -136,4 +138,5 @@ def test_feedback_for_twenty_blocks_in_turmoil_stays_short(name: str) -> None:
 def check(feedback: Feedback) -> None:
     assert tokens(feedback.text) < LIMIT, feedback.text
     assert all(len(path["times"]) <= MAX_SAMPLES for path in feedback.data["series"])
-    assert len(feedback.data["most_loaded"]) <= MAX_SAMPLES
+    assert len(feedback.data["peaks"]) <= 10
+    assert len(feedback.data["contacts"]) <= 4

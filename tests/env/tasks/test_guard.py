@@ -76,7 +76,8 @@ BROKEN: dict[str, tuple[str, Any, str]] = {
     "NaN": (
         "referee",
         referee("verdict", lambda *_: Verdict(float("nan"), {})),
-        "referee.verdict returned Verdict(score=nan, terms={}, events=()), not a Verdict with",
+        "referee.verdict returned Verdict(score=nan, terms={}, events=(), moment=None), not a "
+        "Verdict with",
     ),
     "a string": (
         "referee",

@@ -16,7 +16,6 @@ from ..fakes import LONE_ROOT, FakeWorld, make_trace
 
 PAIR = Machine((ROOT, Step(1, 35, 0, 0)))
 """The root (0.25) and a ballast (3.0)."""
-TRACE = make_trace(2)
 
 
 def level(name: str, **knobs: object) -> Jumping:
@@ -32,7 +31,7 @@ def judge(referee: JumpReferee, world: FakeWorld, *ends: tuple[float, float]) ->
         world.centres[block] = (0.0, y, z)
     world.time = 2.0
     referee.watch(world)
-    return referee.verdict(TRACE)
+    return referee.verdict(make_trace(len(ends)))
 
 
 def test_the_root_and_half_of_the_mass_have_to_get_over() -> None:
@@ -53,7 +52,7 @@ def test_half_of_the_mass_is_enough(more: int, share: float, success: bool) -> N
     """The root (0.25) and a block get over, a block of 0.5 does not, nor one of 0.3."""
     machine = Machine((ROOT, Step(1, more, 0, 0), Step(2, 1, 0, 1), Step(3, 15, 0, 2)))
     machine = machine if more == 41 else Machine(machine.steps[:3])
-    ends = ((0.5, 13.0), (0.5, 13.0), (0.5, 3.0), (0.5, 3.0))
+    ends = ((0.5, 13.0), (0.5, 13.0), (0.5, 3.0), (0.5, 3.0))[: len(machine)]
     verdict = judge(level("jumping").referee(machine), FakeWorld(), *ends)
     assert verdict.terms["mass_beyond"] == pytest.approx(share, abs=0.005)
     assert verdict.terms["success"] is success
@@ -80,7 +79,7 @@ def judge_on(referee: JumpReferee, world: FakeWorld) -> Verdict:
     """The verdict of a machine that ends far beyond."""
     world.centres = {0: (0.0, 0.5, 30.0), 1: (0.0, 0.5, 31.0)}
     referee.watch(world)
-    return referee.verdict(TRACE)
+    return referee.verdict(make_trace(2))
 
 
 def test_scene_things_among_themselves_are_no_touch() -> None:

@@ -68,22 +68,28 @@ def test_the_feedback_tells_distance_speeds_and_path() -> None:
         paths={0: [(0.0, 0.5, float(i)) for i in range(26)]},
         velocity=velocity,
         angular_velocity=spin,
-        utilisation=np.full((26, 1), 0.25),
-        connections=((1, 0),),
     )
-    broken = (Broken(1, 2, 0, 4.321, 1.04),)
+    broken = (Broken(1, 2, 0, 4.321, 1.04, (0.0, -120.0, 0.0), (50.0, 0.0, 0.0)),)
     feedback = task.feedback(CAR, trace, broken, referee.verdict(trace))
     assert feedback.text.splitlines()[:-1] == [
         "Score: 25.00 m",
         "Root: greatest distance 25.00 m along z+ at 5.00 s, greatest speed 11.00 m/s, "
         "ends at x = 0.00 m",
         "Mean speed in each second (m/s): 6.00, 6.00, 5.00, 5.00, 5.00",
-        "Broken: block 1 (Powered Wheel) off block 0 at 4.32 s, load 1.04",
-        "Orientation of block 0: facing z+ from 0.0 to 5.0 s",
-        "Most loaded connections (load / strength, breaks at 1): "
-        "blocks 1-0: 0.25 at 0.0 s (most loaded in 26 of 26 samples)",
+        "Broken: block 1 (Powered Wheel) off block 0 at 4.32 s, load 1.04 "
+        "(force, moment: 120 y-, 50 x+)",
+        "Orientation of block 0: facing z+ all the time",
+        "Frames: at t = 0 world = machine frame + (0.00, -0.50, 0.00)",
     ]
     assert feedback.data["mean_speed_per_second"] == pytest.approx([6.0, 6.0, 5.0, 5.0, 5.0])
     assert feedback.data["broken"] == [
-        {"block": 1, "type": 2, "partner": 0, "time": 4.321, "load": 1.04}
+        {
+            "block": 1,
+            "type": 2,
+            "partner": 0,
+            "time": 4.321,
+            "load": 1.04,
+            "force": (0.0, -120.0, 0.0),
+            "moment": (50.0, 0.0, 0.0),
+        }
     ]

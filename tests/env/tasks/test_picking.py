@@ -131,8 +131,8 @@ def test_the_feedback_tells_the_height_of_every_second_and_where_things_were() -
     assert lines[:4] == [
         "Score: 2.00 m",
         "Result: the ball gained 2.00 m and ended in the pit",
-        "Height gained by the ball after each second (m): 0.20, 0.40, 0.60, 0.80, 1.00, "
-        "1.20, 1.40, 1.60, 1.80, 2.00",
+        "Height gained by the ball after each second (m): 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, "
+        "1.8, 2.0",
         "Ball at t = 10 s: (0.00, 3.00, 11.50)",
     ]
     assert [line for line in lines if line.startswith("Root at")] == [

@@ -5,7 +5,9 @@ A law is called in every step with the rows of all clusters (see `physics.rows`)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 
 from agentflow.env.physics.rows import Row
 from agentflow.env.rollout import Array
-from agentflow.machine.geometry.vectors import Vec3, add, cross, rotate_vector
+from agentflow.machine.geometry.vectors import Vec3, add, cross, dot, rotate_vector
 
 Indices = NDArray[np.intp]
 
@@ -29,8 +31,12 @@ class PartLocations:
 
     def locate(self, part: int) -> tuple[int, Vec3]:
         """Row and offset of one part."""
-        x, y, z = self.offset[part].tolist()
-        return int(self.row[part]), (x, y, z)
+        return self._places[part]
+
+    @cached_property
+    def _places(self) -> list[tuple[int, Vec3]]:
+        offsets = [(x, y, z) for x, y, z in self.offset.tolist()]
+        return list(zip(self.row.tolist(), offsets, strict=True))
 
 
 class Wrench(NamedTuple):
@@ -66,3 +72,14 @@ def part_motion(row: Row, offset: Vec3) -> tuple[Vec3, Vec3]:
     px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = row
     arm = rotate_vector((x, y, z, w), offset)
     return add((px, py, pz), arm), add((vx, vy, vz), cross((wx, wy, wz), arm))
+
+
+def power_of(forces: Sequence[PartForce], rows: Sequence[Row], locations: PartLocations) -> float:
+    """Rate at which forces on parts do work, W."""
+    found = 0.0
+    for part, force, at in forces:
+        row, offset = locations.locate(part)
+        _, velocity = part_motion(rows[row], offset)
+        _, _, _, x, y, z, w, *_ = rows[row]
+        found += dot(force if at else rotate_vector((x, y, z, w), force), velocity)
+    return found

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+from agentflow.env.physics.engine import Touch
+from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.structure.spanning_tree import Skeleton
 from agentflow.env.tasks.base import Body
+from agentflow.machine.geometry.vectors import Vec3
 
 TOUCH = 0.005
 """Surfaces at most this far apart touch, m."""
@@ -39,6 +42,8 @@ class Contacts:
         self._where: dict[Body, list[Handle]] = {}
         for handle, named in self._who.items():
             self._where.setdefault(named, []).append(handle)
+        self._pairs: dict[tuple[int, int, int, int], tuple[Body, Body] | None] = {}
+        """Bodies in contact by body and link numbers; None if they are one."""
 
     def touching(self, body: Body) -> frozenset[Body]:
         """What a block or thing was in contact with in the last step.
@@ -55,6 +60,35 @@ class Contacts:
             if contact[8] <= TOUCH or contact[9] > 0.0
         }
         return frozenset(found - {body})
+
+    def all(self) -> list[Touch]:
+        """Everything that was in contact in the last step."""
+        found: dict[tuple[Body, Body], tuple[float, float, Vec3]] = {}
+        pairs = self._pairs
+        for point in pybullet.getContactPoints(physicsClientId=self._client):
+            force = point[9]
+            if point[8] > TOUCH and not force > 0.0:
+                continue
+            key = point[1:5]
+            pair = pairs[key] if key in pairs else self._name_pair(key)
+            if pair is None:
+                continue
+            total, most, place = found.get(pair, (0.0, -1.0, point[5]))
+            if force > most:
+                most, place = force, point[5]
+            found[pair] = total + force, most, place
+        return [Touch(*pair, swap(place), total) for pair, (total, _, place) in found.items()]
+
+    def _name_pair(self, key: tuple[int, int, int, int]) -> tuple[Body, Body] | None:
+        one, other = self._who[key[0], key[2]], self._who[key[1], key[3]]
+        pair = None if one == other else tuple(sorted((one, other), key=_order))
+        self._pairs[key] = pair  # type: ignore[assignment]
+        return self._pairs[key]
+
+
+def _order(body: Body) -> tuple[bool, int, str]:
+    """Blocks by id, then things by name."""
+    return (False, body, "") if isinstance(body, int) else (True, 0, body)
 
 
 def set_collisions_of_clusters(client: int, plan: Skeleton, handles: Mapping[int, Handle]) -> None:

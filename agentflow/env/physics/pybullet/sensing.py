@@ -112,8 +112,9 @@ class Sensors:
             for row, link in enumerate(links)
             if joints[link.joint].kind == "revolute" and not link.rigid
         ]
+        self._before: Sequence[tuple[Any, ...]] = ()
         self._states: Sequence[tuple[Any, ...]] = ()
-        """PyBullet's latest states of `links`."""
+        """PyBullet's states of all joints before and after the last step."""
         self._motors = [
             (row, link.joint, _wrench_of_motor(joints[link.joint]))
             for row, link in enumerate(links)
@@ -121,6 +122,11 @@ class Sensors:
         ]
         """Row, joint and wrench (6,) per unit of its motor of each joint that others are parallel
         to. PyBullet's sensors leave out what motors exert."""
+        self._driven = [
+            row
+            for row, link in enumerate(links)
+            if not link.rigid and joints[link.joint].kind == "revolute" and _has_motor(link, joints)
+        ]
         self._read = np.zeros(6 * len(links) + 1)
         """Force and torque of each joint from PyBullet, then a 0 for joints that are in no tree."""
         self._pack = Struct(f"{6 * len(links)}d").pack_into
@@ -145,7 +151,7 @@ class Sensors:
                 for uid, links in self._bodies
                 for state in pybullet.getJointStates(uid, links, client)
             ]
-        self._states = states
+        self._before, self._states = self._states, states
         self._pack(self._read.data, 0, *chain.from_iterable(map(_FORCES, states)))
         self._read.take(self._source, out=reactions, mode="clip")  # "raise" would copy
         np.multiply(reactions, self._sign, out=reactions)
@@ -157,6 +163,11 @@ class Sensors:
         """Greatest speed of a turning joint in the last step, rad/s."""
         states = self._states
         return max([abs(states[row][1]) for row in self._turning], default=0.0)
+
+    def power(self) -> float:
+        """Mean power of the motors in the last step, W."""
+        now, before = self._states, self._before or self._states
+        return float(sum((before[i][1] + now[i][1]) / 2 * now[i][3] for i in self._driven))
 
     def motions(self) -> dict[int, tuple[float, float]]:
         """Position and velocity of every joint in the trees that has one degree of freedom, and of
@@ -173,6 +184,12 @@ class Sensors:
                 for other in link.parallel:
                     found[other.joint] = other.sign * position, other.sign * velocity
         return found
+
+
+def _has_motor(link: Link, joints: Sequence[Joint]) -> bool:
+    """Whether a motor drives the joint of a link or one parallel to it."""
+    own = (link.joint, *(other.joint for other in link.parallel))
+    return any(joints[joint].drive.torque > 0.0 for joint in own)
 
 
 def _wrench_of_motor(joint: Joint) -> Array:

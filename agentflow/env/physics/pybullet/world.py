@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
 from agentflow.env.constants import Constants
+from agentflow.env.physics.engine import Power, Touch
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.select import device_laws, wind_laws
 from agentflow.env.physics.laws.tension import WinchForce
@@ -28,13 +30,16 @@ from agentflow.env.physics.pybullet.motors import Motors, inner_iterations, long
 from agentflow.env.physics.pybullet.restoring import place_at_start, restore
 from agentflow.env.physics.pybullet.sensing import Rows, Sensors
 from agentflow.env.physics.readings import Readings
-from agentflow.env.physics.rows import Row, top_speeds
+from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.physics.structure.layout import RowLayout, lay_out
 from agentflow.env.physics.structure.spanning_tree import Piece, Skeleton, skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Body
 from agentflow.machine.geometry.vectors import Quat, Vec3, rotate_vector, subtract
+
+Snapshot = tuple[Readings, list[Row]]
+"""Rows, and what reads them."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,6 @@ class PyBulletWorld:
         fixed = [uid for name, uid in self.things.items() if name not in moving]
         set_collisions_of_scene(client, (self._ground, *fixed), tuple(moving.values()))
         self.reactions = np.zeros((len(assembly.joints), 6))
-        self._kept: list[tuple[Readings, list[Row]]] = []
         self._couplings = Couplings(client)
         self._winches = WinchForce(assembly.devices.winches, self._levels, 1.0 / rate)
         self._grips = Grippers(client, assembly.devices.grippers, moving)
@@ -143,13 +147,13 @@ class PyBulletWorld:
     def centres(self) -> Array:
         return self._now.readings.centres(self._now.rows.table)
 
-    def keep(self) -> None:
-        self._kept.append((self._now.readings, self._now.rows.all))
+    def snapshot(self) -> Snapshot:
+        return self._now.readings, self._now.rows.all
 
-    def kept(self) -> State:
-        """All recorded states; those between two splits are computed at once."""
+    def states(self, snapshots: Sequence[Any]) -> State:
+        """The states of snapshots; those between two splits are computed at once."""
         stretches = []
-        for readings, stretch in groupby(self._kept, key=itemgetter(0)):
+        for readings, stretch in groupby(snapshots, key=itemgetter(0)):
             tables = np.array([rows for _, rows in stretch])
             stretches.append(vars(readings.states(tables)))
         return State(
@@ -173,6 +177,25 @@ class PyBulletWorld:
 
     def touching(self, body: Body) -> frozenset[Body]:
         return self._now.contacts.touching(body)
+
+    def contacts(self) -> list[Touch]:
+        return self._now.contacts.all()
+
+    def power(self) -> Power:
+        devices = self._now.forces.power()
+        return devices._replace(motors=devices.motors + self._now.sensors.power())
+
+    def energies(self, snapshot: Any) -> Array:
+        readings, rows = snapshot
+        masses = [thing.mass for thing in self._scene.moving]
+        inertias = [
+            pybullet.getDynamicsInfo(self.things[thing.name], -1, self.client)[2]
+            for thing in self._scene.moving
+        ]
+        table = np.array(rows).reshape(-1, WIDTH)
+        gravity = self._physics["gravity"]
+        found: Array = readings.energies(table, masses, inertias, gravity)
+        return found
 
     def momentum(self) -> Mapping[str, Array]:
         return self._now.readings.momentum(self._now.rows.table)

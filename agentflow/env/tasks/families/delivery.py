@@ -9,17 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from agentflow.env.feedback import (
-    compose,
-    landing_text,
-    number,
-    sample_indices,
-    series,
-    term_number,
-)
-from agentflow.env.rollout import Array, Broken, Feedback, RolloutEvent, Trace, Verdict
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.text import landing_text, number, sample_indices, series, term_number
+from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
-from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView, sample_at
+from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.obstacles import (
     Beam,
@@ -189,9 +183,9 @@ class Delivery(Family):
     ) -> Feedback:
         """Distance and height of the cargo, and its distance from the machine."""
         terms = verdict.terms
-        cargo = trace.thing_position[:, trace.things.index(CARGO)]
-        gaps = np.linalg.norm(trace.centre - cargo[:, None], axis=2).min(axis=1)
-        index, touched = terms["landing_index"], terms["touched"]
+        cargo = trace.even.thing_position[:, trace.things.index(CARGO)]
+        gaps = np.linalg.norm(trace.even.centre - cargo[:, None], axis=2).min(axis=1)
+        even, touched = trace.even, terms["touched"]
         distance, time, reach, height = (
             number(term_number(terms, name)) for name in ("distance", "time", "reach", "height")
         )
@@ -201,10 +195,10 @@ class Delivery(Family):
             else f"Result: the machine first touched the cargo at {number(float(touched))} s",
             f"Cargo: greatest distance {distance} m {scoring_direction(self.parameters.curve)} at "
             f"{time} s, greatest horizontal distance {reach} m, greatest height {height} m, "
-            f"{landing_text(index)}",
-            _gap_line(trace.times, gaps),
+            f"{landing_text(terms['landing'])}",
+            _gap_line(even.times, gaps),
         )
-        path = series("Cargo position", trace.times, cargo)
+        path = series("Cargo position", even.times, cargo)
         data = {"gap": [float(gaps[i]) for i in sample_indices(len(gaps))]}
         return compose(machine, trace, broken, verdict, "m", lines, data, (path,))
 
@@ -253,7 +247,7 @@ class DeliveryReferee:
             self._landing = time if self._landing is None else self._landing
         self._aloft = None
 
-    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
+    def verdict(self, trace: Trace) -> Verdict:
         """Score, terms and events; terms that do not apply are None."""
         touched, landing = self._touched, self._landing
         terms: dict[str, float | bool | str | None] = {
@@ -264,9 +258,15 @@ class DeliveryReferee:
             "reach": self._reach,
             "height": self._height,
             "landing": landing,
-            "landing_index": None if landing is None else sample_at(landing),
         }
-        return Verdict(self._best, terms, self._events())
+        return Verdict(self._best, terms, self._events(), self._fastest(trace))
+
+    def _fastest(self, trace: Trace) -> Moment | None:
+        """When the cargo was fastest: it is pushed until then, and rolls on by itself."""
+        if self._touched is None:
+            return None
+        speed = np.linalg.norm(trace.thing_velocity[:, trace.things.index(CARGO)], axis=1)
+        return Moment(float(trace.times[int(speed.argmax())]), "the cargo's top speed", CARGO)
 
     def _events(self) -> tuple[RolloutEvent, ...]:
         events = []

@@ -11,8 +11,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from agentflow.env.feedback import compose, number, series
-from agentflow.env.rollout import Broken, Feedback, RolloutEvent, Trace, Verdict
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.flight import flight_lines
+from agentflow.env.feedback.text import number, series
+from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Gust, Scene
 from agentflow.env.tasks.base import Parameters, WorldView
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
@@ -129,7 +131,8 @@ class Flying(Family):
     ) -> Feedback:
         """Heights, hoops passed and path of the root."""
         terms = verdict.terms
-        rise = np.diff(trace.centre[:, 0, 1]) / np.diff(trace.times)
+        even = trace.even
+        rise = np.diff(even.centre[:, 0, 1]) / np.diff(even.times)
         climb = float(rise.max()) if len(rise) else 0.0
         lines = [
             f"Root: greatest height {number(float(terms['height'] or 0.0))} m above its start at "
@@ -138,7 +141,8 @@ class Flying(Family):
         ]
         if self.marks:
             lines.append(f"Hoops: {terms['result']}")
-        path = series("Root position", trace.times, trace.centre[:, 0])
+        lines += flight_lines(machine, even)
+        path = series("Root position", even.times, even.centre[:, 0])
         unit = "" if self.marks else "m"
         data = {"greatest_climb": climb}
         return compose(machine, trace, broken, verdict, unit, lines, data, (path,))
@@ -188,7 +192,8 @@ class FlightReferee:
             RolloutEvent(time, "hoop_passed", (0,), f"the Starting Block passes hoop {index}")
             for index, time in enumerate(self._passed, start=1)
         )
-        return Verdict(self._progress.score if total else self._height, terms, events)
+        top = Moment(self._time, "the greatest height") if self._height > 0.0 else None
+        return Verdict(self._progress.score if total else self._height, terms, events, top)
 
 
 def hoops_of(knobs: Hoops) -> tuple[Ring, ...]:

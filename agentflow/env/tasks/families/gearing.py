@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 from pydantic import Field, model_validator
 
 from agentflow.env.constants import constants
-from agentflow.env.feedback import compose, number
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.text import number
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters
@@ -166,7 +167,7 @@ class Gearing(Family):
         cogs = [step.id for step in machine if library()[step.type].pitch_radius is not None]
         pairs = meshing_pairs(place(machine).blocks, constants()["cog_tolerance"])
         found = gear_trains(cogs, pairs)
-        speeds = _speeds(trace, cogs)
+        speeds = _speeds(trace.even, cogs)
         lines = (
             f"Result: {verdict.terms['result']}",
             f"Speeds at the end, by block (rad/s, positive with the source): "

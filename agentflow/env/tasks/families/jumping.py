@@ -7,8 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from agentflow.env.feedback import block_name, compose, number, series, thing_name
-from agentflow.env.rollout import Broken, Feedback, RolloutEvent, Trace, Verdict
+import numpy as np
+
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.release import release_line
+from agentflow.env.feedback.text import block_name, number, series, thing_name
+from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
 from agentflow.env.tasks.family import (
@@ -26,6 +30,8 @@ from agentflow.machine.geometry.vectors import inverse, rotate_vector
 from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 28, 35, 41, 63, 87)
+LEAST_RISE = 1.0
+"""Least upward speed of the centre of mass that counts as a jump, m/s."""
 HALF = 0.5
 """Share of the machine's mass that must get across."""
 
@@ -160,11 +166,12 @@ class Jumping(TrialFamily):
         top = trace.centre[:, 0, 1]
         lines = (
             f"Result: {terms['outcome']}",
+            *_take_off_lines(machine, trace, verdict),
             f"Root: greatest height {number(top.max())} m at "
-            f"{trace.times[int(top.argmax())]:.1f} s, ends at z = "
+            f"{trace.times[int(top.argmax())]:.2f} s, ends at z = "
             f"{number(trace.centre[-1, 0, 2])} m",
         )
-        path = series("Root position", trace.times[::2], trace.centre[::2, 0])
+        path = series("Root position", trace.even.times, trace.even.centre[:, 0])
         return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
 
 
@@ -203,7 +210,7 @@ class JumpReferee:
             return max(0.0, self._obstacle.height - lowest_point(world, self._machine, block))
         return max(0.0, self._far - world.centre(block)[2])
 
-    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
+    def verdict(self, trace: Trace) -> Verdict:
         """Whether and how the trial succeeded or failed."""
         root = self._world.centre(0)[2]
         share = self._share_beyond()
@@ -218,7 +225,7 @@ class JumpReferee:
             "touch_time": None if self._touch is None else self._touch[0],
             "far_side": self._far,
         }
-        return Verdict(float(success), terms, self._events())
+        return Verdict(float(success), terms, self._events(), take_off(self._machine, trace))
 
     def _share_beyond(self) -> float:
         masses = [library()[step.type].mass for step in self._machine]
@@ -253,6 +260,22 @@ class JumpReferee:
         return (RolloutEvent(time, "obstacle_touched", (block,), text),)
 
 
+def take_off(machine: Machine, trace: Trace) -> Moment | None:
+    """When the machine's centre of mass rises fastest, as gravity alone acts from then on."""
+    rise = centre_velocity(machine, trace)[:, 1]
+    fastest = int(rise.argmax())
+    if rise[fastest] < LEAST_RISE:
+        return None
+    return Moment(float(trace.times[fastest]), "take-off")
+
+
+def centre_velocity(machine: Machine, trace: Trace) -> Array:
+    """(T, 3) velocity of the centre of mass of all blocks, m/s."""
+    masses = np.array([library()[step.type].mass for step in machine])
+    velocity: Array = (trace.velocity * masses[:, None]).sum(axis=1) / masses.sum()
+    return velocity
+
+
 def lowest_point(world: WorldView, machine: Machine, block: int) -> float:
     """Height of the lowest corner of a block's box, m; for a two-ended block, of its centre."""
     size = library()[machine[block].type].size
@@ -261,6 +284,12 @@ def lowest_point(world: WorldView, machine: Machine, block: int) -> float:
         return height
     down = rotate_vector(inverse(world.rotation(block)), (0.0, 1.0, 0.0))
     return height - sum(abs(axis) * side / 2 for axis, side in zip(down, size, strict=True))
+
+
+def _take_off_lines(machine: Machine, trace: Trace, verdict: Verdict) -> list[str]:
+    if verdict.moment is None:
+        return []
+    return [release_line(machine, trace, verdict.moment, centre_velocity(machine, trace))]
 
 
 _ON_BANK = (

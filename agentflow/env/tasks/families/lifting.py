@@ -9,8 +9,9 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from agentflow.env.feedback import compose, number, series
-from agentflow.env.rollout import Broken, Feedback, RolloutEvent, Trace, Verdict
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.text import number, series
+from agentflow.env.rollout import Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import ROUNDING, Parameters, WorldView
 from agentflow.env.tasks.family import (
@@ -161,7 +162,7 @@ class Lifting(TrialFamily):
     ) -> Feedback:
         """Outcome of the trial and path of the object."""
         lines = (f"Result: {verdict.terms['outcome']}",)
-        path = series("Object position", trace.times[::2], trace.thing_position[::2, 0])
+        path = series("Object position", trace.even.times, trace.even.thing_position[:, 0])
         return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
 
 
@@ -220,7 +221,8 @@ class LiftReferee:
             "held": self._held,
             "carried": carried,
         }
-        return Verdict(float(success), terms, self._events())
+        top = Moment(self._best_time, "the object's greatest height", OBJECT)
+        return Verdict(float(success), terms, self._events(), top)
 
     def _outcome(self, success: bool, carried: bool) -> str:
         best = f"highest {number(self._best)} m at {number(self._best_time)} s"

@@ -8,7 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from agentflow.env.feedback import compose, series
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.text import series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Parameters, WorldView
@@ -116,8 +117,9 @@ class Movement(Family):
         self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
     ) -> Feedback:
         """Distance, speeds and path of the root."""
-        speed = np.linalg.norm(trace.velocity[:, ROOT_BLOCK], axis=1)
-        means = _mean_per_second(trace.times, speed)
+        even = trace.even
+        speed = np.linalg.norm(even.velocity[:, ROOT_BLOCK], axis=1)
+        means = _mean_per_second(even.times, speed)
         distance = float(verdict.terms["distance"] or 0.0)
         lines = (
             f"Root: greatest distance {distance:.2f} m "
@@ -127,7 +129,7 @@ class Movement(Family):
             "Mean speed in each second (m/s): " + ", ".join(f"{mean:.2f}" for mean in means),
         )
         data = {"greatest_speed": float(speed.max()), "mean_speed_per_second": means}
-        path = series("Root position", trace.times, trace.centre[:, ROOT_BLOCK])
+        path = series("Root position", even.times, even.centre[:, ROOT_BLOCK])
         return compose(machine, trace, broken, verdict, "m", lines, data, (path,))
 
 

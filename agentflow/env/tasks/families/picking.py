@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from agentflow.env.feedback import block_name, compose, number, point_text
-from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.text import block_name, number, point_text
+from agentflow.env.rollout import Array, Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene, Start, Thing
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
 from agentflow.env.tasks.family import WOOD, CommonKnobs, Family, StartTimes, wall
@@ -24,6 +25,8 @@ DIAMETER, MASS = 2.0, 2.0
 """Diameter (m) and mass (kg) of the ball."""
 BAR = 0.5
 """Thickness of the bar, m."""
+GAIN = 0.05
+"""Least height that counts as gained, m."""
 FAR = 60.0
 """Extent of the ground around the pit, m; twice as much behind the machine."""
 
@@ -144,8 +147,7 @@ class Picking(Family):
         grab = min(self.parameters.schedule.grab, float(trace.times[-1]))
         lines = (
             f"Result: {verdict.terms['result']}",
-            "Height gained by the ball after each second (m): "
-            + ", ".join(number(height) for height in gained),
+            _gain_line(gained),
             f"Ball at t = {grab:g} s: {point_text(_at(trace.times, path, grab))}",
             *(
                 f"{block_name(machine, step.id).capitalize()} at t = {grab:g} s: "
@@ -202,7 +204,16 @@ class PickingReferee:
             "final_height": y - self._start,
             "result": f"the ball gained {number(self._best)} m and ended {ends}",
         }
-        return Verdict(self._best, terms)
+        top = Moment(self._best_time, "the ball's greatest height", BALL)
+        return Verdict(self._best, terms, (), top if self._best_time else None)
+
+
+def _gain_line(gained: Sequence[float]) -> str:
+    """The gains after each second, from the first one on."""
+    idle = next((i for i, gain in enumerate(gained) if gain >= GAIN), len(gained))
+    told = ", ".join(number(gain, 1) for gain in gained[idle:]) or "none"
+    since = f" from t = {idle + 1} s on" if idle else ""
+    return f"Height gained by the ball after each second{since} (m): {told}"
 
 
 def _at(times: Array, values: Array, time: float) -> Array:

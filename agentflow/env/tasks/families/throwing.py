@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from agentflow.env.feedback import block_name, compose, landing_text, number, series, term_number
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.release import release_line
+from agentflow.env.feedback.text import block_name, number, series, term_number
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters, WorldView
@@ -25,6 +28,8 @@ from agentflow.machine.tree import Machine
 BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 30, 35, 36, 41, 63)
 TARGET_POINTS, TARGET_COST = 10.0, 0.5
 """Points for landing on the target, and points lost per metre from it."""
+AFTER = 0.5
+"""How long after its landing the boulder's path is told, s."""
 Mode = Literal["distance", "rl", "rings", "accuracy"]
 
 
@@ -132,12 +137,15 @@ class Throwing(Family):
         boulder = int(term_number(terms, "boulder")) or _boulders(machine)[0]
         lines = (
             f"Result: {terms['result']}",
-            f"Boulder: greatest horizontal distance {number(term_number(terms, 'reach'))} m, "
-            f"greatest height {number(term_number(terms, 'height'))} m, "
-            + ("still in the air" if terms["in_air"] else landing_text(terms["landing_index"])),
+            f"Boulder: greatest height {number(term_number(terms, 'height'))} m at "
+            f"{number(term_number(terms, 'height_time'))} s, greatest horizontal distance "
+            f"{number(term_number(terms, 'reach'))} m",
             *_mode_lines(machine, terms),
+            *_release_lines(machine, trace, verdict, boulder),
         )
-        path = series("Boulder position", trace.times, trace.centre[:, boulder])
+        landing = terms["landing"]
+        told = trace.even[trace.even.times < AFTER + (inf if landing is None else float(landing))]
+        path = series("Boulder position", told.times, told.centre[:, boulder])
         unit = "m" if self.parameters.score == "distance" else ""
         return compose(machine, trace, broken, verdict, unit, lines, {"boulder": boulder}, (path,))
 
@@ -179,7 +187,7 @@ class ThrowReferee:
             terms["boulder"] = best.boulder
             terms["throws"] = f"{thrown} of {len(scores)}"
         events = tuple(event for flight in self._flights for event in flight.events())
-        return Verdict(sum(scores) / len(scores), terms, events)
+        return Verdict(sum(scores) / len(scores), terms, events, best.release)
 
     def _score(self, flight: Flight) -> float:
         mode = self._knobs.score
@@ -189,6 +197,12 @@ class ThrowReferee:
             miss = flight.distance_from(0.0, self._knobs.target.at)
             return 0.0 if miss is None else max(0.0, TARGET_POINTS - TARGET_COST * miss)
         return term_number(flight.terms(), mode)
+
+
+def _release_lines(machine: Machine, trace: Trace, verdict: Verdict, boulder: int) -> list[str]:
+    if verdict.moment is None:
+        return []
+    return [release_line(machine, trace, verdict.moment, trace.velocity[:, boulder])]
 
 
 def _boulders(machine: Machine) -> list[int]:

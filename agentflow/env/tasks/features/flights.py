@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
 
-from agentflow.env.feedback import block_name, number, thing_name
-from agentflow.env.rollout import RolloutEvent
-from agentflow.env.tasks.base import ROUNDING, Body, WorldView, sample_at
+from agentflow.env.feedback.text import block_name, number, thing_name
+from agentflow.env.rollout import Moment, RolloutEvent
+from agentflow.env.tasks.base import ROUNDING, Body, WorldView
 from agentflow.env.tasks.features.rings import Ring, RingProgress
 from agentflow.machine.geometry.vectors import Vec3
 from agentflow.machine.tree import Machine
@@ -99,6 +99,13 @@ class Flight:
         """Time at which the boulder last left the machine, s; None if it has not."""
         return self._left if self.landing or self._rolled else None
 
+    @property
+    def release(self) -> Moment | None:
+        """When the boulder left the machine for its flight; None without one."""
+        if self.landing is None or self.left is None:
+            return None
+        return Moment(self.left, "release", self.boulder, self._holder)
+
     def start(self, world: WorldView) -> None:
         """Record where the boulder rests and what holds it."""
         self._world = world
@@ -178,7 +185,6 @@ class Flight:
             "in_air": end is not None and landing is None,
             "left_holder": self.left,
             "landing": landing.time if landing else None,
-            "landing_index": sample_at(landing.time) if landing else None,
             "landed_on": landing.surface if landing else None,
             "root_distance": end.from_root if end else None,
             "result": self._result(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import atan2, pi
 from typing import Literal
 
-from agentflow.env.feedback import number
+from agentflow.env.feedback.text import number
 from agentflow.env.rollout import Trace, Verdict
 from agentflow.env.tasks.base import ROUNDING, WorldView
 from agentflow.machine.geometry.vectors import Quat

@@ -1,0 +1,69 @@
+"""Puts feedback together: score, the family's lines, what is told of every rollout, then paths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from agentflow.env.feedback.contacts import contact_lines, telling
+from agentflow.env.feedback.energy import energy_lines
+from agentflow.env.feedback.loads import broken_lines, load_lines
+from agentflow.env.feedback.orientation import frame_text, orientation_runs, orientation_text
+from agentflow.env.feedback.stalls import stall_lines
+from agentflow.env.feedback.text import Series, number, spacing
+from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
+from agentflow.machine.tree import Machine
+
+
+def compose(
+    machine: Machine,
+    trace: Trace,
+    broken: Sequence[Broken],
+    verdict: Verdict,
+    unit: str,
+    lines: Sequence[str],
+    data: Mapping[str, Any],
+    paths: Sequence[Series],
+) -> Feedback:
+    """Compose a family's feedback: score, its own lines, the shared lines, then paths.
+
+    Args:
+        machine: The simulated machine.
+        trace: Its trace.
+        broken: Broken connections in order of time.
+        verdict: Score, terms, events and the decisive moment.
+        unit: Unit of the score; "" for none.
+        lines: The family's own lines, each "Key: ...".
+        data: The family's own data; overrides shared keys.
+        paths: Series at the end of the text.
+    """
+    even, measured, moment = trace.even, trace.measured, verdict.moment
+    runs = orientation_runs(even)
+    stalls = [event for event in verdict.events if event.kind == "motor_stalled"]
+    text = [
+        f"Score: {number(verdict.score)} {unit}".rstrip(),
+        *lines,
+        *energy_lines(machine, measured.energy, moment),
+        *contact_lines(measured.contacts, moment),
+        *broken_lines(machine, broken),
+        *load_lines(measured.peaks, moment),
+        *stall_lines(stalls),
+        "Orientation of block 0: " + orientation_text(runs, spacing(even.times)),
+        "Frames: " + frame_text(machine, trace),
+        *(path.text for path in paths),
+    ]
+    shared = {
+        "score": verdict.score,
+        "terms": dict(verdict.terms),
+        "moment": None if moment is None else asdict(moment),
+        "seconds": float(trace.times[-1]),
+        "broken": [asdict(item) for item in broken],
+        "orientation": [{"faces": word, "from": start, "to": end} for word, start, end in runs],
+        "events": [asdict(event) | {"blocks": list(event.blocks)} for event in verdict.events],
+        "series": [asdict(path) for path in paths],
+        "energy": None if measured.energy is None else asdict(measured.energy),
+        "peaks": [asdict(peak) for peak in measured.peaks],
+        "contacts": [asdict(contact) for contact in telling(measured.contacts, moment)],
+    }
+    return Feedback("\n".join(text), {**shared, **data})

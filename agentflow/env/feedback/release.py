@@ -1,0 +1,80 @@
+"""The release line: how something leaves the machine, or the machine the ground."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from math import atan2, degrees, hypot
+
+import numpy as np
+
+from agentflow.env.feedback.text import body_name, number
+from agentflow.env.rollout import Array, Moment, Trace
+from agentflow.env.rotations import compose, conjugate
+from agentflow.machine.blocks.library import library
+from agentflow.machine.tree import Machine
+
+SIDEWAYS = 2.0
+"""Least angle between the horizontal direction and z+ that is told, degrees."""
+MOST_LENGTHS = 4
+"""Most different lengths of springs that are told one by one."""
+PULLING = ("spring", "rope")
+
+
+def release_line(machine: Machine, trace: Trace, moment: Moment, velocity: Array) -> str:
+    """Speed, elevation, angle and turning rate of the arm, and lengths of springs.
+
+    Args:
+        machine: The simulated machine.
+        trace: Its trace.
+        moment: The release.
+        velocity: (T, 3) of what is released.
+    """
+    index = sample_at(trace, moment.time)
+    x, y, z = velocity[index].tolist()
+    level = hypot(x, z)
+    parts = [
+        f"speed {number(hypot(x, y, z), 1)} m/s",
+        f"elevation {number(degrees(atan2(y, level)), 0)} degrees",
+    ]
+    aside = degrees(atan2(x, z))
+    if level > 0.5 and abs(aside) > SIDEWAYS:
+        parts.append(
+            f"heading {number(abs(aside), 0)} degrees from z+ towards x{'+' if x > 0 else '-'}"
+        )
+    if moment.holder is not None:
+        parts.append(_arm_text(machine, trace, moment.holder, index))
+    parts += _lengths(machine, trace, index)
+    return f"{moment.name.capitalize()} at {number(moment.time)} s: {', '.join(parts)}"
+
+
+def sample_at(trace: Trace, time: float) -> int:
+    """The first sample at or after a time, s, else the last."""
+    return min(int(np.searchsorted(trace.times, time - 1e-6)), len(trace.times) - 1)
+
+
+def _arm_text(machine: Machine, trace: Trace, block: int, index: int) -> str:
+    turns = trace.rotation[:, block]
+    *axis, w = compose(turns[index], conjugate(turns[0][None])[0]).tolist()
+    angle = degrees(2.0 * atan2(hypot(*axis), abs(w)))
+    rate = float(np.linalg.norm(trace.angular_velocity[index, block]))
+    name = body_name(machine, block)
+    return f"{name} has turned {number(angle, 0)} degrees, now at {number(rate, 1)} rad/s"
+
+
+def _lengths(machine: Machine, trace: Trace, index: int) -> list[str]:
+    """Lengths of springs and winches; equal ones together."""
+    found = []
+    for column, block in enumerate(trace.linear):
+        connector = library()[machine[block].type].connector
+        if connector in PULLING and trace.alive[index, block]:
+            found.append((number(trace.length[index, column], 1), block))
+    if not found:
+        return []
+    found.sort(key=lambda item: float(item[0]))
+    texts = [
+        f"{length} m ({', '.join(str(block) for _, block in group)})"
+        for length, group in groupby(found, key=lambda item: item[0])
+    ]
+    if len(texts) > MOST_LENGTHS:
+        texts = [f"{found[0][0]} to {found[-1][0]} m"]
+    return [f"lengths of springs {', '.join(texts)}"]

@@ -1,0 +1,80 @@
+"""Motors that are switched on and do not turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+
+import numpy as np
+
+from agentflow.env.feedback.orientation import find_runs
+from agentflow.env.feedback.text import block_name
+from agentflow.env.rollout import Flags, RolloutEvent, Trace
+from agentflow.env.tasks.base import Schedule
+from agentflow.machine.blocks.library import library
+from agentflow.machine.tree import Machine
+
+MAX_STALLS = 3
+"""Most lines about stalled motors."""
+STALL_SPEED = 0.5
+"""Speed relative to its parent below which a motor counts as stalled, rad/s: a twentieth of a
+wheel's speed, above the jitter of a loaded joint."""
+STALL_TIME = 1.0
+"""Shortest stall to report, s."""
+EPSILON = 1e-9
+"""Tolerance when comparing sample times, s."""
+
+
+def stalled_motors(machine: Machine, trace: Trace, schedule: Schedule) -> tuple[RolloutEvent, ...]:
+    """Find motors that stall for a second or more while they are switched on.
+
+    A motor is stalled in a sample if its angular velocity differs from its parent's by less than
+    0.5 rad/s. One that is switched off, or that stands at the stop of its joint, is not.
+
+    Args:
+        machine: The simulated machine.
+        trace: Its evenly sampled trace.
+        schedule: When motors are switched on and off.
+    """
+    events = []
+    powered = _powered(trace, schedule)
+    for step in machine:
+        kind = library()[step.type]
+        joint = kind.joint
+        turns = kind.non_static and (joint.kind, joint.axis) == ("revolute", "Front")
+        if not turns or joint.stops_deg or step.parent < 0:
+            continue
+        relative = trace.angular_velocity[:, step.id] - trace.angular_velocity[:, step.parent]
+        still = np.linalg.norm(relative, axis=1) < STALL_SPEED
+        still &= trace.alive[:, step.id] & powered
+        for stalled, begin, end in find_runs(still.tolist(), trace.times):
+            if stalled and end - begin >= STALL_TIME:
+                text = f"{block_name(machine, step.id)} from {begin:.1f} to {end:.1f} s"
+                events.append(RolloutEvent(begin, "motor_stalled", (step.id,), text))
+    return tuple(events)
+
+
+def _powered(trace: Trace, schedule: Schedule) -> Flags:
+    """(T,) whether motors are on; not when they are switched on: then every motor stands still."""
+    powered = np.zeros(len(trace.times), dtype=bool)
+    for time, entry, level in schedule.switches():
+        if entry == "motors":
+            powered[trace.times > time + EPSILON] = level != 0.0
+    return powered
+
+
+def stall_lines(events: Sequence[RolloutEvent]) -> list[str]:
+    """The stalls, one line for all motors of a type that stall at the same time."""
+    lines = []
+    ordered = sorted(events, key=_name_and_time)
+    for (name, when), group in groupby(ordered, key=_name_and_time):
+        ids = ", ".join(str(event.blocks[0]) for event in group)
+        lines.append(f"block{'s' * (',' in ids)} {ids} ({name}) {when}")
+    told = [f"Motor stalled: {line}" for line in lines[:MAX_STALLS]]
+    rest = len(lines) - len(told)
+    return [*told, *([f"Motor stalled: {rest} more times"] if rest else [])]
+
+
+def _name_and_time(event: RolloutEvent) -> tuple[str, str]:
+    name, _, when = event.text.partition(" (")[2].partition(") ")
+    return name, when

@@ -1,0 +1,86 @@
+"""What is measured in every step of a rollout, not only at its samples.
+
+World frame; metres, seconds, newtons, joules.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from agentflow.machine.geometry.vectors import Vec3
+
+Named = int | str
+"""A block id, the name of a thing of the scene, or "ground"."""
+
+
+class Hit(NamedTuple):
+    """One time that two bodies came together."""
+
+    time: float
+    """Of the first touch."""
+    place: Vec3
+    """Where they pressed hardest in the first step."""
+    impulse: float
+    """Of the normal force until they came apart, at most over `contacts.LONGEST`, N s."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two bodies that touched: blocks come before things."""
+
+    a: Named
+    b: Named
+    first: Hit
+    hardest: Hit
+    standing: bool
+    """Whether they touched at t = 0."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The greatest load of a connection in a part of the rollout, over every step."""
+
+    block: int
+    partner: int
+    time: float
+    load: float
+    """Load over strength."""
+    force: Vec3
+    """That the partner exerts on the block, N. Axes: those of the block, which at rest are those
+    of the machine frame."""
+    moment: Vec3
+    """About the joint, N m; axes as those of `force`."""
+    after: bool
+    """Whether it is that after the decisive moment, rather than the one up to it."""
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Work done from t = 0 until a moment, and the kinetic energy then, J."""
+
+    time: float
+    springs: float
+    motors: float
+    """Work of motors of joints, winches and thrusters."""
+    gravity: float
+    thrown: float
+    """Kinetic energy of what is thrown, carried or pushed."""
+    machine: float
+    """Kinetic energy of all other blocks."""
+
+    @property
+    def lost(self) -> float:
+        """What friction, air, dampers and impacts took."""
+        return self.springs + self.motors + self.gravity - self.thrown - self.machine
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All that was measured in one rollout."""
+
+    contacts: tuple[Contact, ...] = ()
+    """In order of the first touch."""
+    peaks: tuple[Peak, ...] = ()
+    """Up to and after the decisive moment, each with the greatest load first."""
+    energy: Energy | None = None

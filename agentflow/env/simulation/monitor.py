@@ -1,0 +1,140 @@
+"""Watches a rollout: loads in every step, contacts and work now and then, all closely at events.
+
+Reading contacts in every step would make rollouts of small machines a tenth slower. So most steps
+are skipped until speeds or loads jump, something breaks, touches or is switched.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+from agentflow.env.measurements import Energy, Measured
+from agentflow.env.physics.engine import World
+from agentflow.env.physics.loads import Loads
+from agentflow.env.physics.model import Assembly
+from agentflow.env.rollout import Broken, Moment, Trace
+from agentflow.env.simulation.contacts import ContactLog
+from agentflow.env.simulation.load_history import LoadHistory
+from agentflow.env.simulation.recorder import Interval, Recorder, thin_out
+from agentflow.env.simulation.work import WorkLog
+
+FINE = 0.02
+"""Least time between fine samples, s."""
+SELDOM = 0.05
+"""Time between readings of contacts while nothing happens, s; work is read half as often."""
+ALERT = 0.1
+"""How long to look closely after something happened, s."""
+JOLT, TWIST = 60.0, 120.0
+"""Acceleration (m/s2, twice gravity) and angular acceleration (rad/s2) that count as a jump."""
+SHOCK = 0.1
+"""Growth of the greatest load over strength in a step that counts as a jump."""
+LONG_BEFORE, BEFORE, AFTER = 0.2, 0.05, 0.05
+"""How long before the decisive moment, before other events, and after either of them fine samples
+are kept, s: springs throw within 0.2 s."""
+SPARE, SHARE = 0.4, 0.05
+"""Time for which to look closely in any rollout, s, and share of all other time."""
+
+
+class Monitor:
+    """What is measured and when; `connections` are the breakable joints."""
+
+    def __init__(
+        self, world: World, assembly: Assembly, loads: Loads, things: tuple[str, ...], rate: float
+    ) -> None:
+        self._world, self._loads, self._rate = world, loads, rate
+        self.recorder = Recorder(world, assembly, loads.connections, things)
+        self._history = LoadHistory(loads, assembly.joints)
+        self._contacts, self._work = ContactLog(1.0 / rate), WorkLog(world, 1.0 / rate)
+        self._fine = max(1, round(FINE * rate - 0.5))
+        self._seldom = max(1, round(SELDOM * rate))
+        self._jolt, self._twist = JOLT / rate, TWIST / rate
+        """m/s and rad/s in a step."""
+        self._alert = 0
+        """For how many more steps to look closely."""
+        self._spare = SPARE * rate
+        """How many more steps may be looked at closely."""
+        self._speeds, self._peak, self._steps = (0.0, 0.0), 0.0, 0
+        self._touches: list[float] = []
+        """Times at which bodies touched for the first time, s."""
+
+    def start(self) -> None:
+        """t = 0: what touches now stands."""
+        self._contacts.add(0.0, self._world.contacts())
+        self.look_closely()
+        self._history.add(0.0)
+        self.recorder.sample(0.0)
+
+    def look_closely(self) -> None:
+        """Something happened or was switched."""
+        self._alert = round(ALERT * self._rate)
+
+    def add_part(self, time: float) -> None:
+        """Look at a step or a part of one."""
+        self._history.add(time)
+        if self._alert and self._spare >= 1.0:
+            self._work.add(time)
+
+    def add_step(self, time: float, speeds: tuple[float, float] | None) -> None:
+        """Look at a whole step.
+
+        Args:
+            time: s.
+            speeds: Greatest linear and angular speed of the same bodies as always; None if they
+                were not read.
+        """
+        self._steps += 1
+        peak = self._loads.peak
+        if peak - self._peak > SHOCK:
+            self.look_closely()
+        self._peak = peak
+        if speeds is not None:
+            linear, angular = self._speeds
+            if abs(speeds[0] - linear) > self._jolt or abs(speeds[1] - angular) > self._twist:
+                self.look_closely()
+            self._speeds = speeds
+        self._spare += SHARE
+        if self._alert and self._spare >= 1.0:
+            self._alert -= 1
+            self._spare -= 1.0
+            self._read(time)
+            if self._steps % self._fine == 0:
+                self.recorder.sample(time, regular=False)
+        elif self._steps % self._seldom == 0:
+            self._read(time)
+            if self._steps % (2 * self._seldom) == 0:
+                self._work.add(time)
+
+    def _read(self, time: float) -> None:
+        if self._contacts.add(time, self._world.contacts()):
+            self._touches.append(time)
+            self.look_closely()
+
+    def trace(self) -> Trace:
+        """The trace with all fine samples."""
+        return self.recorder.trace(self._history.greatest)
+
+    def thin_out(self, trace: Trace, moment: Moment | None, broken: tuple[Broken, ...]) -> Trace:
+        """The trace with fine samples around events only.
+
+        Args:
+            trace: All samples.
+            moment: The decisive one.
+            broken: The connections that broke.
+        """
+        breaks = [item.time for item in broken if item.time > 0.0]
+        events = [] if moment is None else [Interval.around(moment.time, LONG_BEFORE, AFTER)]
+        others = (*breaks[:1], *self._touches[:1], *breaks[1:2], *self._touches[1:2])
+        events += [Interval.around(time, BEFORE, AFTER) for time in others]
+        return thin_out(trace, events)
+
+    def measure(self, moment: Moment | None, broken: tuple[Broken, ...]) -> Measured:
+        """What was measured, before and after the decisive moment; the last call of all."""
+        time = None if moment is None else moment.time
+        peaks = self._history.peaks(time, broken)
+        return Measured(self._contacts.contacts(), peaks, self._energy(moment))
+
+    def _energy(self, moment: Moment | None) -> Energy:
+        _, start = self.recorder.snapshot_near(0.0)
+        time, then = self.recorder.snapshot_near(inf if moment is None else moment.time)
+        thrown = None if moment is None else moment.body
+        return self._work.energy(time, start, then, thrown, self.recorder.things)
