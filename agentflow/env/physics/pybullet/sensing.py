@@ -122,11 +122,7 @@ class Sensors:
         ]
         """Row, joint and wrench (6,) per unit of its motor of each joint that others are parallel
         to. PyBullet's sensors leave out what motors exert."""
-        self._driven = [
-            row
-            for row, link in enumerate(links)
-            if not link.rigid and joints[link.joint].kind == "revolute" and _has_motor(link, joints)
-        ]
+        self._driven = [row for row in self._turning if _has_motor(links[row], joints)]
         self._read = np.zeros(6 * len(links) + 1)
         """Force and torque of each joint from PyBullet, then a 0 for joints that are in no tree."""
         self._pack = Struct(f"{6 * len(links)}d").pack_into
