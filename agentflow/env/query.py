@@ -22,7 +22,7 @@ PROPERTIES = {
     "length": "length m",
 }
 """Properties and their column headings. Position and velocity are those of the centre."""
-MAX_ROWS = 60
+MAX_ROWS = 30
 """Most rows of a table; longer intervals are told without the samples between regular ones."""
 EPSILON = 1e-6
 
