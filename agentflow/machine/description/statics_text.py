@@ -15,6 +15,10 @@ from agentflow.machine.tree import Machine
 BENDING, MOST_BENT = 250.0, 3
 """Least moment of gravity at a connection that is told, N m (5 % of what wood bears), and how many
 connections are told at most."""
+LEGEND = (
+    "Joints, without springs and motors; loose blocks count with their parent. '8 to y+': block 8 "
+    "first moves that way. Angles are turned from the machine as built."
+)
 AROUND = 360.0
 """degrees."""
 ON_AXIS = 0.05
@@ -23,11 +27,12 @@ ON_AXIS = 0.05
 
 def statics_text(machine: Machine) -> str:
     """Lines about a file-valid machine as built: one on balance, one per joint that carries more
-    than its own block, one on the connections that gravity bends most, one on thrust."""
+    than its own block, with a legend, one on the connections that gravity bends most, one on thrust."""
     geometry = place(machine)
     loads = list(tree_loads(geometry))
     joints = [load for load in loads if load.bond.kind == "revolute" and len(load.blocks) > 1]
     lines = [_balance_line(geometry)]
+    lines += [LEGEND] if joints else []
     lines += [_joint_line(geometry, load) for load in joints]
     return "\n".join([*lines, *_bending_lines(loads), *_thrust_lines(geometry)])
 
