@@ -26,8 +26,8 @@ ON_AXIS = 0.05
 
 
 def statics_text(machine: Machine) -> str:
-    """Lines about a file-valid machine as built: one on balance, one per joint that carries more
-    than its own block, with a legend, one on the connections that gravity bends most, one on thrust."""
+    """Lines about a file-valid machine as built: balance, every joint that turns more than its
+    own block, the connections that gravity bends most, thrust."""
     geometry = place(machine)
     loads = list(tree_loads(geometry))
     joints = [load for load in loads if load.bond.kind == "revolute" and len(load.blocks) > 1]
