@@ -267,6 +267,10 @@ def test_the_release_line_tells_the_flight_that_followed() -> None:
     )
     assert found is not None, line
     time, speed, elevation, turned, rate = map(float, found.groups())
+    assert rollout.feedback.data["release"] == {
+        "speed": pytest.approx(speed, abs=0.05),
+        "elevation": pytest.approx(elevation, abs=0.5),
+    }
     assert turned > 20.0
     assert rate > 1.0
     trace, boulder = trace_of(rollout), rollout.feedback.data["boulder"]

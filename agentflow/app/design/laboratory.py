@@ -78,12 +78,18 @@ class PhysicsLaboratory:
 
 
 def decisive_facts(machine: Machine, rollout: Rollout) -> dict[str, str]:
-    """What edit histories tell besides the score: the first break, as types and time."""
-    first = min(rollout.broken, key=lambda item: item.time, default=None)
-    if first is None:
-        return {}
-    block, partner = (library()[machine[id_].type].name for id_ in (first.block, first.partner))
-    return {"first break": f"{block} off {partner} at {first.time:.2f} s"}
+    """What edit histories tell besides the score: release or take-off, and the first break.
+
+    Blocks are told by type, because their ids change.
+    """
+    facts, data = {}, rollout.feedback.data
+    if release := data.get("release"):
+        flight = f"{release['speed']:.1f} m/s at {release['elevation']:.0f} degrees"
+        facts[data["moment"]["name"]] = flight
+    if first := min(rollout.broken, key=lambda item: item.time, default=None):
+        names = [library()[machine[id_].type].name for id_ in (first.block, first.partner)]
+        facts["first break"] = f"{' off '.join(names)} at {first.time:.2f} s"
+    return facts
 
 
 def farthest_move(trace: Trace) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import groupby
 from math import atan2, degrees, hypot
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,11 @@ MOST_LENGTHS = 4
 PULLING = ("spring", "rope")
 
 
-def release_line(machine: Machine, trace: Trace, moment: Moment, velocity: Array) -> str:
-    """Speed, elevation, angle and turning rate of the arm, and lengths of springs.
+def describe_release(
+    machine: Machine, trace: Trace, moment: Moment | None, velocity: Array
+) -> tuple[list[str], dict[str, Any]]:
+    """A line with speed, elevation, angle and turning rate of the arm, and lengths of springs, and
+    as data (`release`) speed, m/s, and elevation, degrees; without a release, no line and None.
 
     Args:
         machine: The simulated machine.
@@ -29,13 +33,13 @@ def release_line(machine: Machine, trace: Trace, moment: Moment, velocity: Array
         moment: The release.
         velocity: (T, 3) of what is released.
     """
+    if moment is None:
+        return [], {"release": None}
     index = sample_at(trace, moment.time)
     x, y, z = velocity[index].tolist()
     level = hypot(x, z)
-    parts = [
-        f"speed {number(hypot(x, y, z), 1)} m/s",
-        f"elevation {number(degrees(atan2(y, level)), 0)} degrees",
-    ]
+    speed, elevation = hypot(x, y, z), degrees(atan2(y, level))
+    parts = [f"speed {number(speed, 1)} m/s", f"elevation {number(elevation, 0)} degrees"]
     aside = degrees(atan2(x, z))
     if level > 0.5 and abs(aside) > SIDEWAYS:
         parts.append(
@@ -44,7 +48,8 @@ def release_line(machine: Machine, trace: Trace, moment: Moment, velocity: Array
     if moment.holder is not None:
         parts.append(_arm_text(machine, trace, moment.holder, index))
     parts += _lengths(machine, trace, index)
-    return f"{moment.name.capitalize()} at {number(moment.time)} s: {', '.join(parts)}"
+    line = f"{moment.name.capitalize()} at {number(moment.time)} s: {', '.join(parts)}"
+    return [line], {"release": {"speed": speed, "elevation": elevation}}
 
 
 def sample_at(trace: Trace, time: float) -> int:

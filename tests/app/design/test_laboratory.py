@@ -1,18 +1,36 @@
-"""Pictures of machines by the laboratory."""
+"""Pictures of machines by the laboratory, and what it tells histories."""
 
 from __future__ import annotations
 
 import asyncio
 import base64
 import io
+import re
 
 import pytest
 from PIL import Image
 
-from agentflow.app.design.laboratory import PICTURE, PhysicsLaboratory
+from agentflow.app.design.laboratory import PICTURE, PhysicsLaboratory, decisive_facts
 from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.tree import ROOT, Machine, Step
+from tests.env.machines import PRINTED
+
+
+def test_facts_for_histories_tell_release_and_first_break() -> None:
+    """The published catapult throws its boulder and loses blocks."""
+    rollout = simulate(PRINTED, get_task("throwing"))
+    facts = decisive_facts(PRINTED, rollout)
+    assert list(facts) == ["release", "first break"]
+    assert re.fullmatch(r"\d+\.\d m/s at -?\d+ degrees", facts["release"])
+    first = rollout.broken[0]
+    assert all(first.time <= item.time for item in rollout.broken)
+    assert facts["first break"].endswith(f" at {first.time:.2f} s")
+    assert " off " in facts["first break"]
+    assert not re.search(r"block", facts["first break"])
+    still = Machine((ROOT, Step(1, 63, 0, 4)))
+    assert decisive_facts(still, simulate(still, get_task("movement"))) == {}
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.release import release_line
+from agentflow.env.feedback.release import describe_release
 from agentflow.env.feedback.text import block_name, number, series, thing_name
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
 from agentflow.env.scene import Scene, Start
@@ -164,15 +164,17 @@ class Jumping(TrialFamily):
         """Outcome of the trial and path of the root."""
         terms = verdict.terms
         top = trace.centre[:, 0, 1]
+        velocity = centre_velocity(machine, trace)
+        take_off_line, data = describe_release(machine, trace, verdict.moment, velocity)
         lines = (
             f"Result: {terms['outcome']}",
-            *_take_off_lines(machine, trace, verdict),
+            *take_off_line,
             f"Root: greatest height {number(top.max())} m at "
             f"{trace.times[int(top.argmax())]:.2f} s, ends at z = "
             f"{number(trace.centre[-1, 0, 2])} m",
         )
         path = series("Root position", trace.even.times, trace.even.centre[:, 0])
-        return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
+        return compose(machine, trace, broken, verdict, "", lines, data, (path,))
 
 
 class JumpReferee:
@@ -284,12 +286,6 @@ def lowest_point(world: WorldView, machine: Machine, block: int) -> float:
         return height
     down = rotate_vector(inverse(world.rotation(block)), (0.0, 1.0, 0.0))
     return height - sum(abs(axis) * side / 2 for axis, side in zip(down, size, strict=True))
-
-
-def _take_off_lines(machine: Machine, trace: Trace, verdict: Verdict) -> list[str]:
-    if verdict.moment is None:
-        return []
-    return [release_line(machine, trace, verdict.moment, centre_velocity(machine, trace))]
 
 
 _ON_BANK = (

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.release import release_line
+from agentflow.env.feedback.release import describe_release
 from agentflow.env.feedback.text import block_name, number, series, term_number
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
@@ -135,19 +135,22 @@ class Throwing(Family):
         """Result, distance, height and path of the boulder."""
         terms = verdict.terms
         boulder = int(term_number(terms, "boulder")) or _boulders(machine)[0]
+        velocity = trace.velocity[:, boulder]
+        release, data = describe_release(machine, trace, verdict.moment, velocity)
         lines = (
             f"Result: {terms['result']}",
             f"Boulder: greatest height {number(term_number(terms, 'height'))} m at "
             f"{number(term_number(terms, 'height_time'))} s, greatest horizontal distance "
             f"{number(term_number(terms, 'reach'))} m",
             *_mode_lines(machine, terms),
-            *_release_lines(machine, trace, verdict, boulder),
+            *release,
         )
+        data["boulder"] = boulder
         landing = terms["landing"]
         told = trace.even[trace.even.times < AFTER + (inf if landing is None else float(landing))]
         path = series("Boulder position", told.times, told.centre[:, boulder])
         unit = "m" if self.parameters.score == "distance" else ""
-        return compose(machine, trace, broken, verdict, unit, lines, {"boulder": boulder}, (path,))
+        return compose(machine, trace, broken, verdict, unit, lines, data, (path,))
 
 
 class ThrowReferee:
@@ -197,12 +200,6 @@ class ThrowReferee:
             miss = flight.distance_from(0.0, self._knobs.target.at)
             return 0.0 if miss is None else max(0.0, TARGET_POINTS - TARGET_COST * miss)
         return term_number(flight.terms(), mode)
-
-
-def _release_lines(machine: Machine, trace: Trace, verdict: Verdict, boulder: int) -> list[str]:
-    if verdict.moment is None:
-        return []
-    return [release_line(machine, trace, verdict.moment, trace.velocity[:, boulder])]
 
 
 def _boulders(machine: Machine) -> list[int]:
