@@ -181,10 +181,9 @@ def test_the_short_text() -> None:
     assert describe_text(build((1, 0, 3), (2, 1, 3)), short=True) == "\n".join(
         (
             "x, y, z in m, y from the lowest corner. 'on 4.2 Left': on block 4, face 2, which is "
-            "a Left face. Free faces but those on the ground: ids. a/b: one value each; 1-4, a..b: "
-            "in even steps.",
-            "Size (3,2,1.5), mass 1.75 kg, centre of mass (1,1,-0.4), NOT over the support polygon "
-            "(x,z) (1,-1) (1,-0.5).",
+            "a Left face. Free faces but those on the ground: ids. a/b: one value each.",
+            "Size (3,2,1.5), mass 1.75 kg, centre of mass (1,1,-0.4), NOT over the support "
+            "polygon.",
             "Powered wheels on the ground drive the machine: 2 to x+.",
             "0 Starting Block: faces z+, centre (0,1,0), free 0-2 4-5",
             "1 Wooden Block: on 0.3 Right, faces x+, centre (1.5,1,0), free 0-2 4-8",

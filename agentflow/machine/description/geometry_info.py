@@ -115,7 +115,7 @@ def describe_text(machine: Machine, brief: Brief | None = None, *, short: bool =
     Args:
         machine: a file-valid machine.
         brief: the task, for its limit of blocks.
-        short: leave out building points and the positions of free faces.
+        short: leave out building points, the support polygon and the positions of free faces.
     """
     geometry = place(machine)
     frame = GroundFrame(geometry.lo[1])
@@ -123,7 +123,7 @@ def describe_text(machine: Machine, brief: Brief | None = None, *, short: bool =
         [
             _legend(short=short),
             *_budget_lines(machine, brief),
-            *_summary_lines(geometry, frame),
+            *_summary_lines(geometry, frame, short=short),
             *(_block_line(geometry, frame, placed, short=short) for placed in _boxed(geometry)),
             *(_span_line(frame, blocks, short=short) for blocks in _spans(geometry)),
         ]
@@ -166,10 +166,13 @@ def _attachment(geometry: Geometry, placed: Placed) -> str:
 
 
 def _legend(*, short: bool) -> str:
-    free = "ids" if short else "facing, ids (position)"
+    free = (
+        "ids. a/b: one value each."
+        if short
+        else "facing, ids (position). a/b: one value each; 1-4, a..b: in even steps."
+    )
     return (
-        f"x, y, z in m, y from the lowest corner. {ON} Free faces but those on the ground: {free}. "
-        "a/b: one value each; 1-4, a..b: in even steps."
+        f"x, y, z in m, y from the lowest corner. {ON} Free faces but those on the ground: {free}"
     )
 
 
@@ -179,13 +182,13 @@ def _budget_lines(machine: Machine, brief: Brief | None) -> list[str]:
     return [f"{brief.count_blocks(len(machine))} of {brief.limits.blocks} blocks."]
 
 
-def _summary_lines(geometry: Geometry, frame: GroundFrame) -> list[str]:
+def _summary_lines(geometry: Geometry, frame: GroundFrame, *, short: bool) -> list[str]:
     corners = " ".join(f"({x:g},{z:g})" for x, z in support_polygon(geometry))
     over = "over" if stands(geometry) else "NOT over"
     lines = [
         f"Size {_vector(geometry.size)}, mass {mass(geometry):g} kg, "
         f"centre of mass {_vector(frame.centre_of_mass(geometry))}, "
-        f"{over} the support polygon (x,z) {corners}."
+        f"{over} the support polygon{'' if short else f' (x,z) {corners}'}."
     ]
     drives = [f"{wheel} to {to}" if to else f"{wheel} not" for wheel, to in _drives(geometry)]
     if drives:
