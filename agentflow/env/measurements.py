@@ -35,6 +35,8 @@ class Contact:
     hardest: Hit
     standing: bool
     """Whether they touched at t = 0."""
+    last: float
+    """Time at which they were last seen to touch."""
 
 
 @dataclass(frozen=True)

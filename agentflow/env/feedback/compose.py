@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from agentflow.env.feedback.contacts import contact_lines, telling
+from agentflow.env.feedback.contacts import contact_line, telling
 from agentflow.env.feedback.energy import energy_lines
 from agentflow.env.feedback.loads import broken_lines, load_lines
 from agentflow.env.feedback.orientation import frame_text, orientation_runs, orientation_text
@@ -39,13 +39,15 @@ def compose(
         paths: Series at the end of the text.
     """
     even, measured, moment = trace.even, trace.measured, verdict.moment
+    end = float(trace.times[-1])
+    contacts = telling(measured.contacts, moment, end)
     runs = orientation_runs(even)
     stalls = [event for event in verdict.events if event.kind == "motor_stalled"]
     text = [
         f"Score: {number(verdict.score)} {unit}".rstrip(),
         *lines,
         *energy_lines(machine, measured.energy, moment),
-        *contact_lines(measured.contacts, moment),
+        *contact_line(contacts, end),
         *broken_lines(machine, broken),
         *load_lines(measured.peaks, moment),
         *stall_lines(stalls),
@@ -57,13 +59,13 @@ def compose(
         "score": verdict.score,
         "terms": dict(verdict.terms),
         "moment": None if moment is None else asdict(moment),
-        "seconds": float(trace.times[-1]),
+        "seconds": end,
         "broken": [asdict(item) for item in broken],
         "orientation": [{"faces": word, "from": start, "to": end} for word, start, end in runs],
         "events": [asdict(event) | {"blocks": list(event.blocks)} for event in verdict.events],
         "series": [asdict(path) for path in paths],
         "energy": None if measured.energy is None else asdict(measured.energy),
         "peaks": [asdict(peak) for peak in measured.peaks],
-        "contacts": [asdict(contact) for contact in telling(measured.contacts, moment)],
+        "contacts": [asdict(contact) for contact in contacts],
     }
     return Feedback("\n".join(text), {**shared, **data})

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agentflow.env.feedback.text import body_name, number
+from agentflow.env.feedback.text import body_name, main_axis, number
 from agentflow.env.rollout import Array, Moment, Trace
 from agentflow.env.rotations import compose, conjugate
 from agentflow.machine.blocks.library import library
@@ -18,6 +18,8 @@ SIDEWAYS = 2.0
 """Least angle between the horizontal direction and z+ that is told, degrees."""
 MOST_LENGTHS = 4
 """Most different lengths of springs that are told one by one."""
+SQUARE = 45.0
+"""Angle to z+ from which on the nearest axis is told instead, degrees."""
 PULLING = ("spring", "rope")
 
 
@@ -41,12 +43,14 @@ def describe_release(
     speed, elevation = hypot(x, y, z), degrees(atan2(y, level))
     parts = [f"speed {number(speed, 1)} m/s", f"elevation {number(elevation, 0)} degrees"]
     aside = degrees(atan2(x, z))
-    if level > 0.5 and abs(aside) > SIDEWAYS:
-        parts.append(
-            f"heading {number(abs(aside), 0)} degrees from z+ towards x{'+' if x > 0 else '-'}"
-        )
+    if level > 0.5 and abs(aside) > SQUARE:
+        parts.append(f"towards {main_axis((x, 0.0, z))}")
+    elif level > 0.5 and abs(aside) > SIDEWAYS:
+        side = "x+" if x > 0 else "x-"
+        parts.append(f"{number(abs(aside), 0)} degrees from z+ towards {side}")
     if moment.holder is not None:
-        parts.append(_arm_text(machine, trace, moment.holder, index))
+        held = max(index - int(trace.times[index] > moment.time + 1e-6), 0)
+        parts.append(_arm_text(machine, trace, moment.holder, held))
     parts += _lengths(machine, trace, index)
     line = f"{moment.name.capitalize()} at {number(moment.time)} s: {', '.join(parts)}"
     return [line], {"release": {"speed": speed, "elevation": elevation}}

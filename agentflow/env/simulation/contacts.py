@@ -70,5 +70,5 @@ class ContactLog:
             pair.close()
             assert pair.first is not None
             assert pair.hardest is not None
-            found.append(Contact(a, b, pair.first, pair.hardest, pair.standing))
+            found.append(Contact(a, b, pair.first, pair.hardest, pair.standing, pair.seen))
         return tuple(sorted(found, key=lambda contact: contact.first.time))

@@ -31,8 +31,11 @@ SHOCK = 0.1
 LONG_BEFORE, BEFORE, AFTER = 0.2, 0.05, 0.05
 """How long before the decisive moment, before other events, and after either of them fine samples
 are kept, s: springs throw within 0.2 s."""
-SPARE, SHARE = 0.4, 0.05
-"""Time for which to look closely in any rollout, s, and share of all other time."""
+PRESSING = 4
+"""How many steps to read contacts in after a jump: what bounces off presses for as long."""
+LONG, SHORT, SHARE = 0.8, 0.6, 0.1
+"""For how long to look closely, and to read contacts in every step, in any rollout, s; share of
+all other steps in which either may be done besides."""
 
 
 class Monitor:
@@ -51,8 +54,10 @@ class Monitor:
         """m/s and rad/s in a step."""
         self._alert = 0
         """For how many more steps to look closely."""
-        self._spare = SPARE * rate
-        """How many more steps may be looked at closely."""
+        self._pressing = 0
+        """For how many more steps to read contacts."""
+        self._spare, self._glances = LONG * rate, SHORT * rate
+        """How many more steps may be looked at closely, and in how many contacts may be read."""
         self._speeds, self._peak, self._steps = (0.0, 0.0), 0.0, 0
         self._touches: list[float] = []
         """Times at which bodies touched for the first time, s."""
@@ -66,7 +71,7 @@ class Monitor:
 
     def look_closely(self) -> None:
         """Something happened or was switched."""
-        self._alert = round(ALERT * self._rate)
+        self._alert, self._pressing = round(ALERT * self._rate), PRESSING
 
     def add_part(self, time: float) -> None:
         """Look at a step or a part of one."""
@@ -74,35 +79,40 @@ class Monitor:
         if self._alert and self._spare >= 1.0:
             self._work.add(time)
 
-    def add_step(self, time: float, speeds: tuple[float, float] | None) -> None:
+    def add_step(self, time: float, speeds: tuple[float, float]) -> None:
         """Look at a whole step.
 
         Args:
             time: s.
-            speeds: Greatest linear and angular speed of the same bodies as always; None if they
-                were not read.
+            speeds: Greatest linear and angular speed, of the same bodies in every step.
         """
         self._steps += 1
-        peak = self._loads.peak
-        if peak - self._peak > SHOCK:
-            self.look_closely()
-        self._peak = peak
-        if speeds is not None:
-            linear, angular = self._speeds
-            if abs(speeds[0] - linear) > self._jolt or abs(speeds[1] - angular) > self._twist:
-                self.look_closely()
-            self._speeds = speeds
         self._spare += SHARE
+        self._glances += SHARE
+        if self._notice_jump(speeds):
+            self.look_closely()
+        if self._pressing and self._glances >= 1.0:
+            self._pressing -= 1
+            self._glances -= 1.0
+            self._read(time)
+        elif self._steps % self._seldom == 0:
+            self._read(time)
         if self._alert and self._spare >= 1.0:
             self._alert -= 1
             self._spare -= 1.0
-            self._read(time)
             if self._steps % self._fine == 0:
                 self.recorder.sample(time, regular=False)
-        elif self._steps % self._seldom == 0:
-            self._read(time)
-            if self._steps % (2 * self._seldom) == 0:
-                self._work.add(time)
+        elif self._steps % (2 * self._seldom) == 0:
+            self._work.add(time)
+
+    def _notice_jump(self, speeds: tuple[float, float]) -> bool:
+        (linear, angular), peak = self._speeds, self._peak
+        self._speeds, self._peak = speeds, self._loads.peak
+        return (
+            abs(speeds[0] - linear) > self._jolt
+            or abs(speeds[1] - angular) > self._twist
+            or self._peak - peak > SHOCK
+        )
 
     def _read(self, time: float) -> None:
         if self._contacts.add(time, self._world.contacts()):

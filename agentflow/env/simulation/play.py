@@ -199,7 +199,8 @@ class Play:
         usual = self._steps % self._check_every
         self._steps += 1
         if self._start_step:
-            self._monitor.add_step(self._elapsed / self._rate, self._speeds if usual else None)
+            speeds = self._speeds if usual else self._world.speeds(thorough=False)
+            self._monitor.add_step(self._elapsed / self._rate, speeds)
         if perf_counter() - self._began > self._wall_limit:
             return "timeout"
         return "ok"

@@ -104,8 +104,10 @@ def _trial_lines(outcomes: Sequence[str]) -> list[str]:
         columns = zip(*(FIGURE.findall(outcomes[index]) for index in indices), strict=True)
         spans = iter([_span(column) for column in columns])
         text = FIGURE.sub(lambda _, spans=spans: next(spans), outcomes[indices[0]])  # type: ignore[misc]
-        name = f"Trial{'s' * (len(indices) > 1)} {', '.join(str(index + 1) for index in indices)}"
-        lines.append(f"{name}: {text}")
+        name = "Trials" if len(indices) > 1 else "Trial"
+        whole = f"All {len(outcomes)} trials" if len(indices) == len(outcomes) > 1 else ""
+        numbers = ", ".join(str(index + 1) for index in indices)
+        lines.append(f"{whole or f'{name} {numbers}'}: {text}")
     return lines
 
 

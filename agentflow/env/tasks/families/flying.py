@@ -27,6 +27,8 @@ from agentflow.machine.tree import Machine
 BLOCKS = (0, 1, 2, 7, 9, 15, 16, 22, 26, 35, 41, 55, 63)
 FLYING_BLOCK = 14
 """Allowed only in mode `marks`: in mode `altitude`, one block alone would climb forever."""
+ALOFT = 0.5
+"""Height above which the greatest height is told as decisive, m."""
 COST = 1.0
 """Points lost per metre from the next hoop's centre."""
 WAVES = ((0.5, 2.0), (0.3, 1.1), (0.2, 0.6))
@@ -192,7 +194,7 @@ class FlightReferee:
             RolloutEvent(time, "hoop_passed", (0,), f"the Starting Block passes hoop {index}")
             for index, time in enumerate(self._passed, start=1)
         )
-        top = Moment(self._time, "the greatest height") if self._height > 0.0 else None
+        top = Moment(self._time, "the greatest height") if self._height > ALOFT else None
         return Verdict(self._progress.score if total else self._height, terms, events, top)
 
 

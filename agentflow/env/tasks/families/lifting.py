@@ -33,6 +33,8 @@ RISE = 1.0
 """Height above its settled position at which the object counts as lifted, m."""
 HOLD = 1.0
 """Time that the object must stay lifted, s."""
+LEAST = 0.1
+"""Rise above which the object's greatest height is told as decisive, m."""
 LOOSE = 0.2
 """Time without contact after which the machine no longer holds the object, s."""
 COLOR = (0.2, 0.45, 0.7, 1.0)
@@ -221,7 +223,8 @@ class LiftReferee:
             "held": self._held,
             "carried": carried,
         }
-        top = Moment(self._best_time, "the object's greatest height", OBJECT)
+        name = "the object's greatest height"
+        top = Moment(self._best_time, name, OBJECT) if self._best > LEAST else None
         return Verdict(float(success), terms, self._events(), top)
 
     def _outcome(self, success: bool, carried: bool) -> str:

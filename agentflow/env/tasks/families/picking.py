@@ -205,7 +205,7 @@ class PickingReferee:
             "result": f"the ball gained {number(self._best)} m and ended {ends}",
         }
         top = Moment(self._best_time, "the ball's greatest height", BALL)
-        return Verdict(self._best, terms, (), top if self._best_time else None)
+        return Verdict(self._best, terms, (), top if self._best > GAIN else None)
 
 
 def _gain_line(gained: Sequence[float]) -> str:
