@@ -13,13 +13,16 @@ import pytest
 
 from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.constants import constants
+from agentflow.env.drawing.film import save_film
+from agentflow.env.drawing.gltf import rollout_glb
+from agentflow.env.feedback.contacts import contact_line, telling
 from agentflow.env.feedback.text import rounded
-from agentflow.env.measurements import Energy
+from agentflow.env.measurements import Contact, Energy, Hit
 from agentflow.env.physics.laws.tension import Spring
 from agentflow.env.physics.model import Assembly, Devices, Drive, Joint, Part
 from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.query import answer_queries
-from agentflow.env.rollout import Rollout, Trace
+from agentflow.env.rollout import Moment, Rollout, Trace
 from agentflow.env.scene import Scene
 from agentflow.env.simulation.recorder import MOST_FINE
 from agentflow.env.simulation.simulate import simulate
@@ -296,3 +299,43 @@ def test_the_take_off_of_a_jump_and_the_forces_of_a_flight_are_told() -> None:
     weight = constants()["gravity"] * sum(library()[step.type].mass for step in flyer)
     assert f"weight {weight:.3g}: 0.2 s lift " in line
     assert line.count("drag") == line.count("pitch ") - 1 == 3
+
+
+# --- what is told --------------------------------------------------------------------------
+
+
+def contact(a: int, b: int | str, time: float, impulse: float, last: float) -> Contact:
+    hit = Hit(time, (0.0, 0.0, time), impulse)
+    return Contact(a, b, hit, hit, standing=False, last=last)
+
+
+def test_contacts_of_what_is_thrown_and_what_stops_a_machine_are_told_before_harder_ones() -> None:
+    hard = [contact(i, i + 1, 0.1 * i, 100.0 + i, 0.1 * i) for i in range(1, 6)]
+    stopped = contact(8, "wall 1", 2.0, 1.0, 5.0)
+    thrown_by = contact(3, "cargo", 1.0, 20.0, 1.1)
+    lying = contact(9, "ground", 1.0, 5.0, 5.0)
+    moment = Moment(1.0, "the cargo's top speed", "cargo")
+    told = telling([*hard, stopped, thrown_by, lying], moment, 5.0)
+    assert told == [hard[3], hard[4], thrown_by, stopped]
+    assert contact_line(told, 5.0) == [
+        "Contacts (impulse in N s, place): block 4 on block 5 at 0.40 s: 104 (0.0, 0.0, 0.4); "
+        "block 5 on block 6 at 0.50 s: 105 (0.0, 0.0, 0.5); "
+        "block 3 on the cargo at 1.00 s: 20 (0.0, 0.0, 1.0); "
+        "block 8 on wall 1 at 2.00 s, until the end: 1 (0.0, 0.0, 2.0)"
+    ]
+
+
+def test_a_film_shows_equal_intervals_and_a_3d_file_every_sample(tmp_path: Path) -> None:
+    machine, rollout = pushed()
+    trace = trace_of(rollout)
+    assert len(trace.times) > len(trace.even.times) == 16
+    save_film(machine, get_task("delivery"), rollout, tmp_path / "a.gif", size=(80, 60))
+    with Image.open(tmp_path / "a.gif") as film:
+        assert getattr(film, "n_frames", 0) == 16
+        assert film.info["duration"] == 200
+    content = rollout_glb(machine, rollout)
+    document = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    sampler = document["animations"][0]["samplers"][0]
+    times = document["accessors"][sampler["input"]]
+    assert times["count"] == len(trace.times)
+    assert times["max"] == pytest.approx([3.0])

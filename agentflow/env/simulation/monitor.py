@@ -33,7 +33,7 @@ LONG_BEFORE, BEFORE, AFTER = 0.2, 0.05, 0.05
 are kept, s: springs throw within 0.2 s."""
 PRESSING = 4
 """How many steps to read contacts in after a jump: what bounces off presses for as long."""
-LONG, SHORT, SHARE = 0.8, 0.6, 0.1
+LONG, SHORT, SHARE = 0.8, 0.6, 0.05
 """For how long to look closely, and to read contacts in every step, in any rollout, s; share of
 all other steps in which either may be done besides."""
 
