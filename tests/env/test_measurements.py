@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.constants import constants

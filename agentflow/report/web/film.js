@@ -71,13 +71,17 @@ export class Film {
     const next = this.values[row + 1];
     if (component > 2) return here + share * (next - here);
     const span = this.times[index + 1] - this.times[index];
-    const slope = (from, to) => {
-      const low = Math.max(index + from, 0);
-      const high = Math.min(index + to, this.samples - 1);
-      const missing = (to - from - (high - low)) * span;
-      return ((this.values[row + high - index] - this.values[row + low - index]) * span) / (this.times[high] - this.times[low] + missing);
-    };
-    return hermite(here, next, slope(-1, 1), slope(0, 2), share);
+    return hermite(here, next, span * this.slope(row, index), span * this.slope(row + 1, index + 1), share);
+  }
+
+  /** Rate of change of a component at a sample, exact for motion with constant acceleration. */
+  slope(row, index) {
+    const change = (i) => (this.values[row + i + 1] - this.values[row + i]) / (this.times[index + i + 1] - this.times[index + i]);
+    if (index === 0) return change(0) / 2; // it starts and ends at rest
+    if (index === this.samples - 1) return change(-1) / 2;
+    const before = this.times[index] - this.times[index - 1];
+    const after = this.times[index + 1] - this.times[index];
+    return (change(-1) * after + change(0) * before) / (before + after);
   }
 
   turn(body, index, share) {
