@@ -235,11 +235,11 @@ def blade_climb() -> float:
     return abs(normal[0] / normal[1])
 
 
-def friction(kind: int, degrees: float) -> float:
-    """Of four feet of this type on a slope that they slide down."""
+def friction(kind: int, degrees: float, surface: float | None = None) -> float:
+    """Of four feet of this type on a slope, of wood or this friction, that they slide down."""
     tilt, start = radians(degrees), Start(height=20.0, pitch=degrees)
     middle = (0.0, 20.0 - 0.2 * cos(tilt), 0.2 * sin(tilt))
-    plane = Thing("slope", "box", (60.0, 0.4, 60.0), middle, start.rotation)
+    plane = Thing("slope", "box", (60.0, 0.4, 60.0), middle, start.rotation, friction=surface)
     cross = [(63, 0, face) for face in range(4)]
     feet = [(kind, block, 12) for block in (1, 2, 3, 4)]
     stand = Stand([*cross, *feet], Scene((plane,), start=start), anchored=False, gravity=True)

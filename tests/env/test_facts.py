@@ -11,7 +11,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.machine import library
 from agentflow.prompts.render import facts
-from benchmarks.facts import MEASURED, Stand, spring_pull, stated
+from benchmarks.facts import MEASURED, Stand, friction, spring_pull, stated
 
 LOOSE = {"bounce": 0.2, "thrust": 0.06}
 """Relative tolerance where single steps matter, or the weight of the car; 0.025 elsewhere."""
@@ -84,3 +84,8 @@ def test_two_ended_blocks_collide_with_nothing_and_weigh_at_their_ends(kind: int
 
 def test_the_order_of_a_springs_ends_does_not_matter() -> None:
     assert spring_pull(4, 0) == pytest.approx(spring_pull(0, 4))
+
+
+def test_friction_is_the_geometric_mean_of_both_surfaces() -> None:
+    mean = (facts()["friction"]["wood"] * 0.2) ** 0.5
+    assert friction(15, 30, 0.2) == pytest.approx(mean, rel=0.025)
