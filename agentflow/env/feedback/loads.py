@@ -12,8 +12,9 @@ from agentflow.machine.tree import Machine
 
 MAX_LINES = 5
 """Most breakages that get their own line of text; the data holds all."""
-TELLING, LEAST = 0.3, 0.05
-"""Load over strength above which peaks are told, and above which the highest one is told."""
+TELLING, TELLING_AFTER, LEAST = 0.3, 0.5, 0.05
+"""Load over strength above which peaks up to the decisive moment are told, those after it, and the
+highest one in any case."""
 _SETTLING = " (while it settled, before t = 0)"
 
 
@@ -39,7 +40,8 @@ def load_lines(peaks: Sequence[Peak], moment: Moment | None) -> list[str]:
     lines: list[str] = []
     for after, group in groupby(peaks, key=lambda peak: peak.after):
         found = [peak for peak in group if peak.load < 1.0]
-        told = [peak for peak in found if peak.load >= TELLING] or found[: not after]
+        least = TELLING_AFTER if after else TELLING
+        told = [peak for peak in found if peak.load >= least] or found[: not after]
         when = f" {'after' if after else 'up to'} {moment.name}" if moment else ""
         if told and told[0].load >= LEAST:
             parts = "; ".join(map(_peak_text, told))

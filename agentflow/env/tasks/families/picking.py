@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from agentflow.env.feedback.compose import compose
-from agentflow.env.feedback.text import block_name, number, point_text
+from agentflow.env.feedback.text import number, point_text
 from agentflow.env.rollout import Array, Broken, Feedback, Moment, Trace, Verdict
 from agentflow.env.scene import Scene, Start, Thing
 from agentflow.env.tasks.base import Parameters, Schedule, WorldView
@@ -145,18 +145,19 @@ class Picking(Family):
         seconds = np.arange(1, int(trace.times[-1] + 1e-6) + 1)
         gained = [float(_at(trace.times, path, s)[1] - path[0, 1]) for s in map(float, seconds)]
         grab = min(self.parameters.schedule.grab, float(trace.times[-1]))
+        grabbers = [
+            f"block {step.id} {point_text(_at(trace.times, trace.centre[:, step.id], grab))}"
+            for step in machine
+            if step.type == GRABBER
+        ]
         lines = (
             f"Result: {verdict.terms['result']}",
             _gain_line(gained),
             f"Ball at t = {grab:g} s: {point_text(_at(trace.times, path, grab))}",
-            *(
-                f"{block_name(machine, step.id).capitalize()} at t = {grab:g} s: "
-                f"{point_text(_at(trace.times, trace.centre[:, step.id], grab))}"
-                for step in machine
-                if step.type == GRABBER
-            ),
-            *(
-                f"Root at t = {time:g} s: {point_text(_at(trace.times, trace.centre[:, 0], time))}"
+            *([f"Grabbers at t = {grab:g} s: {'; '.join(grabbers)}"] if grabbers else []),
+            "Root: "
+            + "; ".join(
+                f"{point_text(_at(trace.times, trace.centre[:, 0], time))} at t = {time:g} s"
                 for time in self._phases(trace)
             ),
         )
