@@ -51,7 +51,7 @@ def test_the_cases_are_what_they_say(here: dict[str, Rollout]) -> None:
     sprung = here["springs and wind"].trace
     assert sprung is not None
     assert sprung.linear == (15, 16)
-    assert sprung.length.shape == (6, 2)
+    assert sprung.even.length.shape == (6, 2)
 
 
 @pytest.mark.slow

@@ -146,7 +146,8 @@ async def test_a_pool_gives_the_same_with_one_worker_and_with_two() -> None:
         async with RolloutPool(workers) as pool:
             there = await pool.run(LONE_ROOT, TASK)
         assert rollout_json(there) | {"wall_seconds": 0} == here
-        assert there.scene == TASK.trials(0)[0].scene(LONE_ROOT)
+        shown = int(there.terms["shown_trial"] or 0)
+        assert there.scene == TASK.trials(0)[shown - 1].scene(LONE_ROOT)
 
 
 def test_the_wall_limit_is_each_trials(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -387,3 +387,43 @@ def test_an_engine_may_be_closed_twice(make_engine: MakeEngine) -> None:
     run(engine.build(stack(), Scene(), RATE), 2)
     engine.close()
     engine.close()
+
+
+# --- measuring -----------------------------------------------------------------------------
+
+
+def test_contacts_of_what_rests_press_with_its_weight(engine: Engine) -> None:
+    ball = replace(BALL, position=(0.0, 2.0, 0.0))
+    lone = machine([foot(), cube(1, (0.0, 1.0, 0.0))], [rigid(0, 1, (0.0, 0.5, 0.0))])
+    world = engine.build(lone, Scene((ball, PILLAR)), RATE)
+    run(world, 240)
+    found = {(touch.a, touch.b): touch for touch in world.contacts()}
+    assert set(found) == {(0, "ground"), (1, "ball")}
+    mass = sum(part.mass for part in lone.parts)
+    assert found[1, "ball"].force == pytest.approx(G, rel=0.02)
+    assert found[0, "ground"].force == pytest.approx((mass + 1.0) * G, rel=0.02)
+    assert found[1, "ball"].place == pytest.approx((0.0, 1.5, 0.0), abs=0.02)
+
+
+def test_energies_are_those_of_blocks_and_things(engine: Engine) -> None:
+    world = engine.build(arm(drive=MOTOR), Scene((BALL,)), RATE)
+    world.switch("motors", 1.0)
+    run(world, 12)
+    found = world.energies(world.snapshot())
+    assert found.shape == (4, 2)
+    assert found[:3, 0].sum() == pytest.approx(float(world.momentum()["energy"][0]))
+    state = world.state()
+    speed = np.linalg.norm(state.thing_velocity[0])
+    assert found[3, 0] == pytest.approx(0.5 * speed**2, rel=0.02)
+    assert found[3, 1] == pytest.approx(G * state.thing_position[0, 1])
+
+
+def test_the_power_of_a_motor_is_its_torque_times_its_speed(engine: Engine) -> None:
+    world = engine.build(arm(drive=replace(MOTOR, speed=1e3, torque=50.0)), Scene(), RATE)
+    assert world.power() == (0.0, 0.0)
+    world.switch("motors", 1.0)
+    run(world, 30)
+    spin = abs(world.state().angular_velocity[1, 1])
+    world.step()
+    mean = (spin + abs(world.state().angular_velocity[1, 1])) / 2
+    assert world.power().motors == pytest.approx(50.0 * mean, rel=0.02)
