@@ -47,7 +47,7 @@ def measure(machine: Machine, level: str, folder: str) -> list[float]:
     task, still, film = get_task(level), Path(folder) / "x.png", Path(folder) / "x"
     rollout = simulate(machine, task, interval=1.0 / FPS)
     assert rollout.trace is not None, rollout.problems
-    share = FPS / len(rollout.trace.times)
+    share = FPS / len(rollout.trace.even.times)
     save = partial(save_film, machine, task, rollout, size=SIZE)
     return [
         seconds(lambda: render_png(machine, still)),
