@@ -26,10 +26,7 @@ Outcome = Literal[
 """scored; invalid: no valid machine, share 0; diverged: the machine made the simulation fail, score
 0; simulation_failed: it timed out or crashed; unverified: some verifying simulation did; stopped:
 the budget of calls, tokens or money ran out; missing: the run failed or is unfinished, mostly
-because of the endpoint."""
-COUNTED: tuple[Outcome, ...] = ("scored", "invalid", "diverged")
-"""Outcomes that are the model's; the others say nothing about it and leave the item without a
-share."""
+because of the endpoint. The last four say nothing about the model: the item gets no share."""
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 

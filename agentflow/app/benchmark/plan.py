@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -22,9 +22,10 @@ from agentflow.app.sweeps.folder import is_sweep
 from agentflow.app.sweeps.plan import SweepPlan, plan_sweep
 from agentflow.config.run import DesignConfig
 from agentflow.config.sweep import BenchmarkSettings, SweepConfig, list_runs
-from agentflow.env.tasks.records import TaskRecord, record_of
+from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.records import TaskRecord, full_score, record_of
 from agentflow.env.tasks.registry import get_level, get_task
-from agentflow.errors import ConfigError, RunError, UsageError
+from agentflow.errors import ConfigError, UsageError
 from agentflow.prompts.render import PromptSet
 
 PART, ITEM = "part", "task"
@@ -69,16 +70,16 @@ def plan_benchmark(
         raise UsageError(f"{path} is resumed with its own settings; remove --lite and --random")
     adapt = partial(_adapt, source=path, lite=lite, random=random)
     plan = plan_sweep(path, settings, options, approve=approve, adapt=adapt)
-    benchmark_of(plan.sweep, path)
+    benchmark_of(plan.sweep)
     variant = f"{plan.name}{'-lite' * lite}{'-random-dsl' * random}"
     return replace(plan, name=variant)
 
 
-def benchmark_of(sweep: SweepConfig, source: Path) -> BenchmarkSettings:
-    """The settings of a benchmark; raises RunError if it is an ordinary sweep."""
+def benchmark_of(sweep: SweepConfig) -> BenchmarkSettings:
+    """The settings of a benchmark; raises UsageError if it is an ordinary sweep."""
     if sweep.benchmark is None:
-        raise RunError(
-            f"{source} is not a benchmark but an ordinary sweep; run it with agentflow sweep"
+        raise UsageError(
+            f"{sweep.title!r} is not a benchmark but an ordinary sweep; run it with agentflow sweep"
         )
     return sweep.benchmark
 
@@ -88,28 +89,42 @@ def item_configs(sweep: SweepConfig) -> dict[str, DesignConfig]:
     return {run.labels[ITEM]: run.config for run in list_runs(sweep)}
 
 
-def item_records(sweep: SweepConfig) -> dict[str, TaskRecord]:
-    """Name of each item -> its record; raises ConfigError if one has none."""
+@dataclass(frozen=True)
+class Item:
+    """One item of a benchmark."""
+
+    task: Task
+    record: TaskRecord
+    lowest: bool
+    """Whether the lowest score of the verification counts, not the median."""
+    full: float
+    """Score that a share of 1 stands for."""
+
+
+def read_items(sweep: SweepConfig) -> dict[str, Item]:
+    """The items by name; raises ConfigError if one has no record to compare with."""
     found = {}
     for name, config in item_configs(sweep).items():
-        record = record_of(get_task(config.task, config.knobs))
-        if record is None:
+        lowest = sweep.benchmark is not None and name in sweep.benchmark.lowest
+        task = get_task(config.task, config.knobs)
+        record, full = record_of(task), full_score(task, lowest)
+        if record is None or full is None:
             raise ConfigError(
-                f"the item {name} has no record to compare with; find one with: "
-                f"python benchmarks/records.py update {name}"
+                f"the item {name} has no record above 0 to compare with; find one with: "
+                f"python benchmarks/records.py find {name}"
             )
-        found[name] = record
+        found[name] = Item(task, record, lowest, full)
     return found
 
 
 def conditions(sweep: SweepConfig) -> dict[str, Any]:
     """Everything that two scorecards must share to be comparable."""
-    assert sweep.benchmark is not None
-    records = item_records(sweep)
+    settings = benchmark_of(sweep)
+    records = {name: item.record for name, item in read_items(sweep).items()}
     return {
-        "version": sweep.benchmark.version,
-        "lite": sweep.benchmark.lite,
-        "plan": sweep.benchmark.plan,
+        "version": settings.version,
+        "lite": settings.lite,
+        "plan": settings.plan,
         **physics_conditions(),
         "prompts": PromptSet().digest,
         "records": digest_of({name: [r.verified, r.low] for name, r in records.items()}),
@@ -123,7 +138,7 @@ def digest_of(value: Any) -> str:
 
 def _adapt(sweep: SweepConfig, source: Path, lite: bool, random: bool) -> SweepConfig:
     """The sweep in the file, checked, reduced if `lite`, and without a model if `random`."""
-    settings = benchmark_of(sweep, source)
+    settings = benchmark_of(sweep)
     _check(sweep, source)
     axes = {part: dict(sweep.axes[part]) for part in (PART, ITEM)}
     if lite:
@@ -151,8 +166,8 @@ def _check(sweep: SweepConfig, source: Path) -> None:
     for name, changes in sweep.axes[ITEM].items():
         if "task" not in changes:
             raise ConfigError(f"{source}: axes.{ITEM}.{name}: name the level with task")
-    item_records(sweep)
-    settings = benchmark_of(sweep, source)
+    read_items(sweep)
+    settings = benchmark_of(sweep)
     if unknown := [name for name in settings.lowest if name not in sweep.axes[ITEM]]:
         raise ConfigError(f"{source}: benchmark.lowest: there is no item {unknown[0]}")
 

@@ -10,7 +10,6 @@ from shlex import quote
 
 from agentflow import __version__
 from agentflow.app.benchmark.card import (
-    COUNTED,
     NAME,
     Attempt,
     Card,
@@ -26,9 +25,10 @@ from agentflow.app.benchmark.plan import (
     ITEM,
     PART,
     REFINED,
+    Item,
     conditions,
     digest_of,
-    item_records,
+    read_items,
 )
 from agentflow.app.design.results import read_finished
 from agentflow.app.design.trust import trust_option
@@ -37,8 +37,6 @@ from agentflow.app.sweeps.run import Watcher, run_sweep
 from agentflow.app.sweeps.tables import FinishedRun, SweepResult, read_sweep_result
 from agentflow.app.sweeps.views import total_bill
 from agentflow.config.run import build_config
-from agentflow.env.tasks.records import TaskRecord, full_score
-from agentflow.env.tasks.registry import get_task
 from agentflow.errors import EndpointError
 from agentflow.machine import library, read_machine
 from agentflow.runs.events import EvaluationEvent, read_typed_events
@@ -83,8 +81,7 @@ def make_card(result: SweepResult) -> Card:
     done = {
         tuple(run.planned.labels[axis] for axis in (PART, ITEM)): run for run in result.finished
     }
-    records = item_records(sweep)
-    items = tuple(_item(result, name, records[name], done) for name in sweep.axes[ITEM])
+    items = tuple(_result(result, name, item, done) for name, item in read_items(sweep).items())
     families = {item.family: [i for i in items if i.family == item.family] for item in items}
     shared = conditions(sweep)
     bill = total_bill(result.finished).total
@@ -109,44 +106,36 @@ def make_card(result: SweepResult) -> Card:
     )
 
 
-def _item(
-    result: SweepResult,
-    name: str,
-    record: TaskRecord,
-    done: Mapping[tuple[str, ...], FinishedRun],
+def _result(
+    result: SweepResult, name: str, item: Item, done: Mapping[tuple[str, ...], FinishedRun]
 ) -> ItemResult:
-    assert result.sweep.benchmark is not None
-    lowest = name in result.sweep.benchmark.lowest
-    task = get_task(record.task, record.knobs)
-    full = full_score(task, lowest)
-    assert full is not None
     first, refined = done.get((FIRST, name)), done.get((REFINED, name))
     return ItemResult(
         item=name,
-        family=task.family,
-        task=record.task,
-        knobs=record.knobs,
-        full=full,
-        first=_replies(first, full) if first else (_missing(result, FIRST, name),),
-        refined=_best(refined, full, lowest) if refined else _missing(result, REFINED, name),
+        family=item.task.family,
+        task=item.record.task,
+        knobs=item.record.knobs,
+        full=item.full,
+        first=_replies(first, item) if first else (_missing(result, FIRST, name),),
+        refined=_best(refined, item) if refined else _missing(result, REFINED, name),
     )
 
 
-def _replies(run: FinishedRun, full: float) -> tuple[Attempt, ...]:
+def _replies(run: FinishedRun, item: Item) -> tuple[Attempt, ...]:
     """The first replies of a run, with plain scores."""
     if read_finished(run.path)["stopped"] == BUDGET:
         return (_without_score("stopped", "the budget was used up"),)
     statuses = _statuses(run)
     return tuple(
-        _attempt(statuses.get(item.machine or "", "ok"), item.score, full)
-        if item.valid
-        else Attempt(outcome="invalid", score=0.0, share=0.0, reason=item.reason)
-        for item in run.numbers.record.of_stage(INITIAL)
+        _attempt(statuses.get(found.machine or "", "ok"), found.score, item.full)
+        if found.valid
+        else Attempt(outcome="invalid", score=0.0, share=0.0, reason=found.reason)
+        for found in run.numbers.record.of_stage(INITIAL)
     )
 
 
-def _best(run: FinishedRun, full: float, lowest: bool) -> Attempt:
-    """The best machine of a run, with its verified score or, if `lowest`, the lowest of all."""
+def _best(run: FinishedRun, item: Item) -> Attempt:
+    """The best machine of a run, with its verified score, or the lowest where that counts."""
     result = read_finished(run.path)
     if result["stopped"] == BUDGET:
         return _without_score("stopped", "the budget was used up")
@@ -156,14 +145,13 @@ def _best(run: FinishedRun, full: float, lowest: bool) -> Attempt:
     status, verified = _statuses(run).get(machine.digest, "ok"), result["verified"] or {}
     if status in ("ok", "diverged") and verified.get("score") is None:
         return _without_score("unverified", "a simulation of the verification failed")
-    return _attempt(status, verified.get("low" if lowest else "score"), full)
+    return _attempt(status, verified.get("low" if item.lowest else "score"), item.full)
 
 
 def _attempt(status: str, score: float | None, full: float) -> Attempt:
-    outcome: Outcome = "diverged" if status == "diverged" else "scored"
     if score is None:
         return _without_score("simulation_failed", f"the simulation ended with status {status}")
-    assert outcome in COUNTED
+    outcome: Outcome = "diverged" if status == "diverged" else "scored"
     return Attempt(outcome=outcome, score=round(score, DIGITS), share=round(score / full, DIGITS))
 
 

@@ -103,7 +103,7 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
     """The record of a task for readers; None if there is none.
 
     Returns:
-        `score`, `verified`, `how`, `blocks` (their number), and the share that `score` reaches as
+        `score`, `verified`, `how`, `blocks` (how many count), and the share that `score` reaches as
         `share` and `of` ("record" or "greatest possible score").
     """
     found = record_of(task)
@@ -113,7 +113,7 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
         "score": found.score,
         "verified": found.verified,
         "how": found.how,
-        "blocks": len(found.blocks),
+        "blocks": task.brief.count_blocks(len(found.blocks)),
         "share": record_share(task, score),
         "of": "record" if task.brief.greatest is None else "greatest possible score",
     }

@@ -20,6 +20,7 @@ SMALL: dict[str, Any] = {
                 "rollouts": 2,
                 "search.rounds": 0,
                 "max_retry": 1,
+                "verify": False,
             },
             "refined": {
                 "workflow": "iterative",

@@ -48,7 +48,10 @@ def test_without_a_model_the_plan_is_the_same(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"benchmark": None}, "is not a benchmark but an ordinary sweep; run it with agentflow sw"),
+        (
+            {"benchmark": None},
+            "'Small' is not a benchmark but an ordinary sweep; run it with",
+        ),
         ({"benchmark": {}}, "benchmark.version is missing"),
         ({"benchmark": {"version": 1, "lowest": ["x"]}}, "lowest: there is no item x"),
         ({"axes": {"task": SMALL["axes"]["task"]}}, "a benchmark has the axis part, with first an"),
@@ -59,7 +62,7 @@ def test_without_a_model_the_plan_is_the_same(tmp_path: Path) -> None:
         ),
         (
             {"axes": {**SMALL["axes"], "task": {"a": {"task": "throwing", "window": 4}}}},
-            "the item a has no record to compare with; find one with: python benchmarks/records.py",
+            "the item a has no record above 0 to compare with; find one with: python benchma",
         ),
     ],
 )
