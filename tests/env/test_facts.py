@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from agentflow.env.constants import constants
+from agentflow.env.scene import Scene
 from agentflow.machine import library
 from agentflow.prompts.render import facts
-from benchmarks.facts import MEASURED, Stand, friction, spring_pull, stated
+from benchmarks.facts import HIGH, MEASURED, Stand, friction, spring_pull, stated
 
 LOOSE = {"bounce": 0.2, "thrust": 0.06}
 """Relative tolerance where single steps matter, or the weight of the car; 0.025 elsewhere."""
@@ -84,6 +85,17 @@ def test_two_ended_blocks_collide_with_nothing_and_weigh_at_their_ends(kind: int
 
 def test_the_order_of_a_springs_ends_does_not_matter() -> None:
     assert spring_pull(4, 0) == pytest.approx(spring_pull(0, 4))
+
+
+def test_wind_brakes_motion_across_it() -> None:
+    """Before it has turned the block, which would show it more area."""
+    scene = Scene(wind=(6.0, 0.0, 0.0), start=HIGH.start)
+    stand = Stand([(15, 0, 0)], scene, anchored=False, gravity=True).run(0.1)
+    before = stand.momentum(1)
+    after = stand.run(0.05).momentum(1)
+    mean, mass, fact = (before + after) / 2, stand.mass(), facts()["air"]
+    braked = (after - before) / 0.05 + stand.g * mass + fact["drag"] * mean
+    assert braked == pytest.approx(-fact["wind"] * 2.0 * 6.0 * mean / mass, rel=0.05)
 
 
 def test_friction_is_the_geometric_mean_of_both_surfaces() -> None:
