@@ -145,7 +145,8 @@ def _adapt(sweep: SweepConfig, source: Path, lite: bool, random: bool) -> SweepC
         configs = reversed(item_configs(sweep).items())
         firsts = {get_level(config.task).file.family: name for name, config in configs}
         axes[ITEM] = {name: axes[ITEM][name] for name in axes[ITEM] if name in firsts.values()}
-    settings = settings.model_copy(update={"lite": lite, "plan": digest_of([sweep.base, axes])})
+    digest = digest_of([sweep.base, axes, settings.lowest])
+    settings = settings.model_copy(update={"lite": lite, "plan": digest})
     if random:
         axes = {
             axis: {name: _without_model(changes) for name, changes in values.items()}

@@ -22,6 +22,7 @@ from agentflow.app.benchmark.leaderboard import format_tables, leaderboard, read
 from agentflow.errors import AgentflowError
 from agentflow.runs.document import seal_of
 
+SHIPPED = Path(__file__).parents[3] / "docs" / "cards"
 MISSING = Attempt(outcome="missing", score=None, share=None, reason="the run is unfinished")
 
 
@@ -174,3 +175,12 @@ def test_damaged_and_edited_cards_say_what_to_change(tmp_path: Path) -> None:
         assert str(caught.value) == f"{path} {message}"
     with pytest.raises(AgentflowError, match=r"cannot read .*nowhere.json: No such file"):
         read_card(tmp_path / "nowhere.json")
+
+
+def test_the_shipped_cards_are_complete_and_of_all_items() -> None:
+    procedural, random = read_cards([SHIPPED / "procedural.json", SHIPPED / "random-dsl.json"])
+    assert procedural.model == "procedural (no language model)"
+    assert random.model == "none (random edits)"
+    assert procedural.complete
+    assert random.complete
+    assert [len(family) for family in (procedural.families, procedural.items)] == [8, 24]

@@ -28,7 +28,6 @@ ELSEWHERE = 0.05
 """How far a score may be off on another platform."""
 BELOW_GOOD = {
     "delivery/4",
-    "delivery/5",
     "flying/5",
     "jumping/5",
     "movement/4",
@@ -36,6 +35,13 @@ BELOW_GOOD = {
     "picking/4",
 }
 """Levels where no known machine reaches the good score under small variations of physics."""
+HOW = (
+    "reference ",
+    "hill climbing from ",
+    "by hand",
+    "strong language model (recorded)",
+    "procedur",
+)
 RECORDS = read_records()
 BENCHMARK = Path(__file__).parents[3] / "configs" / "benchmark.yaml"
 
@@ -52,7 +58,7 @@ def test_a_record_is_a_valid_machine_within_its_budget(name: str) -> None:
     assert report.task_valid, report.problems
     assert record_of(task) == record
     assert record.low <= record.verified
-    assert record.how.startswith(("reference ", "hill climbing from ", "by hand", "strong "))
+    assert record.how.startswith(HOW)
     levels = {f"{task.family}-{task.level}"}
     assert name in levels if not record.knobs else name not in levels
 
