@@ -27,9 +27,7 @@ from benchmarks.shelf import DIGITS, here
 ELSEWHERE = 0.05
 """How far a score may be off on another platform."""
 BELOW_GOOD = {
-    "delivery/4",
     "flying/5",
-    "jumping/5",
     "movement/4",
     "picking/2",
     "picking/4",
