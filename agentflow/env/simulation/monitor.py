@@ -20,7 +20,7 @@ from agentflow.env.simulation.work import WorkLog
 
 FINE = 0.02
 """Least time between fine samples, s."""
-SELDOM = 0.067
+SELDOM = 0.1
 """Time between readings of contacts while nothing happens, s; work is read half as often."""
 ALERT = 0.1
 """How long to look closely after something happened, s."""
@@ -33,7 +33,7 @@ LONG_BEFORE, BEFORE, AFTER = 0.2, 0.05, 0.05
 are kept, s: springs throw within 0.2 s."""
 PRESSING = 3
 """How many steps to read contacts in after a jump: what bounces off presses for as long."""
-LONG, SHORT, SHARE = 0.6, 0.4, 0.05
+LONG, SHORT, SHARE = 0.4, 0.2, 0.02
 """For how long to look closely, and to read contacts in every step, in any rollout, s; share of
 all other steps in which either may be done besides."""
 
