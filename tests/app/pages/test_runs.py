@@ -119,7 +119,9 @@ def test_recorded_films_are_shown_if_physics_has_changed(
     machines = data_of(out)["machines"]
     assert kept
     for digest in kept:
-        assert machines[digest]["film"]["times"][:3] == pytest.approx([0.0, 0.2, 0.4])
+        times = [round(time, 3) for time in machines[digest]["film"]["times"]]
+        assert {0.0, 0.2, 0.4} <= set(times)
+        assert len(times) <= 2 * 26  # every 0.2 s, and around events
         assert machines[digest]["remark"] == f"As recorded, with different {change}."
     winner = best_machine(read_result(run))
     assert winner is not None
