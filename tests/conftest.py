@@ -1,4 +1,4 @@
-"""How properties are tried, and a third-party OpenAI-compatible server on 127.0.0.1."""
+"""How properties are tried, which tests are left out, and a third-party server on 127.0.0.1."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ import socket
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
 from hypothesis import HealthCheck, settings
+
+from agentflow.env.physics.engines import ENGINES
+from tests.engines import missing_engines
 
 settings.register_profile("steady", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("quick", settings.get_profile("steady"), max_examples=20)
@@ -22,6 +27,39 @@ def pytest_configure(config: pytest.Config) -> None:
     """No property fails for what else the machine is doing; the fast part draws fewer examples."""
     quick = config.getoption("markexpr") == "not slow"
     settings.load_profile("quick" if quick else "steady")
+    for name in ENGINES:
+        config.addinivalue_line("markers", f"{name}: needs the physics engine {name}")
+
+
+LEFT_OUT = pytest.StashKey[Counter[str]]()
+"""Engine that is not installed -> number of tests with its marker."""
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out tests that need an engine that is not installed, and count them."""
+    missing = missing_engines()
+    lacking = {item: name for item in items for name in missing if item.get_closest_marker(name)}
+    items[:] = [item for item in items if item not in lacking]
+    config.stash[LEFT_OUT] = Counter(lacking.values())
+    if hasattr(config, "workeroutput"):
+        config.workeroutput["left_out"] = dict(config.stash[LEFT_OUT])
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any) -> None:
+    """Take the numbers over from a worker process; all workers collect the same tests."""
+    left_out = getattr(node, "workeroutput", {}).get("left_out", {})
+    node.config.stash[LEFT_OUT] = Counter(left_out)
+
+
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    left_out = config.stash.get(LEFT_OUT, Counter[str]())
+    for name in missing_engines():
+        tests = f"{left_out[name]} tests, and any in tests/env/physics/{name}"
+        terminalreporter.write_line(f"left out, because {name} is not installed: {tests}")
 
 
 def pytest_collection_finish() -> None:

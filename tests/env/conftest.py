@@ -9,12 +9,13 @@ import pytest
 from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.engines import ENGINES, EngineSpec
+from tests.engines import engine_params
 from tests.env.physics.rig import weightless
 
 MakeEngine = Callable[[Constants | None], Engine]
 
 
-@pytest.fixture(scope="module", params=list(ENGINES))
+@pytest.fixture(scope="module", params=engine_params())
 def engine_spec(request: pytest.FixtureRequest) -> EngineSpec:
     return ENGINES[request.param]
 
