@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from agentflow.errors import UsageError
 from agentflow.machine import Machine, Report, library, read_machine
 from agentflow.machine import check as check_machine
-from agentflow.machine.brief import Brief
+from agentflow.machine.brief import Brief, Limits
 from agentflow.machine.formats.detect import read_for
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ def design(
     answer: ModelFunction | None = None,
     config: Path | Mapping[str, Any] | None = None,
     settings: Mapping[str, object] | None = None,
+    engine: str | None = None,
     seed: int | None = None,
     out: Path | str = "runs",
     workers: int | None = None,
@@ -86,6 +87,7 @@ def design(
         answer: Your own function that answers every request, instead of an endpoint.
         config: YAML file, or its content as a mapping.
         settings: Dotted configuration keys, or knobs of the task, like `--set`.
+        engine: Physics engine; "auto" is the first that is installed.
         seed: Random seed.
         out: Parent folder of the run directory.
         workers: Worker processes for simulation.
@@ -102,7 +104,7 @@ def design(
     from agentflow.app.design import run
 
     _require_no_event_loop("design")
-    options = _config_keys(task, workflow, model, base_url, seed, workers)
+    options = _config_keys(task, workflow, model, base_url, engine, seed, workers)
     built, client = _configure(config, settings, options, answer, trust)
     run_options = run.RunOptions(say or _print_remark, listener, client)
     return _to_design(run.design(built, Path(out), run_options))
@@ -117,6 +119,7 @@ async def design_async(
     answer: ModelFunction | None = None,
     config: Path | Mapping[str, Any] | None = None,
     settings: Mapping[str, object] | None = None,
+    engine: str | None = None,
     seed: int | None = None,
     out: Path | str = "runs",
     workers: int | None = None,
@@ -128,7 +131,7 @@ async def design_async(
     """Like `design`, on a running event loop, where several runs can share a `pool`."""
     from agentflow.app.design import run
 
-    options = _config_keys(task, workflow, model, base_url, seed, workers)
+    options = _config_keys(task, workflow, model, base_url, engine, seed, workers)
     built, client = _configure(config, settings, options, answer, trust)
     run_options = run.RunOptions(say or _print_remark, listener, client, pool)
     return _to_design(await run.design_async(built, Path(out), run_options))
@@ -188,7 +191,11 @@ async def resume_async(
 
 
 def check(
-    machine: MachineLike, task: str | None = None, *, knobs: Mapping[str, object] | None = None
+    machine: MachineLike,
+    task: str | None = None,
+    *,
+    knobs: Mapping[str, object] | None = None,
+    engine: str = "auto",
 ) -> Report:
     """Check a machine's file, geometry and, with `task`, the rules of a task; no simulation.
 
@@ -196,17 +203,21 @@ def check(
         machine: The machine.
         task: Level whose rules to check.
         knobs: Knobs of the level to change, e.g. `{"wall.height": 0}`.
+        engine: Physics engine, which limits how large a machine may be.
 
     Raises:
-        UsageError: The task, knob or file does not exist.
+        UsageError: The task, knob, engine or file does not exist.
     """
     if knobs and task is None:
         raise UsageError("knobs change a task; name it with task=")
     if task is None:
-        return _check(machine, None)
+        from agentflow.env.physics.engines import choose_engine, engine_limits
+
+        return _check(machine, None, engine_limits(choose_engine(engine).name))
     from agentflow.env.tasks.registry import get_task
 
-    return _check(machine, get_task(task, knobs).brief)
+    brief = get_task(task, knobs, engine).brief
+    return _check(machine, brief, brief.limits)
 
 
 def simulate(
@@ -214,6 +225,7 @@ def simulate(
     task: str,
     *,
     knobs: Mapping[str, object] | None = None,
+    engine: str = "auto",
     seed: int = 0,
     rate: float | None = None,
     power: bool = True,
@@ -224,16 +236,17 @@ def simulate(
         machine: The machine; an invalid one gives a rollout with status `invalid` and score 0.
         task: Level, e.g. "throwing" or "movement/3".
         knobs: Knobs of the level to change.
+        engine: Physics engine; "auto" is the first that is installed.
         seed: Random seed.
         rate: Physics steps per second; the default is in the constants.
         power: Whether motors, springs and winches start; without them it is a control experiment.
 
     Raises:
-        UsageError: The task, knob or file does not exist, or the rate is out of range.
+        UsageError: The task, knob, engine or file does not exist, or the rate is out of range.
     """
     from agentflow.env.simulation.simulate import simulate as simulate_machine
 
-    level, built = _prepare(machine, task, knobs)
+    level, built = _prepare(machine, task, knobs, engine)
     if isinstance(built, Machine):
         return simulate_machine(built, level, seed=seed, rate=rate, power=power)
     return built
@@ -245,12 +258,13 @@ async def simulate_async(
     pool: RolloutPool,
     *,
     knobs: Mapping[str, object] | None = None,
+    engine: str = "auto",
     seed: int = 0,
     rate: float | None = None,
     power: bool = True,
 ) -> Rollout:
     """Like `simulate`, in a worker process of a pool, for concurrent use."""
-    level, built = _prepare(machine, task, knobs)
+    level, built = _prepare(machine, task, knobs, engine)
     if isinstance(built, Machine):
         return await pool.run(built, level, seed=seed, rate=rate, power=power)
     return built
@@ -261,6 +275,7 @@ def verify(
     task: str,
     *,
     knobs: Mapping[str, object] | None = None,
+    engine: str = "auto",
     seed: int = 0,
 ) -> Verification:
     """Verify a machine's score: simulate it again under small variations of physics.
@@ -269,14 +284,15 @@ def verify(
         machine: The machine; an invalid one gives rollouts with status `invalid` and score 0.
         task: Level, e.g. "throwing" or "movement/3".
         knobs: Knobs of the level to change.
+        engine: Physics engine; "auto" is the first that is installed.
         seed: Random seed.
 
     Raises:
-        UsageError: The task, knob or file does not exist.
+        UsageError: The task, knob, engine or file does not exist.
     """
     from agentflow.env import verification
 
-    level, report = _read(machine, task, knobs)
+    level, report = _read(machine, task, knobs, engine)
     if report.machine is None:
         return verification.Verification.invalid(report.problems)
     return verification.verify(report.machine, level, seed=seed)
@@ -288,12 +304,13 @@ async def verify_async(
     pool: RolloutPool,
     *,
     knobs: Mapping[str, object] | None = None,
+    engine: str = "auto",
     seed: int = 0,
 ) -> Verification:
     """Like `verify`, with all simulations at once in the worker processes of a pool."""
     from agentflow.env import verification
 
-    level, report = _read(machine, task, knobs)
+    level, report = _read(machine, task, knobs, engine)
     if report.machine is None:
         return verification.Verification.invalid(report.problems)
     return await verification.verify_async(partial(pool.run, report.machine, level, seed=seed))
@@ -304,6 +321,7 @@ def _config_keys(
     workflow: str | None,
     model: str | None,
     base_url: str | None,
+    engine: str | None,
     seed: int | None,
     workers: int | None,
 ) -> dict[str, object]:
@@ -312,6 +330,7 @@ def _config_keys(
         "workflow": workflow,
         "model.name": model,
         "model.base_url": base_url,
+        "engine": engine,
         "seed": seed,
         "workers": workers,
     }
@@ -389,29 +408,27 @@ def _print_remark(line: str) -> None:
 
 
 def _prepare(
-    machine: MachineLike, task: str, knobs: Mapping[str, object] | None
+    machine: MachineLike, task: str, knobs: Mapping[str, object] | None, engine: str
 ) -> tuple[Task, Machine | Rollout]:
     """The task, and the machine, or the rollout of an invalid one."""
     from agentflow.env.rollout import invalid_rollout
 
-    level, report = _read(machine, task, knobs)
+    level, report = _read(machine, task, knobs, engine)
     return level, invalid_rollout(report.problems) if report.machine is None else report.machine
 
 
 def _read(
-    machine: MachineLike, task: str, knobs: Mapping[str, object] | None
+    machine: MachineLike, task: str, knobs: Mapping[str, object] | None, engine: str
 ) -> tuple[Task, Report]:
     from agentflow.env.tasks.registry import get_task
 
-    level = get_task(task, knobs)
-    return level, _check(machine, level.brief)
+    level = get_task(task, knobs, engine)
+    return level, _check(machine, level.brief, level.brief.limits)
 
 
-def _check(machine: MachineLike, brief: Brief | None) -> Report:
+def _check(machine: MachineLike, brief: Brief | None, limits: Limits) -> Report:
     from agentflow.app.machines.files import machine_text
-    from agentflow.env.physics.engines import default_limits
 
-    limits = default_limits() if brief is None else brief.limits
     if isinstance(machine, Machine):
         return check_machine(machine, brief, limits)
     source = machine_text(str(machine)) if isinstance(machine, Path) else machine

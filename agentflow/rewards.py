@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from agentflow.env.physics.engines import AUTO
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
@@ -37,7 +38,12 @@ class Reward:
 
 
 def reward(
-    task: str | Task, text: str, seed: int = 0, *, knobs: Mapping[str, object] | None = None
+    task: str | Task,
+    text: str,
+    seed: int = 0,
+    *,
+    knobs: Mapping[str, object] | None = None,
+    engine: str = AUTO,
 ) -> Reward:
     """Compute the reward of a model's reply to a task.
 
@@ -49,11 +55,12 @@ def reward(
         text: The reply.
         seed: Random seed of the task's trials.
         knobs: Knobs of the level to change; only with a level name.
+        engine: Physics engine; only with a level name, since a task object has one.
 
     Raises:
-        UsageError: The task or knob does not exist.
+        UsageError: The task, knob or engine does not exist.
     """
-    level, report = _check_reply(task, text, knobs)
+    level, report = _check_reply(task, text, knobs, engine)
     if report.machine is None:
         return _reward(report, invalid_rollout(report.problems))
     return _reward(report, simulate(report.machine, level, seed=seed))
@@ -66,18 +73,19 @@ async def reward_async(
     seed: int = 0,
     *,
     knobs: Mapping[str, object] | None = None,
+    engine: str = AUTO,
 ) -> Reward:
     """Like `reward`, in a worker process of a pool, for concurrent use."""
-    level, report = _check_reply(task, text, knobs)
+    level, report = _check_reply(task, text, knobs, engine)
     if report.machine is None:
         return _reward(report, invalid_rollout(report.problems))
     return _reward(report, await pool.run(report.machine, level, seed=seed))
 
 
 def _check_reply(
-    task: str | Task, text: str, knobs: Mapping[str, object] | None
+    task: str | Task, text: str, knobs: Mapping[str, object] | None, engine: str
 ) -> tuple[Task, Report]:
-    level = get_task(task, knobs) if isinstance(task, str) else task
+    level = get_task(task, knobs, engine) if isinstance(task, str) else task
     brief = level.brief
     return level, check(read_machine(text, brief.blocks, brief.given), brief)
 

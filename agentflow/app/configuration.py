@@ -31,7 +31,9 @@ def resolve_config(path: Path | None, settings: Iterable[str]) -> dict[str, Any]
     from_settings = apply_settings({}, settings)
     merged = apply_settings(file, settings)
     filled = fill_from_environment(merged, os.environ)
-    config = config_json(RunPlan.of(complete_config(merged)).config)
+    found = complete_config(merged)
+    RunPlan.of(found)  # every name exists
+    config = config_json(found)
 
     def source(keys: tuple[str, ...]) -> str:
         if not _sets(filled, keys):

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from agentflow.config.run import split_setting
+from agentflow.env.physics.engines import AUTO
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json
 from agentflow.env.tasks.registry import get_level, get_task, knob_table, task_names
@@ -13,9 +14,10 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import LONE_ROOT
 
 
-def find_task(name: str, settings: Iterable[str] = ()) -> Task:
-    """A task with `knob=value` settings applied to its level."""
-    return get_task(name, dict(map(split_setting, settings)))
+def find_task(name: str, settings: Iterable[str] = (), engine: str | None = None) -> Task:
+    """A task with `knob=value` settings applied to its level, for the engine of this name; by
+    default for the default engine."""
+    return get_task(name, dict(map(split_setting, settings)), engine or AUTO)
 
 
 def list_tasks() -> list[dict[str, Any]]:

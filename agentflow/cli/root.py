@@ -50,6 +50,13 @@ BaseUrl = Annotated[
     typer.Option(help="URL of an OpenAI-compatible endpoint. Its key is read from OPENAI_API_KEY."),
 ]
 Config = Annotated[Path | None, typer.Option(help="YAML configuration file.")]
+Engine = Annotated[
+    str | None,
+    typer.Option(
+        "--engine",
+        help="Physics engine: auto (the first that is installed), pybullet or mujoco.",
+    ),
+]
 Trust = Annotated[
     bool,
     typer.Option(

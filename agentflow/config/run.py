@@ -77,6 +77,7 @@ class DesignConfig(BaseModel):
     task: str = Field("throwing", description="level, for instance throwing or throwing/3")
     knobs: dict[str, Any] = Field({}, description="changed knobs of the level")
     workflow: str = Field("hierarchical", description="procedure from task to machine")
+    engine: str = Field("auto", description="physics engine; auto is the first that is installed")
     seed: int = Field(0, ge=-(2**63), lt=2**63, description="random seed")
     model: ModelConfig = ModelConfig()
     prompts: str = Field("default", description="prompt set")

@@ -13,7 +13,7 @@ from agentflow.app.machines.files import check as check_data
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, TooLargeError
-from agentflow.env.physics.engines import EngineSpec, default_limits
+from agentflow.env.physics.engines import EngineSpec, engine_limits
 from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import FAMILIES, get_task
@@ -149,7 +149,7 @@ def test_every_family_has_the_limits_of_its_level(name: str) -> None:
     assert get_task(name).brief.limits.blocks == 40
     assert get_task(name, NO_BUDGET).brief.limits.blocks is None
     assert get_task(name, {"blocks.max": "25"}).brief.limits.blocks == 25
-    assert get_task(name).brief.limits.parts == default_limits().parts
+    assert get_task(name).brief.limits.parts == engine_limits().parts
 
 
 @pytest.mark.parametrize("value", [-1, 10**6, "many", 4.5])

@@ -20,7 +20,7 @@ from agentflow.app.design.plan import physics_conditions
 from agentflow.app.design.trust import Approve, refuse
 from agentflow.app.sweeps.folder import is_sweep
 from agentflow.app.sweeps.plan import SweepPlan, plan_sweep
-from agentflow.config.run import DesignConfig
+from agentflow.config.run import DesignConfig, build_config
 from agentflow.config.sweep import BenchmarkSettings, SweepConfig, list_runs
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import TaskRecord, full_score, record_of
@@ -125,7 +125,7 @@ def conditions(sweep: SweepConfig) -> dict[str, Any]:
         "version": settings.version,
         "lite": settings.lite,
         "plan": settings.plan,
-        **physics_conditions(),
+        **physics_conditions(build_config(sweep.base).engine),
         "prompts": PromptSet().digest,
         "records": digest_of({name: [r.verified, r.low] for name, r in records.items()}),
     }

@@ -18,7 +18,7 @@ from agentflow.app.design.config import config_json
 from agentflow.app.design.models import choose_models
 from agentflow.config.run import DesignConfig, build_config, suggest_key
 from agentflow.env.constants import constants
-from agentflow.env.physics.engines import default_engine
+from agentflow.env.physics.engines import AUTO, choose_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import (
     FAMILIES,
@@ -46,6 +46,7 @@ class RunPlan:
     """A configuration whose names have all been looked up."""
 
     config: DesignConfig
+    """With the name of the engine that `auto` stands for here, so that a run keeps its engine."""
     task: Task
     prompts: PromptSet
     engine: str
@@ -63,25 +64,43 @@ class RunPlan:
 
         Raises:
             UnknownNameError: One of them does not exist.
-            ConfigError: A knob is unknown or out of range, a price is missing, or no physics
-                engine is installed.
+            ConfigError: A knob is unknown or out of range, a price is missing, or the physics
+                engine is not installed.
             UsageError: The workflow does not support the task.
         """
         STRATEGIES[config.settings.search.strategy], WORKFLOWS[config.workflow]  # known names
         choose_models(config.model)
+        engine = choose_engine(config.engine)
         try:
             level = level or get_level(config.task)
-            task = make_task(level, config.knobs)
+            task = make_task(level, config.knobs, engine.name)
         except ConfigError as error:
             raise ConfigError(f"{error}{suggest_key(config.knobs)}") from None
         check_fit(config.workflow, task.brief)
         _check_start(config.settings.start, task.brief)
-        return cls(config, task, PromptSet(config.prompts), str(default_engine().identity), level)
+        config = config.model_copy(update={"engine": engine.name})
+        return cls(config, task, PromptSet(config.prompts), str(engine.identity), level)
 
     @classmethod
-    def of_run(cls, path: Path, document: Mapping[str, Any]) -> RunPlan:
-        """The plan of the run at `path`, whose run.yaml holds `document`, with its own level."""
-        return cls.of(build_config(document.get("config")), level_of_run(path, document))
+    def of_run(cls, path: Path, document: Mapping[str, Any], engine: str | None = None) -> RunPlan:
+        """The plan of the run at `path`, whose run.yaml holds `document`, with its own level.
+
+        Args:
+            path: The run directory.
+            document: The content of its run.yaml.
+            engine: Name of an engine in place of the run's own.
+
+        Raises:
+            ConfigError: The engine cannot be used here.
+        """
+        config = build_config(document.get("config"))
+        if engine is not None:
+            config = config.model_copy(update={"engine": engine})
+        try:
+            choose_engine(config.engine)
+        except UsageError as error:
+            raise ConfigError(f"{path} was made with {document.get('engine')}: {error}") from None
+        return cls.of(config, level_of_run(path, document))
 
     @property
     def conditions(self) -> dict[str, str]:
@@ -94,7 +113,7 @@ class RunPlan:
         return {
             "prompts": self.prompts.digest,
             "demands": hashlib.sha256(repr(self.task.brief).encode()).hexdigest()[:16],
-            **physics_conditions(),
+            **physics_conditions(self.task.engine),
             "engine": self.engine,
             **({_FAMILY: origin} if origin else {}),
         }
@@ -176,7 +195,8 @@ def level_of_run(path: Path, document: Mapping[str, Any]) -> Level:
 
 def task_of_run(path: Path, document: Mapping[str, Any]) -> Task:
     """The task of a run as it was when the run began; see `level_of_run`."""
-    return make_task(level_of_run(path, document), build_config(document.get("config")).knobs)
+    config = build_config(document.get("config"))
+    return make_task(level_of_run(path, document), config.knobs, config.engine)
 
 
 def level_note(path: Path, document: Mapping[str, Any]) -> str:
@@ -190,12 +210,16 @@ def level_note(path: Path, document: Mapping[str, Any]) -> str:
     return f"{path}: the level {level.name} {change}; {used}" if change else ""
 
 
-def physics_conditions() -> dict[str, str]:
-    """The conditions that decide the result of a simulation: constants, blocks and engine."""
+def physics_conditions(engine: str = AUTO) -> dict[str, str]:
+    """The conditions that decide the result of a simulation: constants, blocks and engine.
+
+    Raises:
+        ConfigError: The engine of this name is not installed.
+    """
     return {
         "constants": constants().digest,
         "blocks": library().digest,
-        "engine": str(default_engine().identity),
+        "engine": str(choose_engine(engine).identity),
     }
 
 

@@ -16,13 +16,17 @@ from agentflow.runs.events import EvaluationEvent, read_typed_events
 
 
 def rescore(
-    path: Path, workers: int | None = None, pool: RolloutPool | None = None
+    path: Path,
+    workers: int | None = None,
+    engine: str | None = None,
+    pool: RolloutPool | None = None,
 ) -> dict[str, Any]:
     """Simulate every machine of a run again and compare.
 
     Args:
         path: The run, finished or not; it is not changed.
         workers: Number of processes; None: as configured in the run.
+        engine: Name of the physics engine; None: that of the run.
         pool: Simulates the machines; by default a new pool of `workers` processes.
 
     Returns:
@@ -33,7 +37,7 @@ def rescore(
         `identical`, and `note`: a later rule that it breaks, which does not change its score.
     """
     document = read_document(path)
-    plan = RunPlan.of_run(path, document)
+    plan = RunPlan.of_run(path, document, engine)
     evaluations: dict[str, EvaluationEvent] = {}
     for event in read_typed_events(path):
         if isinstance(event, EvaluationEvent):

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, AnyStr, TextIO
 
-from agentflow.env.physics.engines import default_limits
+from agentflow.env.physics.engines import AUTO, choose_engine, engine_limits
 from agentflow.errors import RunError, UsageError
-from agentflow.machine import BlockType, Brief, Machine, Report, library, place
+from agentflow.machine import BlockType, Brief, Machine, library, place
 from agentflow.machine import check as check_machine
 from agentflow.machine.formats.detect import Form, read_any, read_for
 
@@ -104,10 +104,23 @@ def read_one(source: str) -> Machine:
 
 
 def check(
-    source: object, brief: Brief | None, geometry: bool, form: Form = "auto"
+    source: object,
+    brief: Brief | None,
+    geometry: bool,
+    form: Form = "auto",
+    engine: str | None = None,
 ) -> dict[str, Any]:
-    """The validity report and the warnings as data; `source` is text or JSON data."""
-    report = _report(source, brief, form)
+    """The validity report and the warnings as data.
+
+    Args:
+        source: Text or JSON data.
+        brief: The task, if any.
+        geometry: Whether to add the position of every block.
+        form: Format of the text.
+        engine: Name of the physics engine whose limits count without a task.
+    """
+    limits = engine_limits(choose_engine(engine or AUTO).name) if brief is None else brief.limits
+    report = check_machine(read_for(brief, source, form), brief, limits)
     warnings = [warning.to_json() for warning in report.warnings]
     answer: dict[str, Any] = {**report.to_json(), "warnings": warnings}
     if geometry:
@@ -121,18 +134,16 @@ def is_flawless(report: Mapping[str, Any]) -> bool:
     return not (report["problems"] or report["warnings"] or report["repaired"])
 
 
-def _report(source: object, brief: Brief | None, form: Form) -> Report:
-    """The report on text or JSON data; without a task, by the limits of the default engine."""
-    limits = default_limits() if brief is None else brief.limits
-    return check_machine(read_for(brief, source, form), brief, limits)
-
-
 def check_lines(
-    lines: Iterable[str], brief: Brief | None, geometry: bool, form: Form = "auto"
+    lines: Iterable[str],
+    brief: Brief | None,
+    geometry: bool,
+    form: Form = "auto",
+    engine: str | None = None,
 ) -> Iterator[dict[str, Any]]:
     """One report per line, in order; a line that is not JSON is checked as model text."""
     for line in lines:
-        yield check(parse_line(line), brief, geometry, form)
+        yield check(parse_line(line), brief, geometry, form, engine)
 
 
 def parse_line(line: str) -> object:

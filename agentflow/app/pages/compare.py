@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from agentflow.app.pages.runs import (
     write_page,
 )
 from agentflow.config.run import build_config
+from agentflow.env.physics.engines import AUTO, choose_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import combine_trials
@@ -38,6 +40,7 @@ def compare(
     sources: tuple[str, str],
     task: Task | None,
     seed: int | None,
+    engine: str | None = None,
     *,
     out: Path | None = None,
     workers: int,
@@ -50,17 +53,27 @@ def compare(
         task: Task to simulate both on; by default that of the runs. Without a task, there are no
             scores.
         seed: Random seed; by default that of the first run, else 0.
+        engine: Physics engine that simulates both; by default that of `task` or, if they have the
+            same, of the runs.
         out: HTML file to write.
         workers: Worker processes for simulation.
         say: Receives progress.
 
     Raises:
         UsageError: A machine cannot be read, the runs are of different tasks, or a page is wanted
-            without a task.
+            without a task, or the engine is not installed.
+
+    Returns:
+        `task`, `seed`, `engine` (name and version; None without a task), `notes` (runs that have
+        another engine), `machines`, `same`, `only` and `types`.
     """
     machines = [read_one(source) for source in sources]
     runs = {path: read_document(path) for path in map(Path, sources) if path.is_dir()}
     level = task or _common_task([task_of_run(*run) for run in runs.items()])
+    used = None
+    if level is not None:
+        chosen = choose_engine(engine or level.engine)
+        level, used = replace(level, engine=chosen.name), str(chosen.identity)
     if out is not None:
         require_writable(out)
         if level is None:
@@ -75,6 +88,12 @@ def compare(
     found = {
         "task": level.name if level else None,
         "seed": number,
+        "engine": used,
+        "notes": [
+            f"{path} was made with {made}, but both are simulated with {used} here"
+            for path, document in runs.items()
+            if used and (made := document.get("engine", used)) != used
+        ],
         "machines": [
             _facts(source, machine, rollout)
             for source, machine, rollout in zip(sources, machines, rollouts, strict=True)
@@ -90,6 +109,7 @@ def compare(
         data = {
             "kind": "compare",
             **found,
+            "task": f"{level.name} · {used}",
             "films": films,
             "shapes": shapes.rows,
             "files": shapes.files,
@@ -116,7 +136,10 @@ async def _play(items: Sequence[ReportedMachine], workers: int, say: Progress) -
 
 
 def _common_task(tasks: Sequence[Task]) -> Task | None:
-    """The task of all runs; None without runs."""
+    """The task of all runs, for their engine if it is the same for all; None without runs."""
+    engines = {task.engine for task in tasks}
+    shared = engines.pop() if len(engines) == 1 else AUTO
+    tasks = [replace(task, engine=shared) for task in tasks]
     if any(task != tasks[0] for task in tasks):
         names = " and ".join(task.name for task in tasks)
         raise UsageError(f"the runs are of different tasks ({names}); name one with --task")

@@ -14,6 +14,7 @@ from agentflow.config.run import build_config
 from agentflow.env.drawing.film import save_film
 from agentflow.env.drawing.gltf import rollout_glb
 from agentflow.env.drawing.stills import render_png
+from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
 from agentflow.errors import RunError, UnknownNameError, UsageError
@@ -34,15 +35,20 @@ def render_run(
     out: Path | None = None,
     view: str = "three-quarter",
     say: Progress = lambda _done, _of: None,
+    engine: str | None = None,
 ) -> dict[str, str]:
-    """Draw or film the best machine of a finished run: `out`, by default best.png and best.gif."""
+    """Draw or film the best machine of a finished run: `out`, by default best.png and best.gif.
+
+    Films show a simulation with `engine`, by default that of the run.
+    """
     result, document = read_finished(path), read_document(path)
     seed = build_config(document.get("config")).seed
     machine = read_machine(result["machine"], range(1000)).machine
     if machine is None:
         raise RunError(f"{path} has no valid machine to draw")
-    drawing = _Drawing(machine, task_of_run(path, document), seed, view, say)
-    return drawing.save(out or path / "best")
+    task = task_of_run(path, document)
+    task = replace(task, engine=engine or task.engine)
+    return _Drawing(machine, task, seed, view, say).save(out or path / "best")
 
 
 def render_file(
@@ -104,6 +110,7 @@ class _Drawing:
             raise UnknownNameError("kind of picture", kind, (STILL, *SAMPLES))
 
     def _simulate(self, interval: float) -> Rollout:
+        choose_engine(self.task.engine)  # raises here rather than in a worker
         options = {"interval": interval, "recorded": True}
         rollout = simulate_in_parallel(
             self.machine, self.task, seed=self.seed, workers=WORKERS, say=self.say, **options

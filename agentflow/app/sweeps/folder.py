@@ -114,17 +114,24 @@ def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -
             "folder with --out"
         )
     recorded, _ = read_folder(path)
-    if changed := describe_changes(recorded, physics_conditions()):
+    if changed := describe_changes(recorded, _conditions(document)):
         raise RunError(
             f"{path} was started with different {changed}: further runs would not be comparable; "
             "choose another folder with --out"
         )
-    if different := _first_difference(recorded["sweep"], document["sweep"], ""):
+    whole = {"engine": document["sweep"]["base"]["engine"]}  # older sweeps do not name it
+    begun = {**recorded["sweep"], "base": {**whole, **recorded["sweep"]["base"]}}
+    if different := _first_difference(begun, document["sweep"], ""):
         command = "benchmark" if "benchmark" in document["sweep"] else "sweep"
         raise RunError(
             f"{path} was started with a different {different}: resume it unchanged with "
             f"agentflow {command} {quote(str(path))} --resume, or choose another folder with --out"
         )
+
+
+def _conditions(document: Mapping[str, Any]) -> dict[str, str]:
+    """The physics of a sweep's runs, unless an axis sets their engine."""
+    return physics_conditions(document["sweep"]["base"]["engine"])
 
 
 def _first_difference(one: Any, other: Any, place: str) -> str:
@@ -141,7 +148,7 @@ def _write_new(file: Path, document: Mapping[str, Any]) -> None:
     head = {
         "schema": SCHEMA,
         "agentflow": __version__,
-        **physics_conditions(),
+        **_conditions(document),
         "begun": datetime.now(timezone.utc).isoformat(timespec="seconds"),
     }
     text = yaml.safe_dump({**head, **document}, sort_keys=False)

@@ -20,6 +20,7 @@ from agentflow.app.design.trust import Approve, refuse, require_trust
 from agentflow.app.sweeps.folder import folder_name, is_sweep, read_folder
 from agentflow.config.run import ModelConfig, build_config, load_document
 from agentflow.config.sweep import SweepConfig, SweepRun, axis_of_key, list_runs, read_sweep
+from agentflow.env.physics.engines import choose_engine
 from agentflow.errors import ConfigError, UsageError
 from agentflow.metrics.cells import check_metrics
 from agentflow.metrics.published import check_source
@@ -57,12 +58,17 @@ class SweepPlan:
 
     @classmethod
     def of(cls, name: str, sweep: SweepConfig) -> SweepPlan:
-        """Look up tasks, workflows, prompts, metrics and published tables."""
+        """Look up tasks, workflows, engines, prompts, metrics and published tables.
+
+        The base names the engine that `auto` stands for here, so that a sweep keeps its engine.
+        """
         check_metrics(sweep.table.metrics)
         for metrics in sweep.table.task_metrics.values():
             check_metrics(metrics)
         for source in sweep.table.published:
             check_source(source.table)
+        engine = choose_engine(build_config(sweep.base).engine)
+        sweep = sweep.model_copy(update={"base": {**sweep.base, "engine": engine.name}})
         firsts = list_runs(sweep.model_copy(update={"seeds": sweep.seeds[:1]}))
         _refuse_credentials(sweep, firsts)
         return cls(name, sweep, firsts, tuple(RunPlan.of(first.config) for first in firsts))
@@ -97,7 +103,7 @@ def plan_sweep(
         if settings or given or seeds is not None:
             raise UsageError(
                 f"{path} is resumed with its own settings; remove --model, --base-url, "
-                "--set and --seeds"
+                "--engine, --set and --seeds"
             )
         document, sweep = read_folder(path)
         plan = SweepPlan.of(document["name"], sweep)

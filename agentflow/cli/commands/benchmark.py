@@ -13,6 +13,7 @@ from agentflow.cli.display.text import escape_controls
 from agentflow.cli.root import (
     PARTLY,
     BaseUrl,
+    Engine,
     Json,
     ModelName,
     Quiet,
@@ -35,6 +36,7 @@ def benchmark(
     model: ModelName = None,
     base_url: BaseUrl = None,
     settings: Settings = None,
+    engine: Engine = None,
     lite: Annotated[
         bool, typer.Option("--lite", help="Only the first item of each task family.")
     ] = False,
@@ -77,7 +79,12 @@ def benchmark(
     from agentflow.app.sweeps.plan import sweep_folder
     from agentflow.cli.display.sweep_live import watch_sweep
 
-    options = {"model.name": model, "model.base_url": base_url, "workers": workers}
+    options = {
+        "model.name": model,
+        "model.base_url": base_url,
+        "engine": engine,
+        "workers": workers,
+    }
     allowed = allow if trust or dry_run else approve
     plan = plan_benchmark(
         source, settings or (), options, lite=lite, random=random, approve=allowed

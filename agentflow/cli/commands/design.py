@@ -13,6 +13,7 @@ from agentflow.cli.root import (
     PARTLY,
     BaseUrl,
     Config,
+    Engine,
     Json,
     ModelName,
     Quiet,
@@ -42,6 +43,7 @@ def design(
     base_url: BaseUrl = None,
     config: Config = None,
     settings: Settings = None,
+    engine: Engine = None,
     seed: Annotated[int | None, typer.Option(help="Random seed.")] = None,
     seeds: Annotated[
         int | None,
@@ -92,6 +94,7 @@ def design(
     options = {
         "task": task,
         "workflow": workflow,
+        "engine": engine,
         "seed": seed,
         "workers": workers,
         "model.name": model,

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from agentflow.cli.root import Json, Knobs, commands, print_json, print_result
+from agentflow.cli.root import Engine, Json, Knobs, commands, print_json, print_result
 from agentflow.errors import UsageError
 
 Task = Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")]
@@ -24,6 +24,7 @@ def check(
     machine: Source,
     task: Task = None,
     knobs: Knobs = None,
+    engine: Engine = None,
     form: Annotated[
         Literal["auto", "tree", "coordinates", "bsg"],
         typer.Option("--format", help="Input format; auto detects the format."),
@@ -49,28 +50,29 @@ def check(
     from agentflow.app.machines import files as machines
     from agentflow.cli.display.show import show_report
 
-    brief = _brief(task, knobs)
+    brief = _brief(task, knobs, engine)
     flawless = True
     if lines:
-        for report in machines.check_lines(machines.read_lines(machine), brief, geometry, form):
+        found = machines.read_lines(machine)
+        for report in machines.check_lines(found, brief, geometry, form, engine):
             print_json(report)
             flawless &= machines.is_flawless(report)
     else:
-        report = machines.check(machines.machine_text(machine), brief, geometry, form)
+        report = machines.check(machines.machine_text(machine), brief, geometry, form, engine)
         print_result(report, as_json, show_report)
         flawless = machines.is_flawless(report)
     if strict and not flawless:
         raise typer.Exit(1)
 
 
-def _brief(task: str | None, knobs: list[str] | None) -> Any:
+def _brief(task: str | None, knobs: list[str] | None, engine: str | None = None) -> Any:
     if task is None:
         if knobs:
             raise UsageError("--set changes a knob of a task; name the task with --task")
         return None
     from agentflow.app.tasks import find_task
 
-    return find_task(task, knobs or ()).brief
+    return find_task(task, knobs or (), engine).brief
 
 
 @commands.command(
@@ -129,6 +131,7 @@ def simulate(
     machine: Source,
     task: Annotated[str, typer.Option(help="Task, such as throwing or movement/3.")],
     knobs: Knobs = None,
+    engine: Engine = None,
     seed: Seed = 0,
     rate: Annotated[float | None, typer.Option(help="Time steps per second; default: 120.")] = None,
     interval: Annotated[
@@ -163,7 +166,7 @@ def simulate(
     from agentflow.cli.display.show import show_rollout
     from agentflow.cli.display.text import show_count
 
-    level, on = find_task(task, knobs or ()), power == "on"
+    level, on = find_task(task, knobs or (), engine), power == "on"
     if lines:
         if save:
             raise UsageError("--save needs a single machine; remove --jsonl")
@@ -209,6 +212,7 @@ def render(
     source: Annotated[str, typer.Argument(help="Run directory or machine file.")],
     task: Task = None,
     knobs: Knobs = None,
+    engine: Engine = None,
     seed: Seed = 0,
     out: Annotated[
         Path | None,
@@ -241,11 +245,11 @@ def render(
         state_of(Path(source))  # raises for a directory that is not a run
         if task is not None or knobs or seed:
             raise UsageError("a run has its own task and seed; remove --task, --set and --seed")
-        files = render_run(Path(source), out, view, say)
+        files = render_run(Path(source), out, view, say, engine)
         if note := level_note(Path(source), read_document(Path(source))):
             print_line(f"agentflow: {note}")
     else:
-        level = find_task(task or "movement", knobs or ())
+        level = find_task(task or "movement", knobs or (), engine)
         files = render_file(
             source,
             level,

@@ -60,19 +60,23 @@ def show(run: Run, as_json: Json = False) -> None:
 @commands.command(epilog="Example: agentflow rescore runs/recorded-throwing")
 def rescore(
     run: Run,
+    engine: Annotated[
+        str | None,
+        typer.Option(help="Another physics engine, such as mujoco; default: that of the run."),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Worker processes; default: as in the run.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Simulate the machines of a run again and list the differences.
+    """Simulate the machines of a run again, also with another engine; list the differences.
 
     The run itself is not changed.
     """
     from agentflow.app.inspect.rescore import rescore as simulate_again
     from agentflow.cli.display.show_records import show_rescored
 
-    print_result(simulate_again(run, workers), as_json, show_rescored)
+    print_result(simulate_again(run, workers, engine), as_json, show_rescored)
 
 
 _RULES = "\n\n".join(f"{kind.name} ({kind.level}, {kind.unit}): {kind.rule}" for kind in KINDS)

@@ -9,7 +9,7 @@ import typer
 
 from agentflow.app.pages.registry import PAGES
 from agentflow.cli.display.text import show_count
-from agentflow.cli.root import Json, Knobs, commands, print_result
+from agentflow.cli.root import Engine, Json, Knobs, commands, print_result
 from agentflow.errors import UsageError
 
 Out = Annotated[
@@ -54,6 +54,7 @@ def compare(
         ),
     ] = None,
     knobs: Knobs = None,
+    engine: Engine = None,
     seed: Annotated[
         int | None, typer.Option(help="Random seed; default: that of the first run, else 0.")
     ] = None,
@@ -70,9 +71,9 @@ def compare(
 
     if knobs and task is None:
         raise UsageError("--set changes a knob of a task; name the task with --task")
-    level = find_task(task, knobs or ()) if task else None
+    level = find_task(task, knobs or (), engine) if task else None
     found = find_difference(
-        (a, b), level, seed, out=out, workers=workers, say=show_count("simulation")
+        (a, b), level, seed, engine, out=out, workers=workers, say=show_count("simulation")
     )
     print_result(found, as_json, show_comparison)
 

@@ -13,6 +13,7 @@ from agentflow.cli.display.text import escape_controls
 from agentflow.cli.root import (
     PARTLY,
     BaseUrl,
+    Engine,
     Json,
     ModelName,
     Quiet,
@@ -41,6 +42,7 @@ def sweep(
     model: ModelName = None,
     base_url: BaseUrl = None,
     settings: Settings = None,
+    engine: Engine = None,
     seeds: Annotated[
         int | None, typer.Option(min=1, help="Use seeds 0 to N-1 instead of those in the file.")
     ] = None,
@@ -71,7 +73,12 @@ def sweep(
     from agentflow.app.sweeps.run import run_sweep
     from agentflow.cli.display.sweep_live import watch_sweep
 
-    options = {"model.name": model, "model.base_url": base_url, "workers": workers}
+    options = {
+        "model.name": model,
+        "model.base_url": base_url,
+        "engine": engine,
+        "workers": workers,
+    }
     allowed = allow if trust or dry_run else approve
     plan = plan_sweep(config, settings or (), options, seeds, allowed)
     folder = sweep_folder(plan, config, out)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from agentflow.cli.commands.machines import Seed, Task
-from agentflow.cli.root import Json, Knobs, commands, print_result
+from agentflow.cli.root import Engine, Json, Knobs, commands, print_result
 from agentflow.errors import UsageError
 
 
@@ -19,6 +19,7 @@ def verify(
     ],
     task: Task = None,
     knobs: Knobs = None,
+    engine: Engine = None,
     seed: Seed = 0,
     workers: Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")] = 2,
     as_json: Json = False,
@@ -38,10 +39,10 @@ def verify(
     if task is None and Path(source).is_dir():
         from agentflow.app.inspect.verify import verify_run
 
-        if knobs or seed:
+        if knobs or seed or engine:
             raise UsageError(
-                "a run has its own task, knobs and seed; remove --set and --seed, or name another "
-                "task with --task"
+                "a run has its own task, knobs, seed and engine; remove --set, --seed and "
+                "--engine, or name a task with --task"
             )
         found = verify_run(Path(source), workers, lambda line: print_line(f"agentflow: {line}"))
     else:
@@ -51,6 +52,6 @@ def verify(
 
         if task is None:
             raise UsageError("a machine is verified on a task; name the task with --task")
-        level = find_task(task, knobs or ())
+        level = find_task(task, knobs or (), engine)
         found = verify_text(machine_text(source), level, seed=seed, workers=workers)
     print_result(found, as_json, show_verified)

@@ -214,6 +214,10 @@ def show_comparison(found: Data) -> None:
         score = (number(machine["score"]) for machine in found["machines"])
         table.add_row(f"{found['task']}, seed {found['seed']}", *status)
         table.add_row("score", *score)
+    if found["engine"]:
+        console.print(f"engine: {found['engine']}")
+    for note in found["notes"]:
+        console.print(note)
     for kind in found["types"]:
         table.add_row(f"{kind['type']} {kind['name']}", *map(str, kind["counts"]))
     console.print_wide(table)

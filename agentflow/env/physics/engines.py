@@ -1,8 +1,7 @@
-"""The registry of physics engines, and the default engine."""
+"""The registry of physics engines, and how one is chosen."""
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -10,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
 from agentflow.env.physics.engine import Engine, EngineIdentity
-from agentflow.errors import ConfigError
+from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.machine.brief import Limits
 from agentflow.registry import Registry, instance_of
 
@@ -62,6 +61,15 @@ ENGINES: Registry[EngineSpec] = Registry(
 """All engines, the preferred one first."""
 
 
+AUTO = "auto"
+"""Name that stands for the default engine."""
+
+
+def installed_engines() -> tuple[EngineSpec, ...]:
+    """The engines whose library is installed, the preferred one first."""
+    return tuple(spec for spec in ENGINES.values() if _is_installed(spec))
+
+
 def default_engine() -> EngineSpec:
     """The first registered engine whose library is installed.
 
@@ -71,12 +79,45 @@ def default_engine() -> EngineSpec:
         ConfigError: None is installed.
     """
     for spec in ENGINES.values():
-        with suppress(ConfigError):
-            _ = spec.identity
+        if _is_installed(spec):
             return spec
-    raise ConfigError(f"no physics engine is installed; install one of: {', '.join(ENGINES)}")
+    needed = ", ".join(spec.libraries[0] for spec in ENGINES.values())
+    raise ConfigError(f"no physics engine is installed; install one of: {needed}")
 
 
-def default_limits() -> Limits:
-    """Limits of every machine: the standard building volume, what the default engine holds."""
-    return Limits(parts=default_engine().most_parts)
+def choose_engine(name: str = AUTO) -> EngineSpec:
+    """The engine of this name; `AUTO` is the default one.
+
+    Raises:
+        UnknownNameError: There is no such engine.
+        ConfigError: Its library is not installed.
+    """
+    if name == AUTO:
+        return default_engine()
+    if name not in ENGINES:
+        raise UnknownNameError("physics engine", name, (AUTO, *ENGINES))
+    spec = ENGINES[name]
+    try:
+        _ = spec.identity
+    except ConfigError as error:
+        others = ", ".join(each.name for each in installed_engines())
+        instead = f", or use one that is installed: {others}" if others else ""
+        raise ConfigError(f"{error}{instead}") from None
+    return spec
+
+
+def engine_limits(name: str = AUTO) -> Limits:
+    """Limits of every machine: the standard building volume, and what the engine holds.
+
+    The engine need not be installed here: runs of others can be read without it.
+    """
+    if name == AUTO:
+        return Limits(parts=default_engine().most_parts)
+    return Limits(parts=ENGINES[name].most_parts if name in ENGINES else None)
+
+
+def _is_installed(spec: EngineSpec) -> bool:
+    try:
+        return bool(spec.identity)
+    except ConfigError:
+        return False

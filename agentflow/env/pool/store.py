@@ -13,7 +13,7 @@ from pathlib import Path
 from agentflow import __version__
 from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.constants import constants
-from agentflow.env.physics.engines import default_engine
+from agentflow.env.physics.engines import choose_engine
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT, Variation
@@ -34,7 +34,7 @@ def _setting_key(task: Task, seed: int, variation: Variation = DEFAULT) -> str:
         "agentflow": __version__,
         "constants": constants().digest,
         "blocks": library().digest,
-        "engine": str(default_engine().identity),
+        "engine": str(choose_engine(task.engine).identity),
         "family": task.family,
         "parameters": task.parameters.model_dump(mode="json"),
         "window": task.window,

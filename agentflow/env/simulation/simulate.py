@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 from agentflow.env.constants import Constants, constants
 from agentflow.env.physics.engine import Engine, TooLargeError
-from agentflow.env.physics.engines import default_engine
+from agentflow.env.physics.engines import choose_engine
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.play import Play
 from agentflow.env.simulation.trials import combine_trials
@@ -40,21 +41,22 @@ def simulate(
 
     Args:
         machine: File-valid. If it is otherwise invalid, it is not simulated.
-        task: The level.
+        task: The level; it names the engine.
         seed: Seed of the task's random trials. Scenes have their own seeds, so a task without
             trials gives the same rollout for every seed.
         rate: Steps per second; the constants' rate by default.
         power: Off as a control experiment: the schedule never starts.
         interval: Seconds between samples; the constants' by default, at least one step.
         wall_limit: Wall-clock seconds after which a trial ends as `timeout`.
-        engine: Default: the default engine, of which each thread keeps one.
+        engine: A started engine in place of the task's, of which each thread keeps one.
         physics: Constants other than those of `constants.json`, for fitting; make `engine` with
             the same ones.
         recorded: The machine is from a record: rules that came later (`LATER_RULES`) do not count.
         variation: Changed conditions; its rate multiplies `rate`.
 
     Raises:
-        UsageError: The rate is not within 30 to 1000 Hz, or `interval` not above 0.
+        UsageError: The rate is not within 30 to 1000 Hz, `interval` not above 0, or the task's
+            engine not installed.
     """
     value = physics or constants()
     rate = (value["step_rate"] if rate is None else rate) * variation.rate
@@ -64,11 +66,13 @@ def simulate(
         raise UsageError(f"the rate is {rate:g} Hz; it must be from {low} to {high} Hz")
     if not interval > 0:
         raise UsageError(f"the interval is {interval:g} s; it must be above 0 s")
+    if engine is not None:
+        task = replace(task, engine=engine.identity.name)
     later = LATER_RULES if recorded else frozenset()
     problems = [item for item in check(machine, task.brief).problems if item.code not in later]
     if problems:
         return invalid_rollout(problems)
-    chosen = engine or _own_engine()
+    chosen = engine or _own_engine(task.engine)
     if variation.varies_bodies:
         chosen = VariedEngine(chosen, variation, value["friction"])
     played: list[Rollout] = []
@@ -84,9 +88,10 @@ def simulate(
     return combine_trials(played)
 
 
-def _own_engine() -> Engine:
-    """The engine that this thread keeps between rollouts."""
-    if not hasattr(_local, "engine"):
-        _local.engine = default_engine().start()
-    engine: Engine = _local.engine
-    return engine
+def _own_engine(name: str) -> Engine:
+    """The engine of this name that this thread keeps between rollouts."""
+    engines: dict[str, Engine] = vars(_local).setdefault("engines", {})
+    spec = choose_engine(name)
+    if spec.name not in engines:
+        engines[spec.name] = spec.start()
+    return engines[spec.name]

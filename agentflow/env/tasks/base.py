@@ -8,6 +8,7 @@ from typing import ClassVar, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
+from agentflow.env.physics.engines import AUTO
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.guard import guard_family
@@ -98,6 +99,8 @@ class Task(ABC):
     window: float = 5.0
     """Length of the scored window, s."""
     schedule: Schedule = field(default_factory=Schedule)
+    engine: str = AUTO
+    """Name of the physics engine that simulates it, and whose limits its machines must keep."""
 
     def __init_subclass__(cls) -> None:
         guard_family(cls)

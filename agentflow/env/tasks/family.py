@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from agentflow.env.physics.engines import default_limits
+from agentflow.env.physics.engines import engine_limits
 from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
@@ -146,8 +146,8 @@ class Family(Task):
 
     @property
     def limits(self) -> Limits:
-        """How large a machine may be: by the level's budget of blocks and the default engine."""
-        return replace(default_limits(), blocks=self.parameters.blocks.max or None)
+        """How large a machine may be: by the level's budget of blocks and the engine."""
+        return replace(engine_limits(self.engine), blocks=self.parameters.blocks.max or None)
 
     def allow(self, blocks: Collection[int]) -> tuple[int, ...]:
         """The block types of a family that the level allows."""

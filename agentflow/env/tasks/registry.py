@@ -24,6 +24,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from agentflow.config.yaml import NOT_YAML, describe_fault, first_fault, read_yaml
+from agentflow.env.physics.engines import AUTO, choose_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.family import Family
 from agentflow.env.tasks.knobs import Knob, deep_merge, knobs_of, nest_keys, read_knobs
@@ -178,27 +179,34 @@ def get_level(name: str) -> Level:
     return level
 
 
-def get_task(name: str, overrides: Mapping[str, object] | None = None) -> Task:
+def get_task(name: str, overrides: Mapping[str, object] | None = None, engine: str = AUTO) -> Task:
     """Create a task.
 
     Args:
         name: As for `get_level`.
         overrides: Dotted knobs that replace the level's, e.g. {"wind.speed": 8}; numbers may be
             strings.
+        engine: Name of the physics engine that is to simulate it.
 
     Raises:
-        UnknownNameError: There is no such level or family.
-        ConfigError: A knob is unknown or out of range; the message names the range.
+        UnknownNameError: There is no such level, family or engine.
+        ConfigError: A knob is unknown or out of range (the message names the range), or the engine
+            is not installed.
     """
-    return make_task(get_level(name), overrides)
+    if engine != AUTO:
+        choose_engine(engine)
+    return make_task(get_level(name), overrides, engine)
 
 
-def make_task(level: Level, overrides: Mapping[str, object] | None = None) -> Task:
-    """Create the task of a level; see `get_task`."""
+def make_task(
+    level: Level, overrides: Mapping[str, object] | None = None, engine: str = AUTO
+) -> Task:
+    """Create the task of a level; see `get_task`. The engine need not be installed."""
     kind = FAMILIES[level.file.family]
     values = deep_merge(level.file.parameters, nest_keys(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
-    task = kind(level.name, level.number, knobs, knobs.window, knobs.control_schedule)
+    schedule = knobs.control_schedule
+    task = kind(level.name, level.number, knobs, knobs.window, schedule, engine)
     if knobs.blocks.without:
         _check_withheld(task, knobs.blocks.without)
     return task

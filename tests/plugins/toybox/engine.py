@@ -1,4 +1,4 @@
-"""An engine: ours under another name."""
+"""Two engines: ours under another name, and one whose library is missing."""
 
 from __future__ import annotations
 
@@ -19,3 +19,4 @@ class ToyEngine(PyBulletEngine):
 
 
 TOY: EngineSpec = replace(PYBULLET, name="toy", factory="toybox.engine:ToyEngine")
+ABSENT: EngineSpec = replace(PYBULLET, name="absent", libraries=("no-such-library",))
