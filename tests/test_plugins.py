@@ -72,18 +72,8 @@ for registry in every:
 print("judge" in model_roles(), stage_of("judge"))
 """
     assert python(code, cwd=tmp_path).split() == [
-        *(
-            "judge",
-            "plain",
-            "absent",
-            "toy",
-            "rolling",
-            "run_count",
-            "terse",
-            "eager",
-            "judged",
-            "rolling",
-        ),
+        *("judge", "plain", "absent", "toy", "rolling"),
+        *("run_count", "terse", "eager", "judged", "rolling"),
         *("True", "env_feedback"),
     ]
 

@@ -53,8 +53,8 @@ def test_an_invalid_machine_says_why(tmp_path: Path, capsys: Captured) -> None:
         ([CAR], "a machine is verified on a task; name the task with --task"),
         (
             [str(RECORDED), "--seed", "1"],
-            "a run has its own task, knobs and seed; remove --set and --seed, or name another "
-            "task with --task",
+            "a run has its own task, knobs, seed and engine; remove --set, --seed and --engine, or "
+            "name a task with --task",
         ),
     ],
 )
