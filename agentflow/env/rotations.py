@@ -20,12 +20,15 @@ _FIRST = np.array([5, 1, 2, 1, 0, 6, 2, 6, 0])
 _FIRST_SIGN = np.array([-1.0, 1, 1, 1, -1.0, 1, 1, 1, -1.0])
 _SECOND = np.array([10, 11, 7, 11, 10, 3, 7, 3, 5])
 _SECOND_SIGN = np.array([-1.0, -1, 1, 1, -1, -1, -1, 1, -1])
+# The two axes that follow each of x, y, z in a cross product.
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
 def matrices(quaternions: Array) -> Array:
     """(C, 3, 3) rotation matrices of (C, 4) unit quaternions."""
     products = (2.0 * quaternions[:, :, None] * quaternions[:, None, :]).reshape(-1, 16)
-    flat = _ONES + products[:, _FIRST] * _FIRST_SIGN + products[:, _SECOND] * _SECOND_SIGN
+    first, second = products.take(_FIRST, 1), products.take(_SECOND, 1)
+    flat = _ONES + first * _FIRST_SIGN + second * _SECOND_SIGN
     return np.asarray(flat).reshape(-1, 3, 3)
 
 
@@ -43,11 +46,8 @@ def turn_back(rotation: Array, vectors: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Row-wise right-handed cross product of (C, 3) arrays."""
-    result: Array = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    result[:, 0] = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
-    result[:, 1] = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
-    result[:, 2] = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    return result
+    after, before = a.take(_NEXT, 1) * b.take(_LAST, 1), a.take(_LAST, 1) * b.take(_NEXT, 1)
+    return np.asarray(after - before)
 
 
 def compose(first: Array, second: Array) -> Array:

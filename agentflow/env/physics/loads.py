@@ -66,6 +66,7 @@ class Loads:
         self.level, self._before, self._spare = np.zeros((3, len(joints), 6))
         """Filtered force and moment over strength (0 where it broke), the same one step earlier,
         and scratch space: allocating arrays would take longer than the sums."""
+        self._squared = self._spare.reshape(-1)
         self.near: Mapping[int, float] = {}
         """The joints that nearly broke in the last step, and their load over strength."""
         self.peak = 0.0
@@ -135,7 +136,7 @@ class Loads:
         np.multiply(before, keep, spare)
         np.add(level, spare, level)
         np.multiply(level, level, spare)
-        square = spare.max(initial=0.0)
+        square = np.maximum.reduce(self._squared, initial=0.0)
         self.peak = sqrt(square)
         self.finite, self.near = isfinite(square), {}
         if square <= SAFE or not self.finite:

@@ -72,14 +72,14 @@ def test_blades_follow_the_law_of_the_reference(kind: int, face: int) -> None:
         turn /= np.linalg.norm(turn)
         locations = PartLocations(np.array([0, 0]), np.array([[0, 0, 0], swap(offset)]))
         row = (0, 0, 0, *swap_quaternion(turn), *swap(velocity), *swap_turn(spin))
-        (push,) = BladeForce((lift,), locations)([row])
+        ((part, push, at),) = BladeForce((lift,), locations)([row])
         up, right = np.array(block.up), np.array(block.right)
         angle = radians(blade.lift_angle_deg)
         normal = rotate(turn, cos(angle) * up - sin(angle) * right)
         through = velocity + np.cross(spin, rotate(turn, offset))
         size = -0.015 * (through @ normal) * min(through @ through, 900.0)
-        assert (push.part, push.at) == (1, None)  # at its own centre, in its own axes
-        assert swap(push.force) == pytest.approx(size * up)
+        assert (part, at) == (1, None)  # at its own centre, in its own axes
+        assert swap(push) == pytest.approx(size * up)
 
 
 @pytest.mark.parametrize(

@@ -137,7 +137,7 @@ def test_a_winch_takes_in_no_more_than_down_to_its_shortest() -> None:
     levels["winches"] = 1.0
     for _ in range(600):
         pushes = ropes(rows)
-    assert [(push.part, push.force) for push in pushes] == [
+    assert [(part, force) for part, force, _ in pushes] == [
         (0, (pytest.approx(150.0), 0.0, 0.0)),
         (1, (pytest.approx(-150.0), -0.0, -0.0)),
     ]

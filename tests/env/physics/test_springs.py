@@ -32,7 +32,7 @@ def test_a_spring_pulls_beyond_its_natural_length_only() -> None:
 
     def pull(distance: float, rate: float = 0.0) -> list[tuple[int, Vec3, Vec3 | None]]:
         row = (distance, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, rate, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return [tuple(push) for push in springs([still, row])]
+        return springs([still, row])
 
     assert pull(3.0) == [
         (0, (600.0, 0.0, 0.0), (0.0, 0.0, 0.0)),

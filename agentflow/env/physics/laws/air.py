@@ -61,14 +61,14 @@ class DragForce:
 
     def __call__(self, rows: Sequence[Row]) -> list[Wrench]:
         """Force and torque on each cluster that has drag."""
-        wrenches = []
+        wrenches: list[Wrench] = []
         for row, loss, spin in self._isotropic:
             _, _, _, _, _, _, _, vx, vy, vz, wx, wy, wz = rows[row]
             force = (-loss * vx, -loss * vy, -loss * vz)
             torque = (-spin * wx, -spin * wy, -spin * wz) if spin else None
-            wrenches.append(Wrench(row, False, force, torque))
+            wrenches.append((row, False, force, torque))
         for row, law in self._general:
-            wrenches.append(Wrench(row, True, *_local_drag(rows[row], law)))
+            wrenches.append((row, True, *_local_drag(rows[row], law)))
         return wrenches
 
 
@@ -122,17 +122,21 @@ class WindForce:
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
 
     def __call__(self, rows: Array, strength: float = 1.0) -> list[PartForce]:
-        """Forces on all parts, then on all things, at `strength` times the mean wind."""
-        row = self._locations.row
-        rotation = matrices(rows[:, ROTATION])[row]
-        arms = turn(rotation, self._locations.offset)
-        velocity = rows[row, VELOCITY] + cross(rows[row, SPIN], arms)
+        """Forces on all parts, then on all things, at `strength` times the mean wind; none in still
+        air."""
+        if not strength:
+            return []
+        row, rotation = self._locations.row, matrices(rows[:, ROTATION])
+        arms, motion = turn(rotation[row], self._locations.offset), rows[row]
+        velocity = motion[:, VELOCITY] + cross(motion[:, SPIN], arms)
         air = self._wind * strength
-        facing = self._areas * np.abs(turn_back(rotation, air[None]))
+        facing = self._areas * np.abs(turn_back(rotation, air[None]))[row]
         push = self._drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
         force = push[:, None] * (air - velocity)
-        places = rows[row, POSITION] + arms
+        places = motion[:, POSITION] + arms
         return [
-            PartForce(i, (x, y, z), (p, q, r))
-            for i, (x, y, z, p, q, r) in enumerate(np.hstack([force, places]).tolist())
+            (i, (x, y, z), (p, q, r))
+            for i, ((x, y, z), (p, q, r)) in enumerate(
+                zip(force.tolist(), places.tolist(), strict=True)
+            )
         ]

@@ -44,7 +44,7 @@ class ThrustForce:
     def __init__(self, thrusters: Sequence[Thruster], levels: Mapping[str, float]) -> None:
         """Convert the thrusters; `levels` of the schedule's entries are read in every step."""
         self._levels = levels
-        self._pushes = [PartForce(each.part, swap(each.force), None) for each in thrusters]
+        self._pushes: list[PartForce] = [(each.part, swap(each.force), None) for each in thrusters]
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:  # noqa: ARG002
         """Forces in this step."""
@@ -53,7 +53,11 @@ class ThrustForce:
             return self._pushes
         if not level:
             return []
-        return [push._replace(force=scale(push.force, level)) for push in self._pushes]
+        return [(part, scale(force, level), None) for part, force, _ in self._pushes]
+
+
+_Blade = tuple[int, Vec3, Vec3, Vec3, float, float]
+"""Part, its offset in its cluster, push, normal, drag and squared speed cap of a blade."""
 
 
 class BladeForce:
@@ -64,26 +68,24 @@ class BladeForce:
     """
 
     def __init__(self, blades: Sequence[PropellerBlade], locations: PartLocations) -> None:
-        self._blades = [
-            (
-                blade.part,
-                *locations.locate(blade.part),
-                swap(blade.push),
-                swap(blade.normal),
-                blade.drag,
-                blade.speed_cap * blade.speed_cap,
-            )
-            for blade in blades
-        ]
+        self._blades: dict[int, list[_Blade]] = {}
+        """By row, as blades of one cluster share its motion."""
+        for blade in blades:
+            row, offset = locations.locate(blade.part)
+            square_cap = blade.speed_cap * blade.speed_cap
+            law = blade.part, offset, swap(blade.push), swap(blade.normal), blade.drag, square_cap
+            self._blades.setdefault(row, []).append(law)
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
-        pushes = []
-        for part, row, offset, push, normal, drag, square_cap in self._blades:
+        pushes: list[PartForce] = []
+        for row, blades in self._blades.items():
             _, _, _, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row]
             to_local = (-x, -y, -z, w)
             spin = rotate_vector(to_local, (wx, wy, wz))
-            velocity = add(rotate_vector(to_local, (vx, vy, vz)), cross(spin, offset))
-            size = -drag * dot(velocity, normal) * min(dot(velocity, velocity), square_cap)
-            pushes.append(PartForce(part, scale(push, size), None))
+            motion = rotate_vector(to_local, (vx, vy, vz))
+            for part, offset, push, normal, drag, square_cap in blades:
+                velocity = add(motion, cross(spin, offset))
+                size = -drag * dot(velocity, normal) * min(dot(velocity, velocity), square_cap)
+                pushes.append((part, scale(push, size), None))
         return pushes

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,27 +38,21 @@ class PartLocations:
         return list(zip(self.row.tolist(), offsets, strict=True))
 
 
-class Wrench(NamedTuple):
-    """Force (N) and torque (N m) on a cluster at its leading part's centre."""
+# Dozens of these are made in every step, so they are plain tuples.
 
-    row: int
-    local: bool
-    """Whether they are in the cluster's own axes rather than the engine's."""
-    force: Vec3
-    torque: Vec3 | None
-    """None if there is no torque."""
+Wrench = tuple[int, bool, Vec3, Vec3 | None]
+"""Force (N) and torque (N m) on a cluster at its leading part's centre.
 
+Its row, whether both are in the cluster's own axes rather than the engine's, the force, and the
+torque or None.
+"""
 
-class PartForce(NamedTuple):
-    """Force at the centre of one part; the joints between it and its cluster carry it."""
+PartForce = tuple[int, Vec3, Vec3 | None]
+"""Force at the centre of one part; the joints between it and its cluster carry it.
 
-    part: int
-    """Part index; moving things are numbered on from the last part."""
-    force: Vec3
-    """N."""
-    at: Vec3 | None
-    """Position of the centre, with the force in the engine's axes; None if the force is in the
-    part's own axes."""
+Part index (moving things are numbered on from the last part), force (N), and position of the
+centre, with the force in the engine's axes; None if the force is in the part's own axes.
+"""
 
 
 def part_motion(row: Row, offset: Vec3) -> tuple[Vec3, Vec3]:

@@ -110,12 +110,11 @@ class WinchForce:
         level = self._levels["winches"]
         pulls = []
         for i, (winch, ends) in enumerate(zip(self._winches, self._ends, strict=True)):
-            at_a, at_b, along, distance, rate = _line(rows, *ends)
             left = self._left[i]
-            if left is None:
-                if not level:
-                    continue
-                left = distance
+            if left is None and not level:
+                continue
+            at_a, at_b, along, distance, rate = _line(rows, *ends)
+            left = distance if left is None else left
             left = max(left - level * winch.speed * self.step, min(left, winch.shortest))
             left = self._left[i] = max(left, distance - winch.force / winch.stiffness)
             if distance > left:
@@ -137,4 +136,4 @@ def _line(rows: Sequence[Row], one: Place, other: Place) -> tuple[Vec3, Vec3, Ve
 
 def opposite_forces(a: int, at_a: Vec3, b: int, at_b: Vec3, force: Vec3) -> list[PartForce]:
     """`force` on part `a` and its reaction on part `b`."""
-    return [PartForce(a, force, at_a), PartForce(b, scale(force, -1.0), at_b)]
+    return [(a, force, at_a), (b, scale(force, -1.0), at_b)]

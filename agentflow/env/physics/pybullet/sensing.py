@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import chain
-from operator import itemgetter
 from struct import Struct
 from typing import Any
 
@@ -18,9 +16,6 @@ from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Link
 from agentflow.env.rollout import Array
-
-_FORCES = itemgetter(2)
-"""Force and torque in PyBullet's state of a joint."""
 
 
 class Rows:
@@ -148,7 +143,10 @@ class Sensors:
                 for state in pybullet.getJointStates(uid, links, client)
             ]
         self._before, self._states = self._states, states
-        self._pack(self._read.data, 0, *chain.from_iterable(map(_FORCES, states)))
+        numbers: list[float] = []
+        for _, _, forces, _ in states:
+            numbers += forces
+        self._pack(self._read.data, 0, *numbers)
         self._read.take(self._source, out=reactions, mode="clip")  # "raise" would copy
         np.multiply(reactions, self._sign, out=reactions)
         for row, joint, wrench in self._motors:
