@@ -287,6 +287,15 @@ def test_extended_types_are_converted() -> None:
     assert main(["convert", "cogs.json", "cogs.bsg", "--strict"]) == 0
 
 
+def test_what_a_format_cannot_hold_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
+    assert out(capsys, "convert", "car.json", "car.urdf").splitlines() == [
+        "note: URDF does not hold air drag, friction between surfaces, or what connections bear",
+        "note: motors are in the file as limits of effort and velocity; comments give signs",
+        "car.urdf: 7 blocks",
+    ]
+    assert Path("car.urdf").read_text().startswith("<?xml version='1.0' encoding='utf-8'?>\n<robot")
+
+
 @pytest.mark.parametrize("ending", [".bsg", ".coords.json"])
 def test_a_plate_is_no_block_of_the_game(ending: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path("train.json").write_text('[{"type": 9000, "id": 0, "parent": -1, "face_id": -1}]')
@@ -324,6 +333,17 @@ WRONG = [
     (
         ["convert", "car.json", "x.obj"],
         "cannot write x.obj: use one of the suffixes .coords.json, .json, ",
+    ),
+    (["convert", "car.json", "."], "cannot write .: use one of the suffixes .coords.json, .json, "),
+    (["convert", "car.json", "folder.urdf"], "cannot write folder.urdf: Is a directory"),
+    (["convert", "car.json", "no/x.urdf"], "cannot write no/x.urdf: No such file or directory"),
+    (
+        ["convert", "overlap.json", "x.urdf"],
+        "overlap.json is not a valid machine: blocks 1, 2 share face 0 of block 0 (Starting Block)",
+    ),
+    (
+        ["convert", "catapult.json", "x.urdf"],
+        "URDF holds one connected machine, but no joint connects block 13 to block 0; remove ",
     ),
     (["convert", "car.json", "no/x.json"], "cannot write no/x.json: No such file or directory"),
     (
@@ -364,6 +384,9 @@ def test_wrong_input_is_one_line(
 ) -> None:
     Path("bad.json").write_text("[{}]")
     Path("bomb.bsg").write_text('<!DOCTYPE a [<!ENTITY b "c">]><Machine>&b;</Machine>')
+    Path("overlap.json").write_text(OVERLAPPING.to_text())
+    Path("catapult.json").write_text(CATAPULT.to_text())
+    Path("folder.urdf").mkdir()
     Path("empty.bsg").write_text("")
     Path("foo.bsg").write_text("<Foo/>")
     Path("lone.bsg").write_text(re.sub(r'Block id="[1-9]\d*"', 'Block id="99"', FOREIGN))

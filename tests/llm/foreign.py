@@ -1,4 +1,4 @@
-"""Third-party servers as processes on 127.0.0.1, each from its own environment."""
+"""Third-party programs, each from its own environment; servers listen on 127.0.0.1."""
 
 from __future__ import annotations
 
@@ -13,6 +13,17 @@ import pytest
 from tests.conftest import free_port, wait_for
 
 ROOT = Path(__file__).parents[2]
+
+
+def foreign_python(environment: str) -> Path:
+    """The interpreter of an environment that `scripts/servers` creates."""
+    python = ROOT / environment / "bin" / "python"
+    if not python.exists():
+        explain = f"{environment} is missing: run scripts/servers"
+        if os.environ.get("CI") == "true":
+            pytest.fail(explain)
+        pytest.skip(explain)
+    return python
 
 
 @contextmanager
@@ -32,12 +43,7 @@ def foreign(
         folder: Where it runs and leaves its log.
         variables: What it has in its environment besides; it gets nothing of ours.
     """
-    python = ROOT / environment / "bin" / "python"
-    if not python.exists():
-        explain = f"{environment} is missing: run scripts/servers"
-        if os.environ.get("CI") == "true":
-            pytest.fail(explain)
-        pytest.skip(explain)
+    python = foreign_python(environment)
     port = free_port()
     log = folder / "server.log"
     with log.open("wb") as output:

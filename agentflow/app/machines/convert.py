@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import machine_text
-from agentflow.env.drawing.gltf import machine_glb
+from agentflow.app.machines.formats import format_of
 from agentflow.errors import UsageError
 from agentflow.files import write_output
-from agentflow.machine import Machine, Problem, library, place, spatial_problems
+from agentflow.machine import Problem, library, place, spatial_problems
 from agentflow.machine.blocks.plates import plate_of
-from agentflow.machine.formats.bsg_writing import to_bsg
-from agentflow.machine.formats.coordinates import to_coordinates
 from agentflow.machine.formats.detect import read_any
 
 
@@ -22,14 +18,14 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     """Read a machine in any format and write it in the format given by the suffix of `out`.
 
     Blocks that are not in the library, scaled, off the grid or unconnected are reported and
-    skipped. A machine that is not spatially valid is written, with a warning.
+    skipped. A machine that is not spatially valid is written with a warning, if the format can.
 
     Args:
         source: File, run directory (its best machine), or `-` for standard input.
-        out: File to write: `.json` (tree), `.coords.json`, `.bsg` or `.glb` (for viewing only).
+        out: File to write; its suffix is one of `formats.FORMATS`.
         strict: Refuse machines with skipped blocks or ambiguous parents, and invalid machines.
     """
-    write = _writer(out)
+    form = format_of(out)
     reading = read_any(machine_text(source), blocks=tuple(library()))
     found = (*reading.problems, *reading.loose)
     problems = tuple(sorted(found, key=lambda problem: problem.blocks))
@@ -41,22 +37,22 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
             f"{source} cannot be converted: only its Starting Block would remain: "
             f"{_summarize(problems)}"
         )
-    if write in OF_THE_GAME and plate_of(machine[0].type):
+    if form.of_the_game and plate_of(machine[0].type):
         raise UsageError(
             f"{source} cannot be converted: it is built on a plate, which is not a block of the "
             "game; convert it to .json or .glb"
         )
     invalid = tuple(spatial_problems(place(machine)))
-    if strict and invalid:
+    if invalid and (strict or form.needs_valid):
         raise UsageError(f"{source} is not a valid machine: {_summarize(invalid)}")
-    data = write(machine)
+    data, losses = form.write(machine)
     with write_output(out) as part:
         part.write_bytes(data)
     return {
         "out": str(out),
         "blocks": len(machine),
         "left_out": [problem.to_json() for problem in problems],
-        "notes": list(reading.notes),
+        "notes": [*reading.notes, *losses],
         "warnings": [f"the machine is not valid: {_summarize(invalid)}"] if invalid else [],
     }
 
@@ -66,26 +62,3 @@ def _summarize(problems: tuple[Problem, ...]) -> str:
     first = min(problems, key=lambda problem: problem.code != "not_a_number")
     rest = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return first.message + rest
-
-
-def _coordinates(machine: Machine) -> bytes:
-    lines = (f"  {json.dumps(item)}" for item in to_coordinates(machine))
-    return ("[\n" + ",\n".join(lines) + "\n]\n").encode()
-
-
-WRITERS: Mapping[str, Callable[[Machine], bytes]] = {
-    ".coords.json": _coordinates,
-    ".json": lambda machine: (machine.to_text() + "\n").encode(),
-    ".bsg": lambda machine: to_bsg(machine).encode(),
-    ".glb": machine_glb,
-}
-"""File suffix -> function that makes the content; the first match counts."""
-OF_THE_GAME = (WRITERS[".coords.json"], WRITERS[".bsg"])
-"""Formats in which a machine begins with the Starting Block."""
-
-
-def _writer(out: Path) -> Callable[[Machine], bytes]:
-    for ending, write in WRITERS.items():
-        if out.name.lower().endswith(ending):
-            return write
-    raise UsageError(f"cannot write {out}: use one of the suffixes {', '.join(WRITERS)}")

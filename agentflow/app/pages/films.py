@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from agentflow.app.machines.convert import WRITERS
+from agentflow.app.machines.formats import FORMATS
 from agentflow.env.drawing.film import tracked_block
 from agentflow.env.drawing.solids import MachineSolids
 from agentflow.env.physics.model import Color
@@ -104,7 +104,9 @@ def _files(machine: Machine, shapes: Shapes) -> dict[str, tuple[int, int]]:
     """Name -> place of the files of a machine; plates are no blocks of the game."""
     formats = (".json", ".glb") if plate_of(machine[0].type) else (".json", ".bsg", ".glb")
     name = f"machine-{machine.digest}"
-    return {f"{name}{suffix}": shapes.attach(WRITERS[suffix](machine)) for suffix in formats}
+    return {
+        f"{name}{suffix}": shapes.attach(FORMATS[suffix].write(machine)[0]) for suffix in formats
+    }
 
 
 def _film_data(

@@ -107,7 +107,9 @@ def edit(
 @commands.command(epilog="Example: agentflow convert machine.json machine.bsg")
 def convert(
     source: Source,
-    out: Annotated[Path, typer.Argument(help="Output file: .json, .coords.json, .bsg or .glb.")],
+    out: Annotated[
+        Path, typer.Argument(help="Output file: .json, .coords.json, .bsg, .glb or .urdf.")
+    ],
     strict: Annotated[
         bool,
         typer.Option(
@@ -119,6 +121,8 @@ def convert(
     """Convert a machine, or the best machine of a run, to another format.
 
     Unsupported blocks are reported and skipped; an invalid machine is written with a warning.
+
+    A .urdf file, for robotics tools, holds valid machines only; notes say what it cannot hold.
     """
     from agentflow.app.machines.convert import convert as rewrite
     from agentflow.cli.display.show import show_conversion

@@ -55,10 +55,7 @@ class EngineSpec:
 ENGINES: Registry[EngineSpec] = Registry(
     "physics engine",
     "agentflow.engines",
-    {
-        "pybullet": "agentflow.env.physics.pybullet:PYBULLET",
-        "mujoco": "agentflow.env.physics.mujoco:MUJOCO",
-    },
+    {"pybullet": "agentflow.env.physics.pybullet:PYBULLET"},
     instance_of(EngineSpec),
 )
 """All engines, the preferred one first."""

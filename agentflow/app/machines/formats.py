@@ -1,0 +1,66 @@
+"""The file formats that machines are written in, by suffix."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from agentflow.env.drawing.gltf import machine_glb
+from agentflow.env.export.urdf import machine_urdf
+from agentflow.errors import UsageError
+from agentflow.machine import Machine
+from agentflow.machine.formats.bsg_writing import to_bsg
+from agentflow.machine.formats.coordinates import to_coordinates
+
+Written = tuple[bytes, tuple[str, ...]]
+"""Content of a file, and what it cannot hold, one sentence each."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format."""
+
+    write: Callable[[Machine], Written]
+    needs_valid: bool = False
+    """Whether it holds only valid machines."""
+    of_the_game: bool = False
+    """Whether its machines begin with the Starting Block."""
+
+
+def _document(write: Callable[[Machine], bytes | str]) -> Callable[[Machine], Written]:
+    """A writer of files that hold everything."""
+
+    def written(machine: Machine) -> Written:
+        content = write(machine)
+        return content.encode() if isinstance(content, str) else content, ()
+
+    return written
+
+
+def _coordinates(machine: Machine) -> str:
+    lines = (f"  {json.dumps(item)}" for item in to_coordinates(machine))
+    return "[\n" + ",\n".join(lines) + "\n]\n"
+
+
+FORMATS: Mapping[str, Format] = {
+    ".coords.json": Format(_document(_coordinates), of_the_game=True),
+    ".json": Format(_document(lambda machine: machine.to_text() + "\n")),
+    ".bsg": Format(_document(to_bsg), of_the_game=True),
+    ".glb": Format(_document(machine_glb)),
+    ".urdf": Format(machine_urdf, needs_valid=True),
+}
+"""The first suffix that a file name ends with counts."""
+
+
+def format_of(out: Path) -> Format:
+    """The format of a file to write.
+
+    Raises:
+        UsageError: No format has its suffix.
+    """
+    for suffix, form in FORMATS.items():
+        if out.name.lower().endswith(suffix):
+            return form
+    raise UsageError(f"cannot write {out}: use one of the suffixes {', '.join(FORMATS)}")

@@ -1,0 +1,1 @@
+"""Machines in the file formats of other simulators."""

@@ -1,9 +1,0 @@
-"""The MuJoCo engine."""
-
-from agentflow.env.physics.engines import EngineSpec
-
-MUJOCO = EngineSpec(
-    "mujoco",
-    ("mujoco-core", "mujoco"),
-    "agentflow.env.physics.mujoco.engine:MuJoCoEngine",
-)
