@@ -67,9 +67,10 @@ def test_imports_point_one_way(path: Path) -> None:
         own = path.relative_to(PACKAGE).parts[1].removesuffix(".py")
         used = {name.split(".")[1] for name in ours if name.startswith("app.")}
         assert used <= {*WITHIN_APP[own], own}, f"app/{own} imports {sorted(used)}"
-    if not path.is_relative_to(PACKAGE / "env" / "physics" / "pybullet"):
-        assert not any(name.split(".")[0].startswith("pybullet") for name in names)
-        assert not any(name.startswith("env.physics.pybullet") for name in ours)
+    for engine in ("pybullet", "mujoco"):
+        if not path.is_relative_to(PACKAGE / "env" / "physics" / engine):
+            assert not any(name.split(".")[0].startswith(engine) for name in names)
+            assert not any(name.startswith(f"env.physics.{engine}") for name in ours)
 
 
 def test_every_stated_rule_is_about_a_part_that_exists() -> None:

@@ -55,7 +55,10 @@ class EngineSpec:
 ENGINES: Registry[EngineSpec] = Registry(
     "physics engine",
     "agentflow.engines",
-    {"pybullet": "agentflow.env.physics.pybullet:PYBULLET"},
+    {
+        "pybullet": "agentflow.env.physics.pybullet:PYBULLET",
+        "mujoco": "agentflow.env.physics.mujoco:MUJOCO",
+    },
     instance_of(EngineSpec),
 )
 """All engines, the preferred one first."""

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from math import atan2
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -166,6 +169,18 @@ class Readings:
             "angular": swap_turns(angular.sum(axis=0)),
             "energy": np.array([energy.sum() / 2]),
         }
+
+
+def states_of(snapshots: Sequence[tuple[Readings, Any]]) -> State:
+    """At least one snapshot, each (C, 13) rows and what reads them, as states with a leading axis
+    of times; those between two splits are computed at once."""
+    stretches = []
+    for readings, stretch in groupby(snapshots, key=itemgetter(0)):
+        tables = np.array([rows for _, rows in stretch])
+        stretches.append(vars(readings.states(tables)))
+    return State(
+        **{name: np.concatenate([each[name] for each in stretches]) for name in stretches[0]}
+    )
 
 
 def _arms(points: Sequence[Vec3], leading: Sequence[Vec3]) -> list[Vec3]:

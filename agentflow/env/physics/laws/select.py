@@ -1,4 +1,4 @@
-"""Which laws act on a machine in a scene, besides drag."""
+"""Which laws act on a machine in a scene, besides drag, and what they do in a step."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from agentflow.env.physics.engine import Power
 from agentflow.env.physics.frames import swap, swap_all
 from agentflow.env.physics.laws.air import WindForce
 from agentflow.env.physics.laws.flight import BladeForce, ThrustForce
-from agentflow.env.physics.laws.forces import PartForce, PartLocations
+from agentflow.env.physics.laws.forces import PartForce, PartLocations, power_of
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row
@@ -72,3 +73,31 @@ def wind_laws(
         drag,
     )
     return [lambda rows: wind(np.array(rows), strength())]
+
+
+class LawForces:
+    """The forces of several laws, and the power of those of devices."""
+
+    def __init__(self, laws: Sequence[Law], locations: PartLocations) -> None:
+        self.laws, self._locations = laws, locations
+        self._before: Sequence[Row] = ()
+        self._exerted: list[list[PartForce]] = []
+        """Rows before the last step, and the forces of each law in it."""
+
+    def __call__(self, rows: Sequence[Row]) -> list[list[PartForce]]:
+        """The forces of each law in this step."""
+        self._before, self._exerted = rows, [law(rows) for law in self.laws]
+        return self._exerted
+
+    def power(self, rows: Sequence[Row]) -> Power:
+        """Mean power of springs, and of thrusters and winches, in the step that led to `rows`."""
+        springs = motors = 0.0
+        for law, forces in zip(self.laws, self._exerted, strict=False):
+            if isinstance(law, SpringForce | ThrustForce | WinchForce) and forces:
+                begin = power_of(forces, self._before, self._locations)
+                end = power_of(forces, rows, self._locations)
+                if isinstance(law, SpringForce):
+                    springs += (begin + end) / 2
+                else:
+                    motors += (begin + end) / 2
+        return Power(springs, motors)

@@ -9,15 +9,12 @@ import numpy as np
 from agentflow.env.physics.engine import Power
 from agentflow.env.physics.frames import swap_all
 from agentflow.env.physics.laws.air import DragForce
-from agentflow.env.physics.laws.flight import ThrustForce
-from agentflow.env.physics.laws.forces import PartForce, power_of
-from agentflow.env.physics.laws.select import Law
-from agentflow.env.physics.laws.tension import SpringForce, WinchForce
+from agentflow.env.physics.laws.select import Law, LawForces
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Built, Handle
 from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.sensing import Rows
-from agentflow.env.physics.rows import POSITION, Row
+from agentflow.env.physics.rows import POSITION
 from agentflow.env.physics.structure.layout import RowLayout, drag_locations
 from agentflow.env.physics.structure.spanning_tree import Skeleton
 
@@ -40,11 +37,8 @@ class AppliedForces:
         laws: Sequence[Law],
     ) -> None:
         """Collect all forces: drag and `laws`."""
-        self._client, self._rows, self._laws = client, rows, laws
-        self._locations = layout.locations
-        self._before: Sequence[Row] = ()
-        self._exerted: list[list[PartForce]] = []
-        """Rows before the last step, and the forces of each law in it."""
+        self._client, self._rows = client, rows
+        self._laws = LawForces(laws, layout.locations)
         inertia = swap_all(np.array([part.inertia for part in assembly.parts]).reshape(-1, 3))
         locations = drag_locations(assembly, plan, layout.locations)
         self._drag = DragForce(assembly.parts, locations, inertia)
@@ -63,16 +57,7 @@ class AppliedForces:
 
     def power(self) -> Power:
         """Mean power of springs, and of thrusters and winches, in the last step."""
-        springs = motors = 0.0
-        for law, forces in zip(self._laws, self._exerted, strict=False):
-            if isinstance(law, SpringForce | ThrustForce | WinchForce) and forces:
-                begin = power_of(forces, self._before, self._locations)
-                end = power_of(forces, self._rows.all, self._locations)
-                if isinstance(law, SpringForce):
-                    springs += (begin + end) / 2
-                else:
-                    motors += (begin + end) / 2
-        return Power(springs, motors)
+        return self._laws.power(self._rows.all)
 
     def __call__(self) -> None:
         """Apply everything for one step; PyBullet clears it after the step."""
@@ -87,8 +72,7 @@ class AppliedForces:
                 pybullet.applyExternalTorque(uid, index, torque, frame, client)
         for uid in self._stale:
             pybullet.getLinkState(uid, 0, 0, 1, client)
-        self._before, self._exerted = rows, [law(rows) for law in self._laws]
-        for forces in self._exerted:
+        for forces in self._laws(rows):
             for part, force, place in forces:
                 uid, index = self._at[part]
                 frame = pybullet.LINK_FRAME if place is None else pybullet.WORLD_FRAME

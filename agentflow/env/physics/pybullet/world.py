@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -13,6 +11,7 @@ import numpy as np
 from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import Power, Touch
 from agentflow.env.physics.frames import swap, swap_quaternion
+from agentflow.env.physics.laws.air import GustClock
 from agentflow.env.physics.laws.select import device_laws, wind_laws
 from agentflow.env.physics.laws.tension import WinchForce
 from agentflow.env.physics.model import Assembly, State
@@ -29,7 +28,7 @@ from agentflow.env.physics.pybullet.library import pybullet
 from agentflow.env.physics.pybullet.motors import Motors, inner_iterations, longest_series
 from agentflow.env.physics.pybullet.restoring import place_at_start, restore
 from agentflow.env.physics.pybullet.sensing import Rows, Sensors
-from agentflow.env.physics.readings import Readings
+from agentflow.env.physics.readings import Readings, states_of
 from agentflow.env.physics.rows import WIDTH, Row, top_speeds
 from agentflow.env.physics.structure.layout import RowLayout, lay_out
 from agentflow.env.physics.structure.spanning_tree import Piece, Skeleton, skeleton
@@ -74,7 +73,7 @@ class PyBulletWorld:
         pybullet.setGravity(0.0, 0.0, -physics["gravity"], physicsClientId=client)
         self.client, self._physics = client, physics
         self._assembly, self._scene = assembly, scene
-        self._rate, self._divisions, self._gust_time = rate, 1, 0.0
+        self._rate, self._divisions = rate, 1
         self._broken: frozenset[int] = frozenset()
         self._levels = dict.fromkeys(("motors", "steering_hinges", "springs", "winches"), 0.0)
         self._levels["wind"] = 1.0
@@ -89,6 +88,7 @@ class PyBulletWorld:
         self.reactions = np.zeros((len(assembly.joints), 6))
         self._couplings = Couplings(client)
         self._winches = WinchForce(assembly.devices.winches, self._levels, 1.0 / rate)
+        self._wind = GustClock(scene, self._levels, 1.0 / rate)
         self._grips = Grippers(client, assembly.devices.grippers, moving)
         self._now = self._build_structure(skeleton(len(assembly.parts), assembly.joints), {})
         place_at_start(client, self._now.built, scene.start)
@@ -151,14 +151,7 @@ class PyBulletWorld:
         return self._now.readings, self._now.rows.all
 
     def states(self, snapshots: Sequence[Any]) -> State:
-        """The states of snapshots; those between two splits are computed at once."""
-        stretches = []
-        for readings, stretch in groupby(snapshots, key=itemgetter(0)):
-            tables = np.array([rows for _, rows in stretch])
-            stretches.append(vars(readings.states(tables)))
-        return State(
-            **{name: np.concatenate([each[name] for each in stretches]) for name in stretches[0]}
-        )
+        return states_of(snapshots)
 
     def centre(self, body: Body) -> Vec3:
         if isinstance(body, int):
@@ -214,7 +207,7 @@ class PyBulletWorld:
         rows = Rows(client, layout, built, self.things)
         laws = device_laws(assembly, layout.locations, self._levels, self._winches)
         drag = self._physics["wind_drag"]
-        laws += wind_laws(assembly, layout, self._scene, drag, self._wind_strength)
+        laws += wind_laws(assembly, layout, self._scene, drag, self._wind)
         set_collisions_of_clusters(client, plan, handles)
         self._couplings.renew(assembly, plan, built, handles)
         series = longest_series(assembly, plan)
@@ -253,7 +246,7 @@ class PyBulletWorld:
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self._interval, physicsClientId=self.client
         )
-        self._winches.step = self._now.motors.step = self._interval
+        self._winches.step = self._wind.step = self._now.motors.step = self._interval
         self._now.motors.set()
         self._grips.tighten()
 
@@ -261,11 +254,3 @@ class PyBulletWorld:
     def _interval(self) -> float:
         """Length of a step, s."""
         return 1.0 / (self._rate * self._divisions)
-
-    def _wind_strength(self) -> float:
-        """Wind in this step as a share of the mean wind."""
-        level = self._levels["wind"]
-        if not level:
-            return 0.0
-        self._gust_time += self._interval
-        return level * self._scene.strength(self._gust_time - self._interval)

@@ -1,0 +1,9 @@
+"""The MuJoCo engine."""
+
+from agentflow.env.physics.engines import EngineSpec
+
+MUJOCO = EngineSpec(
+    "mujoco",
+    ("mujoco-core", "mujoco"),
+    "agentflow.env.physics.mujoco.engine:MuJoCoEngine",
+)

@@ -1,0 +1,332 @@
+"""A MuJoCo model of one world: ground, things and pieces of a machine.
+
+Each part is a body of its own, whose frame is at its joint and aligned with the machine frame at
+rest. A rigid joint is a body without joint in its parent; the root of a piece has a free joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import cos, pi, sin
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from agentflow.env.constants import Constants
+from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
+from agentflow.env.physics.model import Assembly, Joint, Shape
+from agentflow.env.physics.mujoco.surfaces import FIXED, Surface, Surfaces
+from agentflow.env.physics.structure.drives import merge_drives
+from agentflow.env.physics.structure.layout import RowLayout
+from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton
+from agentflow.env.scene import Scene, Thing
+from agentflow.env.tasks.base import Body
+from agentflow.machine.geometry.vectors import (
+    Quat,
+    Vec3,
+    add,
+    product,
+    rotate_vector,
+    scale,
+    subtract,
+)
+
+CONE_SIDES = 24
+LONE_RADIUS = 0.1
+"""Radius of the ball that replaces each part of a piece without any solid shape, m."""
+TILT: Quat = (5e-7, 0.0, 0.0, 1.0)
+"""Turns every cylinder by 1e-6 rad: MuJoCo 3.17 to 4.0.1 finds contacts radii deep if a cylinder's
+axis is 1e-15 to 1e-12 rad off the normal of a plane."""
+TANGENTIAL = 10.0
+"""Stiffness of friction over that of the normal force. With 1, what rests on a slope creeps."""
+HARD = (0.95, 0.99, 0.001, 0.5, 2.0)
+"""Impedance of stops."""
+TIGHT = 0.9999
+"""Impedance of motors and dry friction; the rest is how far they give way."""
+OFF = (
+    mujoco.mjtDisableBit.mjDSBL_AUTORESET  # would hide that a simulation diverged
+    | mujoco.mjtDisableBit.mjDSBL_FILTERPARENT  # would let whole clusters pass through each other
+    | mujoco.mjtDisableBit.mjDSBL_MULTICCD
+)
+_ROW = (
+    mujoco.mjtSensor.mjSENS_FRAMEPOS,
+    mujoco.mjtSensor.mjSENS_FRAMEQUAT,
+    mujoco.mjtSensor.mjSENS_FRAMELINVEL,
+    mujoco.mjtSensor.mjSENS_FRAMEANGVEL,
+)
+_KINDS = {
+    "revolute": mujoco.mjtJoint.mjJNT_HINGE,
+    "prismatic": mujoco.mjtJoint.mjJNT_SLIDE,
+    "spherical": mujoco.mjtJoint.mjJNT_BALL,
+}
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where MuJoCo stores the motion of a joint."""
+
+    position: int
+    """First index in `qpos`."""
+    velocity: int
+    """First index in `qvel`."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A compiled model, its state, and where everything is in them."""
+
+    model: Any
+    data: Any
+    parts: tuple[int, ...]
+    """Body number of each part."""
+    things: Mapping[str, int]
+    """Body number of each moving thing."""
+    roots: Mapping[int, Place]
+    """Free joint of the root part of each piece."""
+    loose: Mapping[str, Place]
+    """Free joint of each moving thing."""
+    links: tuple[Link, ...]
+    """In the order of their sensors."""
+    joints: Mapping[int, Place]
+    """Place of each joint that moves."""
+    owners: tuple[Body, ...]
+    """Block or thing that each shape belongs to."""
+    lively: tuple[bool, ...]
+    """Whether each shape rebounds more than usual."""
+
+
+def build(
+    physics: Constants,
+    assembly: Assembly,
+    plan: Skeleton,
+    layout: RowLayout,
+    scene: Scene,
+    step: float,
+) -> Built:
+    """Compile the model of a world, with the machine at rest where it was assembled."""
+    return _Builder(physics, assembly, plan, scene, step).finish(layout)
+
+
+def set_step_length(model: Any, step: float) -> None:
+    """Take steps of this length, s, from the next `mj_step1` on.
+
+    Time constants follow: MuJoCo replaces those of less than two steps by a softer one.
+    """
+    model.opt.timestep = step
+    model.jnt_solref[:] = model.eq_solref[:] = _fast(step)
+    model.dof_solref[:] = _braking(step)
+
+
+def _fast(step: float) -> tuple[float, float]:
+    """The shortest time constant that MuJoCo takes, critically damped."""
+    return 2.0 * step, 1.0
+
+
+def _braking(step: float) -> tuple[float, float]:
+    """No stiffness, and damping that stops a motion in one step."""
+    return 0.0, -1.0 / step
+
+
+class _Builder:
+    """Fills one MuJoCo specification."""
+
+    def __init__(
+        self, physics: Constants, assembly: Assembly, plan: Skeleton, scene: Scene, step: float
+    ) -> None:
+        self._assembly, self._plan, self._step = assembly, plan, step
+        self._spec = spec = mujoco.MjSpec()
+        spec.compiler.autolimits = spec.compiler.degree = False
+        option = spec.option
+        option.gravity = [0.0, 0.0, -physics["gravity"]]
+        option.timestep = step
+        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        option.impratio = TANGENTIAL
+        option.disableflags = int(OFF)
+        self._surfaces = Surfaces(physics)
+        self._owners: list[Body] = []
+        self._apart: set[tuple[str, str]] = set()
+        self._things: dict[str, tuple[Any, Any]] = {}
+        self._parts: dict[int, Any] = {}
+        self._roots: dict[int, Any] = {}
+        self._joints: dict[int, Any] = {}
+        self._ground(scene.friction)
+        for number, thing in enumerate(scene.things):
+            self._thing(thing, FIXED - 1 - number)
+        for piece in plan.pieces:
+            self._piece(piece)
+
+    def finish(self, layout: RowLayout) -> Built:
+        """Add what refers to several bodies, and compile."""
+        spec, joints = self._spec, self._assembly.joints
+        for parallel in self._plan.parallel:
+            joint = joints[parallel.joint]
+            self._apart.add((_name(joint.a), _name(joint.b)))
+        for one, other in sorted(self._apart):
+            spec.add_exclude(bodyname1=one, bodyname2=other)
+        self._surfaces.pair(spec, self._apart)
+        links = tuple(self._plan.links)
+        for link in links:
+            for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
+                name = _name(link.part)
+                spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name)
+        moving = [*map(_name, layout.leading), *map(_name, layout.things)]
+        for name in moving:
+            for kind in _ROW:
+                spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_BODY, objname=name)
+        model = spec.compile()
+
+        order = [int(model.geom(i).name) for i in range(model.ngeom)]
+
+        def place(joint: Any) -> Place:
+            return Place(int(model.jnt_qposadr[joint.id]), int(model.jnt_dofadr[joint.id]))
+
+        return Built(
+            model,
+            mujoco.MjData(model),
+            parts=tuple(self._parts[part].id for part in range(len(self._assembly.parts))),
+            things={name: body.id for name, (body, _) in self._things.items()},
+            roots={part: place(joint) for part, joint in self._roots.items()},
+            loose={name: place(joint) for name, (_, joint) in self._things.items()},
+            links=links,
+            joints={joint: place(made) for joint, made in self._joints.items()},
+            owners=tuple(self._owners[i] for i in order),
+            lively=tuple(self._surfaces.lively[i] for i in order),
+        )
+
+    def _ground(self, friction: float | None) -> None:
+        plane = self._add_geom(self._spec.worldbody, "ground")
+        plane.type, plane.size = mujoco.mjtGeom.mjGEOM_PLANE, [0.0, 0.0, 1.0]
+        self._surfaces.cover(plane, self._surfaces.thing(friction, None), FIXED)
+
+    def _thing(self, thing: Thing, cluster: int) -> None:
+        world, rotation = self._spec.worldbody, swap_quaternion(thing.rotation)
+        if thing.mass > 0:
+            middle = add(thing.position, rotate_vector(thing.rotation, thing.balance))
+            body = world.add_body(name=_name(thing.name), pos=swap(middle), quat=wxyz(rotation))
+            _weigh(body, thing.mass, inertia_of(thing))
+            self._things[thing.name] = body, body.add_freejoint()
+            geom = self._add_geom(body, thing.name)
+            self._shape(geom, thing.shape, thing.size, scale(thing.balance, -1.0), (0, 0, 0, 1))
+        else:
+            geom = self._add_geom(world, thing.name)
+            self._shape(geom, thing.shape, thing.size, thing.position, thing.rotation)
+            cluster = FIXED
+        surface = self._surfaces.thing(thing.friction, thing.restitution)
+        self._surfaces.cover(geom, surface, cluster)
+
+    def _piece(self, piece: Piece) -> None:
+        parts, joints = self._assembly.parts, self._assembly.joints
+        lone = not any(shape.solid for part in piece.parts for shape in parts[part].shapes)
+        root = parts[piece.root].centre
+        frames = {piece.root: root}
+        body = self._spec.worldbody.add_body(name=_name(piece.root), pos=swap(root))
+        self._roots[piece.root] = body.add_freejoint()
+        self._part(body, piece.root, root, lone)
+        for link in piece.links:
+            joint = joints[link.joint]
+            frames[link.part] = joint.pivot
+            parent = self._parts[link.parent]
+            arm = swap(subtract(joint.pivot, frames[link.parent]))
+            body = parent.add_body(name=_name(link.part), pos=arm)
+            body.add_site(name=_name(link.part))
+            if joint.kind != "fixed" and not link.rigid:
+                self._joints[link.joint] = self._joint(body, joint, link)
+                self._apart.add((_name(link.parent), _name(link.part)))
+            self._part(body, link.part, joint.pivot, lone)
+
+    def _part(self, body: Any, index: int, frame: Vec3, lone: bool) -> None:
+        """Mass and shapes of a part, in a body with this frame."""
+        part = self._assembly.parts[index]
+        self._parts[index] = body
+        arm = subtract(part.centre, frame)
+        _weigh(body, part.mass, swap(part.inertia), swap(arm))
+        surface = Surface(part.friction, part.restitution, part.rolling_friction)
+        shapes = (Shape("sphere", (2 * LONE_RADIUS,) * 3),) if lone else part.shapes
+        for shape in shapes:
+            if shape.solid:
+                geom = self._add_geom(body, part.block)
+                self._shape(geom, shape.kind, shape.size, add(arm, shape.offset), shape.rotation)
+                self._surfaces.cover(geom, surface, self._plan.cluster[index])
+
+    def _joint(self, body: Any, joint: Joint, link: Link) -> Any:
+        """A joint with its motor or dry friction, spring and stops."""
+        made = body.add_joint(type=_KINDS[joint.kind])
+        if joint.kind != "spherical":
+            made.axis = axis_of(joint, link)
+        drive = merge_drives(self._assembly.joints, link.joint, link.parallel)
+        made.frictionloss = drive.command({}).limit
+        made.solref_friction = _braking(self._step)
+        made.solimp_friction = (TIGHT, TIGHT, *HARD[2:])
+        if drive.stops is not None:
+            made.limited, made.range = True, list(drive.stops)
+            made.solref_limit, made.solimp_limit = _fast(self._step), HARD
+        if joint.kind == "prismatic":
+            made.stiffness, made.damping = [drive.stiffness, 0, 0], [drive.damping, 0, 0]
+        return made
+
+    def _add_geom(self, body: Any, owner: Body) -> Any:
+        """A shape without mass; its name is its number."""
+        self._owners.append(owner)
+        return body.add_geom(name=str(len(self._owners) - 1), mass=0.0)
+
+    def _shape(self, geom: Any, kind: str, size: Vec3, at: Vec3, rotation: Sequence[float]) -> None:
+        """Set what a geom looks like and where it is in its body, game frame."""
+        geom.pos = swap(at)
+        turn, half = swap_quaternion(rotation), scale(swap(size), 0.5)
+        if kind == "sphere":
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [half[0], 0.0, 0.0]
+        elif kind == "cylinder":
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CYLINDER, [half[0], half[2], 0.0]
+            turn = product(turn, TILT)
+        elif kind == "cone":
+            mesh = self._spec.add_mesh(name=geom.name)
+            mesh.uservert = np.array(_cone(size)).ravel()
+            geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, geom.name
+        else:
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, list(half)
+        geom.quat = wxyz(turn)
+
+
+def axis_of(joint: Joint, link: Link) -> Vec3:
+    """Joint axis in the engine frame; reversed links turn the other way for the same position."""
+    image = swap(joint.axis) if joint.kind == "prismatic" else swap_turn(joint.axis)
+    return scale(image, -1.0) if link.reversed else image
+
+
+def inertia_of(thing: Thing) -> Vec3:
+    """Principal moments of a thing about its centre of mass, engine frame, kg m2."""
+    x, y, z = swap(thing.size)
+    if thing.balance == (0.0, 0.0, 0.0) and thing.shape == "sphere":
+        return (0.1 * thing.mass * x * x,) * 3
+    if thing.balance == (0.0, 0.0, 0.0) and thing.shape == "cylinder":
+        across = thing.mass * (0.75 * x * x + z * z) / 12.0
+        return across, across, thing.mass * x * x / 8.0
+    twelfth = thing.mass / 12.0
+    return twelfth * (y * y + z * z), twelfth * (x * x + z * z), twelfth * (x * x + y * y)
+
+
+def _name(body: int | str) -> str:
+    """Name of the body of a part or a moving thing."""
+    return f"part {body}" if isinstance(body, int) else f"thing {body}"
+
+
+def _weigh(body: Any, mass: float, inertia: Vec3, centre: Vec3 = (0.0, 0.0, 0.0)) -> None:
+    """Set mass properties, engine frame; no shape adds to them."""
+    body.explicitinertial = True
+    body.mass, body.inertia, body.ipos = mass, inertia, centre
+
+
+def wxyz(quaternion: Sequence[float]) -> list[float]:
+    """MuJoCo's order of a quaternion (x, y, z, w)."""
+    x, y, z, w = quaternion
+    return [w, x, y, z]
+
+
+def _cone(size: Vec3) -> list[Vec3]:
+    """Corners of a cone along y as the convex hull of its rim and tip, engine frame."""
+    x, y, z = scale(size, 0.5)
+    turns = [2 * pi * i / CONE_SIDES for i in range(CONE_SIDES)]
+    rim = [swap((x * cos(turn), -y, z * sin(turn))) for turn in turns]
+    return [*rim, swap((0.0, y, 0.0))]

@@ -1,0 +1,67 @@
+"""Contacts in MuJoCo: which blocks and things touched in the last step, and how hard."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from agentflow.env.physics.engine import Touch
+from agentflow.env.physics.frames import swap
+from agentflow.env.physics.mujoco.bodies import Built
+from agentflow.env.rollout import Array
+from agentflow.env.tasks.base import Body
+from agentflow.machine.geometry.vectors import Vec3
+
+
+class Contacts:
+    """What touched what in the last step; nothing before the first."""
+
+    def __init__(self, built: Built) -> None:
+        self._data, self._owners = built.data, built.owners
+        self._geoms = np.zeros((0, 2), dtype=np.intp)
+        self._places: Array = np.zeros((0, 3))
+        self._rows = np.zeros(0, dtype=np.intp)
+        self._forces: Array = np.zeros(0)
+
+    def read(self) -> None:
+        """Read the contacts of a step, before the second half of it replaces them."""
+        data = self._data
+        contact = data.contact
+        self._geoms, self._places = contact.geom.copy(), contact.pos.copy()
+        self._rows, self._forces = contact.efc_address.copy(), data.efc_force.copy()
+
+    def touching(self, body: Body) -> frozenset[Body]:
+        """What a block or thing was in contact with."""
+        found = set()
+        for one, other in self._pairs():
+            if one == body:
+                found.add(other)
+            elif other == body:
+                found.add(one)
+        return frozenset(found - {body})
+
+    def all(self) -> list[Touch]:
+        """Everything that was in contact."""
+        found: dict[tuple[Body, Body], tuple[float, float, Vec3]] = {}
+        forces = self._forces[self._rows].tolist()
+        for pair, force, (x, y, z) in zip(
+            self._pairs(), forces, self._places.tolist(), strict=True
+        ):
+            one, other = sorted(pair, key=_order)
+            if one == other:
+                continue
+            total, most, place = found.get((one, other), (0.0, -1.0, (x, y, z)))
+            if force > most:
+                most, place = force, (x, y, z)
+            found[one, other] = total + force, most, place
+        return [Touch(*pair, swap(place), total) for pair, (total, _, place) in found.items()]
+
+    def _pairs(self) -> Iterator[tuple[Body, Body]]:
+        owners = self._owners
+        return ((owners[one], owners[other]) for one, other in self._geoms.tolist())
+
+
+def _order(body: Body) -> tuple[bool, int, str]:
+    """Blocks by id, then things by name."""
+    return (False, body, "") if isinstance(body, int) else (True, 0, body)

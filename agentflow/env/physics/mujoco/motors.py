@@ -1,0 +1,118 @@
+"""Motors and dry friction of MuJoCo joints.
+
+MuJoCo's velocity servos chatter or sag. Its dry friction is exact: a constraint that aims at speed
+0 with a limited torque. A motor is dry friction that aims at another speed, which no interface of
+MuJoCo sets. So the wanted acceleration of its row among the constraints is changed between the two
+halves of a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from agentflow.env.physics.laws.forces import Indices
+from agentflow.env.physics.model import Joint
+from agentflow.env.physics.mujoco.bodies import TIGHT, Built, Place
+from agentflow.env.physics.structure.drives import JointDrive, merge_drives
+from agentflow.env.rollout import Array
+
+HOLD = 6.0
+"""1/s: how fast motors that stand still come back to the angle that they hold. Those that only
+aimed at speed 0 would creep under load, as MuJoCo's constraints give way a little."""
+STILL = 0.05
+"""rad/s; motors that turn faster, as they brake or are overcome, hold no angle yet."""
+
+
+class Motors:
+    """The drives of all joints that turn about or slide along one axis."""
+
+    def __init__(
+        self, levels: Mapping[str, float], built: Built, joints: Sequence[Joint], step: float
+    ) -> None:
+        """Find the rows of all motors; call `set` before the first step.
+
+        Args:
+            levels: Of schedule entries; read whenever motors are set.
+            built: The model.
+            joints: All joints of the assembly.
+            step: Length of a step, s.
+        """
+        self._model, self._data, self._levels = built.model, built.data, levels
+        self.step = step
+        """Length of a step, s."""
+        rubbing = np.flatnonzero(built.model.dof_frictionloss > 0.0)
+        rows = {int(freedom): row for row, freedom in enumerate(rubbing)}
+        self._joints: list[tuple[int, Place, JointDrive]] = []
+        """Row among those of dry friction, place and drive of each joint with a motor."""
+        for link in built.links:
+            place = built.joints.get(link.joint)
+            if place is None or joints[link.joint].kind == "spherical":
+                continue
+            drive = merge_drives(joints, link.joint, link.parallel)
+            if any(motor.speed for motor in drive.motors):
+                self._joints.append((rows[place.velocity], place, drive))
+        self._row = _indices([row for row, _, _ in self._joints])
+        self._position = _indices([place.position for _, place, _ in self._joints])
+        self._velocity = _indices([place.velocity for _, place, _ in self._joints])
+        self._mixed = [i for i, (_, _, drive) in enumerate(self._joints) if drive.mixed]
+        self._aims: Array = np.zeros(len(self._joints))
+        """Speed that each motor aims at, rad/s."""
+        self._held = _indices([])
+        """Motors that hold an angle."""
+        self._angles: Array = np.zeros(len(self._joints))
+        """The angle that each motor holds, rad."""
+        self._before = self._torques = np.zeros(len(self._joints))
+        """Speeds before the last step, and torques in it."""
+
+    def set(self) -> None:
+        """Aim at the speeds that the levels give, and hold the angle where that is 0."""
+        for i, (_, _, drive) in enumerate(self._joints):
+            self._aims[i] = drive.command(self._levels).target
+        held = [
+            i
+            for i, (_, _, drive) in enumerate(self._joints)
+            if not drive.mixed and not self._aims[i]
+        ]
+        new = np.setdiff1d(held, self._held).astype(np.intp)
+        self._angles[new] = self._data.qpos[self._position[new]]
+        self._held = _indices(held)
+        self.mix()
+
+    def mix(self) -> None:
+        """Set joints whose motors aim at different speeds; before the first half of a step."""
+        data = self._data
+        for i in self._mixed:
+            _, place, drive = self._joints[i]
+            command = drive.command(self._levels, float(data.qvel[place.velocity]))
+            self._aims[i] = command.target
+            self._model.dof_frictionloss[place.velocity] = command.limit
+            data.qfrc_applied[place.velocity] = command.push
+
+    def drive(self) -> None:
+        """Drive the joints for one step, between the two halves of it."""
+        if not self._joints:
+            return
+        data = self._data
+        if len(self._held):
+            held = self._held
+            angle, speed = data.qpos[self._position[held]], data.qvel[self._velocity[held]]
+            self._angles[held] = np.where(np.abs(speed) > STILL, angle, self._angles[held])
+            self._aims[held] = HOLD * (self._angles[held] - angle)
+        data.efc_aref[data.ne + self._row] += self._aims * (1.0 / (self.step * TIGHT))
+        self._before = data.qvel[self._velocity]
+
+    def read(self) -> None:
+        """Read the torques of the step, after its second half."""
+        if self._joints:
+            self._torques = self._data.efc_force[self._data.ne + self._row]
+
+    def power(self) -> float:
+        """Mean power of the motors in the last step, W."""
+        speeds = (self._before + self._data.qvel[self._velocity]) / 2
+        return float((self._torques * speeds).sum())
+
+
+def _indices(numbers: Sequence[int]) -> Indices:
+    return np.array(numbers, dtype=np.intp)

@@ -1,0 +1,165 @@
+"""Friction and rebound of shapes in MuJoCo.
+
+Two surfaces in contact have the geometric mean of their coefficients. MuJoCo takes the greater
+friction of two shapes instead, or all values of the shape with the higher priority. So each shape
+stores the mean of its own values and the usual ones, and unusual shapes have priority; where two of
+these may meet, the pair has values of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from agentflow.env.constants import Constants
+
+STIFFNESS = 50.0
+"""1/s: natural frequency of a contact. What rests sinks in by 1 cm or less; scores of cars change
+by 0.1 % and those of throwers by 2.3 % from 120 to 480 Hz."""
+FIXED = -1
+"""Cluster of the ground and of everything fixed."""
+IMPEDANCE = (0.9, 0.95, 0.001, 0.5, 2.0)
+REBOUND = (0.0, 0.05, 0.1, 0.18, 0.25, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+DAMPING = (3.0, 1.926, 1.236, 0.797, 0.597, 0.497, 0.355, 0.255, 0.181, 0.122, 0.074, 0.034, 0.017)
+"""Damping ratio of a contact with each restitution, measured on a ball without gravity: MuJoCo's
+contacts are spring-dampers that cannot pull, so a rebound lasts several steps."""
+
+
+SLOW = 0.5
+"""m/s: contacts of lively surfaces that are slower do not rebound. In one step of free fall a body
+gains 0.27 m/s, so what rests on little damping would tremble."""
+
+
+class Surface(NamedTuple):
+    """What a shape is like to touch."""
+
+    friction: float
+    restitution: float
+    rolling: float = 0.0
+    """Rolling friction, m."""
+
+    def mean(self, other: Surface) -> Surface:
+        """What two surfaces are like against each other."""
+        rolling = self.rolling * sqrt(other.friction) + other.rolling * sqrt(self.friction)
+        return Surface(
+            sqrt(self.friction * other.friction),
+            sqrt(self.restitution * other.restitution),
+            rolling,
+        )
+
+
+class Covered(NamedTuple):
+    """A shape with its surface."""
+
+    geom: Any
+    cluster: int
+    surface: Surface
+
+
+class Surfaces:
+    """The surfaces of all shapes of one model."""
+
+    def __init__(self, physics: Constants) -> None:
+        self._usual = Surface(physics["friction"], physics["restitution"])
+        self.lively: list[bool] = []
+        """Of each shape, whether it rebounds more than usual."""
+        self._fixed: list[Covered] = []
+        self._unusual: list[Covered] = []
+
+    def thing(self, friction: float | None, restitution: float | None) -> Surface:
+        """The surface of a thing or the ground; None stands for the constants' values."""
+        usual = self._usual
+        return Surface(
+            usual.friction if friction is None else friction,
+            usual.restitution if restitution is None else restitution,
+        )
+
+    def cover(self, geom: Any, surface: Surface, cluster: int) -> None:
+        """Set the surface of a shape; shapes of one cluster never touch each other."""
+        friction, damping, dimensions = _contact(surface.mean(self._usual))
+        geom.friction = friction[1], *friction[2:4]
+        geom.solref, geom.solimp, geom.condim = damping, IMPEDANCE, dimensions
+        covered = Covered(geom, cluster, surface)
+        self.lively.append(surface.restitution > self._usual.restitution)
+        if surface != self._usual:
+            geom.priority = 1
+            self._unusual.append(covered)
+        elif cluster == FIXED:
+            self._fixed.append(covered)
+
+    def pair(self, spec: Any, apart: set[tuple[str, str]]) -> None:
+        """Set the values of every two unusual shapes that may meet.
+
+        Args:
+            spec: The model's.
+            apart: Names of bodies that do not collide.
+        """
+        resting = _contact(self._usual)[1]
+        for one, other in self._meeting():
+            names = one.geom.parent.name, other.geom.parent.name
+            if one.cluster == other.cluster or names in apart or names[::-1] in apart:
+                continue
+            friction, damping, dimensions = _contact(one.surface.mean(other.surface))
+            spec.add_pair(
+                geomname1=one.geom.name,
+                geomname2=other.geom.name,
+                friction=friction,
+                solref=damping,
+                solreffriction=resting,
+                solimp=IMPEDANCE,
+                condim=dimensions,
+            )
+
+    def _meeting(self) -> Iterator[tuple[Covered, Covered]]:
+        """Two unusual shapes, or a lively one and something fixed: friction takes the damping of
+        the contact, and with that of a lively one, what rests would creep."""
+        yield from combinations(self._unusual, 2)
+        for one in self._unusual:
+            if self.lively[int(one.geom.name)]:
+                yield from ((one, other) for other in self._fixed)
+
+
+class Calming:
+    """Damps slow contacts of lively surfaces."""
+
+    def __init__(self, data: Any, lively: Sequence[bool], usual: float) -> None:
+        """Choose the contacts.
+
+        Args:
+            data: MuJoCo's.
+            lively: Whether each shape is lively, by its number.
+            usual: Restitution of usual surfaces.
+        """
+        self._data, self._lively = data, np.array(lively)
+        self._damping = _rate(1.0 / (_damping(usual) * STIFFNESS))
+
+    def __call__(self) -> None:
+        """Change the wanted accelerations of contacts, between the two halves of a step."""
+        data = self._data
+        contact = data.contact
+        chosen = np.flatnonzero(self._lively[contact.geom].any(axis=1))
+        rows = contact.efc_address[chosen]
+        speeds = data.efc_vel[rows]
+        more = self._damping - _rate(contact.solref[chosen, 0])
+        data.efc_aref[rows] -= np.where(np.abs(speeds) < SLOW, more * speeds, 0.0)
+
+
+def _rate(constant: Any) -> Any:
+    """Deceleration over speed of a contact with a time constant, 1/s."""
+    return 2.0 / (IMPEDANCE[1] * constant)
+
+
+def _damping(restitution: float) -> float:
+    return float(np.interp(restitution, REBOUND, DAMPING))
+
+
+def _contact(surface: Surface) -> tuple[list[float], list[float], int]:
+    """MuJoCo's friction along two tangents, about the normal and for rolling about two tangents;
+    its time constant and damping ratio; and how many of its directions act."""
+    ratio = _damping(surface.restitution)
+    friction = [surface.friction] * 2 + [0.0] + [surface.rolling] * 2
+    return friction, [1.0 / (ratio * STIFFNESS), ratio], 6 if surface.rolling else 3
