@@ -80,6 +80,10 @@ class World(Protocol):
         in the tree, for loops those of part `b`; at rest they are those of the game frame.
         """
 
+    @property
+    def settle_rate(self) -> float:
+        """Rate at which machines settle as they do at higher ones, Hz."""
+
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
         """Greatest linear and angular speed of anything that moves, m/s and rad/s; not finite when
         the simulation diverged.

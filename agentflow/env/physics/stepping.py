@@ -14,9 +14,16 @@ class Stepping:
     steps that have become coarse stay so until the next switch, whatever the machine does.
     """
 
-    def __init__(self, physics: Constants, rate: float) -> None:
+    def __init__(self, physics: Constants, rate: float, settle_rate: float) -> None:
+        """Start with undivided steps.
+
+        Args:
+            physics: The constants.
+            rate: Undivided steps per second.
+            settle_rate: Least rate with power off, Hz (`engine.World.settle_rate`).
+        """
         self._fine = _divide(rate, physics["fine_rate"])
-        self.settling = _divide(rate, physics["settle_rate"])
+        self.settling = _divide(rate, settle_rate)
         """Divisions of a step with power off."""
         self._short = round(physics["fine_time"] * rate)
         self._long = round(physics["fine_time_loaded"] * rate)

@@ -71,7 +71,7 @@ class Play:
         self._loads = Loads(
             self._assembly.joints, physics["load_window"], 1.0 / rate, 1.0 / physics["step_rate"]
         )
-        self._stepping = Stepping(physics, rate)
+        self._stepping = Stepping(physics, rate, self._world.settle_rate)
         things = tuple(thing.name for thing in self._scene.moving)
         self._monitor = Monitor(self._world, self._assembly, self._loads, things, rate)
         self._view = RefereeView(self._world)

@@ -64,11 +64,14 @@ class MuJoCoWorld:
         self._broken: frozenset[int] = frozenset()
         self._levels = dict.fromkeys(("motors", "steering_hinges", "springs", "winches"), 0.0)
         self._levels["wind"] = 1.0
+        self.settle_rate = physics["step_rate"]
+        """Settling four times as finely changes scores of cars by 0.0 %, of throwers by 1 %."""
         self.reactions = np.zeros((len(assembly.joints), 6))
         self._winches = WinchForce(assembly.devices.winches, self._levels, 1.0 / rate)
         self._wind = GustClock(scene, self._levels, 1.0 / rate)
-        self._now = self._build_structure()
-        place_at_start(self._now.built, assembly, scene.start)
+        self.now = self._build_structure()
+        """The model and what belongs to it."""
+        place_at_start(self.now.built, assembly, scene.start)
         self._refresh()
 
     def switch(self, entry: str, level: float) -> None:
@@ -80,7 +83,7 @@ class MuJoCoWorld:
         after which poses and velocities are current."""
         if divisions != self._divisions:
             self._set_length(divisions)
-        now = self._now
+        now = self.now
         model, data = now.built.model, now.built.data
         now.forces()
         now.motors.drive()
@@ -97,35 +100,35 @@ class MuJoCoWorld:
     def split(self, broken: Sequence[int]) -> None:
         """Remove joints and build the model again."""
         self._broken |= set(broken)
-        old = self._now
+        old = self.now
         rows = old.rows.table
         parts, known = old.readings.parts(rows), motions(old.built)
         things = dict(zip(old.layout.things, rows[old.layout.thing_rows], strict=True))
         self.reactions[:] = 0.0
-        self._now = self._build_structure()
-        restore(self._now.built, self._assembly, parts, things, known)
+        self.now = self._build_structure()
+        restore(self.now.built, self._assembly, parts, things, known)
         self._refresh()
 
     # --- observation ------------------------------------------------------------------------
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:  # noqa: ARG002
-        return top_speeds(self._now.rows.all)
+        return top_speeds(self.now.rows.all)
 
     def state(self) -> State:
-        return self._now.readings.state(self._now.rows.table)
+        return self.now.readings.state(self.now.rows.table)
 
     def centres(self) -> Array:
-        return self._now.readings.centres(self._now.rows.table)
+        return self.now.readings.centres(self.now.rows.table)
 
     def snapshot(self) -> Snapshot:
-        return self._now.readings, self._now.rows.table
+        return self.now.readings, self.now.rows.table
 
     def states(self, snapshots: Sequence[Any]) -> State:
         return states_of(snapshots)
 
     def centre(self, body: Body) -> Vec3:
         if isinstance(body, int):
-            return self._now.readings.centre(self._row(body), body)
+            return self.now.readings.centre(self._row(body), body)
         thing = self._things[body]
         if not thing.mass:
             return thing.position
@@ -135,22 +138,22 @@ class MuJoCoWorld:
 
     def rotation(self, body: Body) -> Quat:
         if isinstance(body, int):
-            return self._now.readings.rotation(self._row(body), body)
+            return self.now.readings.rotation(self._row(body), body)
         thing = self._things[body]
         return swap_quaternion(self._row(body)[ROTATION]) if thing.mass else thing.rotation
 
     def origin(self, block: int) -> Vec3:
-        return self._now.readings.origin(self._row(block), block)
+        return self.now.readings.origin(self._row(block), block)
 
     def touching(self, body: Body) -> frozenset[Body]:
-        return self._now.contacts.touching(body)
+        return self.now.contacts.touching(body)
 
     def contacts(self) -> list[Touch]:
-        return self._now.contacts.all()
+        return self.now.contacts.all()
 
     def power(self) -> Power:
-        devices = self._now.forces.power()
-        return devices._replace(motors=devices.motors + self._now.motors.power())
+        devices = self.now.forces.power()
+        return devices._replace(motors=devices.motors + self.now.motors.power())
 
     def energies(self, snapshot: Any) -> Array:
         readings, rows = snapshot
@@ -160,7 +163,7 @@ class MuJoCoWorld:
         return found
 
     def momentum(self) -> Mapping[str, Array]:
-        return self._now.readings.momentum(self._now.rows.table)
+        return self.now.readings.momentum(self.now.rows.table)
 
     # --- internals --------------------------------------------------------------------------
 
@@ -189,14 +192,14 @@ class MuJoCoWorld:
 
     def _refresh(self) -> None:
         """Take the first half of a step again, after positions, motors or its length changed."""
-        built = self._now.built
-        self._now.motors.set()
+        built = self.now.built
+        self.now.motors.set()
         mujoco.mj_step1(built.model, built.data)
-        self._now.rows.read()
+        self.now.rows.read()
 
     def _row(self, body: Body) -> Row:
         """The row of a block's cluster or of a moving thing."""
-        now = self._now
+        now = self.now
         if isinstance(body, int):
             return now.rows.all[now.readings.row_of[body]]
         return now.rows.all[len(now.layout.leading) + now.layout.things.index(body)]
@@ -204,8 +207,8 @@ class MuJoCoWorld:
     def _set_length(self, divisions: int) -> None:
         """Take steps of 1 / (rate * divisions) seconds from now on."""
         self._divisions = divisions
-        set_step_length(self._now.built.model, self._interval)
-        self._winches.step = self._wind.step = self._now.motors.step = self._interval
+        set_step_length(self.now.built.model, self._interval)
+        self._winches.step = self._wind.step = self.now.motors.step = self._interval
         self._refresh()
 
     @property

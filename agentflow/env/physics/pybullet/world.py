@@ -85,6 +85,7 @@ class PyBulletWorld:
         moving = {thing.name: self.things[thing.name] for thing in scene.moving}
         fixed = [uid for name, uid in self.things.items() if name not in moving]
         set_collisions_of_scene(client, (self._ground, *fixed), tuple(moving.values()))
+        self.settle_rate = physics["settle_rate"]
         self.reactions = np.zeros((len(assembly.joints), 6))
         self._couplings = Couplings(client)
         self._winches = WinchForce(assembly.devices.winches, self._levels, 1.0 / rate)
