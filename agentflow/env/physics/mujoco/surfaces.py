@@ -112,6 +112,7 @@ class Surfaces:
                 solreffriction=resting,
                 solimp=IMPEDANCE,
                 condim=dimensions,
+                gap=max(one.geom.gap, other.geom.gap),
             )
 
     def _meeting(self) -> Iterator[tuple[Covered, Covered]]:
