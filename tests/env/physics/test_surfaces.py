@@ -70,8 +70,10 @@ def test_feet_slide_when_the_wind_beats_their_friction(
 def test_a_lively_ball_bounces_as_the_pad_lets_it(
     engine: Engine, engine_spec: EngineSpec, pad: int, bounce: float
 ) -> None:
-    """Rebound speed over fall: the geometric mean of the partners' restitution. On MuJoCo a rebound
-    lasts several steps: gravity takes some of it, and it depends on when in a step the ball hits.
+    """Rebound speed over fall: the geometric mean of the partners' restitution.
+
+    On MuJoCo a rebound lasts several steps: gravity takes some of it, and it depends on when in a
+    step the ball hits.
     """
     tree = machine(ROOT, *((BALLAST, 0, face) for face in range(4)), (pad, 0, 4))
     top = place(tree).box_max[1] - place(tree).box_min[1]

@@ -146,8 +146,9 @@ def test_free_wheels_stand_still_on_flat_ground(engine: Engine) -> None:
 @pytest.mark.parametrize("kind", [50, 86], ids=["small wheel", "roller wheel"])
 @pytest.mark.parametrize("way", firsts([(1, 0, 0), (0, 0, -1)], [(-1, 0, 0), (0, 0, 1)]))
 def test_casters_swivel_behind_where_they_go_and_roll(engine: Engine, kind: int, way: Vec3) -> None:
-    """Four casters under a cross, which the wind pushes: each fork's Up points there. The wind blows
-    a little askew: forks that point exactly the other way at first may stay so.
+    """Four casters under a cross, which the wind pushes: each fork's Up points there.
+
+    The wind blows a little askew: forks that point exactly the other way at first may stay so.
     """
     arms = ((15, 0, 0), (15, 0, 1), (15, 0, 2), (15, 0, 3))
     cross = machine(ROOT, *arms, *((15, i, 0) for i in range(1, 5)))
