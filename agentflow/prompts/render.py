@@ -7,8 +7,7 @@ import traceback
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from importlib import resources
-from importlib.abc import Traversable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 import yaml
@@ -16,6 +15,9 @@ import yaml
 from agentflow.errors import PromptError, UnknownNameError
 from agentflow.prompts.registry import ABOUT, PROMPT_SETS
 from agentflow.prompts.text import CL100K, as_json, clip, guard, oneline, quote, token_estimate
+
+if TYPE_CHECKING:  # Python 3.14 has it in importlib.resources.abc only, 3.10 here only
+    from importlib.abc import Traversable
 
 _ROOM = (1.0, 0.5, 0.25, 0.0)
 """Shares of the usual space for long sections, tried in turn until a prompt fits."""

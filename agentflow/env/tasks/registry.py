@@ -15,11 +15,10 @@ import sys
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cache
-from importlib.abc import Traversable
 from importlib.resources import files
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -32,6 +31,9 @@ from agentflow.errors import ConfigError, UnknownNameError, yaml_problem
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import ROOT
 from agentflow.registry import Registry, subclass_of
+
+if TYPE_CHECKING:  # Python 3.14 has it in importlib.resources.abc only, 3.10 here only
+    from importlib.abc import Traversable
 
 LEVELS = "levels"
 

@@ -1,0 +1,89 @@
+"""A release holds all that it needs: it installs without node, and works from any folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PARTS = ("agentflow", "pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE")
+BUNDLE = {f"agentflow/report/bundle/{name}" for name in ("player.css", "player.js", "stamp.txt")}
+WEB = "agentflow/report/web/"
+METADATA = ("METADATA", "RECORD", "WHEEL", "entry_points.txt", "top_level.txt", "licenses/LICENSE")
+
+
+def run(*command: object, folder: Path, path: str = os.environ["PATH"]) -> str:
+    """Standard output of a command, which must succeed; it cannot import from the checkout."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(
+        list(map(str, command)),
+        cwd=folder,
+        env={**environment, "PATH": path},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def packaged_files() -> set[str]:
+    """The package's files in the checkout, committed or not."""
+    listed = run(
+        *("git", "ls-files", "--cached", "--others", "--exclude-standard", "agentflow"), folder=ROOT
+    )
+    return {name for name in listed.splitlines() if (ROOT / name).exists()}
+
+
+def newest_python() -> str:
+    """The newest CPython that is found, from 3.12 on; the running one if there is none."""
+    found = run(ROOT / "scripts" / "pythons", "3.12", folder=ROOT).splitlines()
+    return found[0] if found else sys.executable
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -> None:
+    source, dist, elsewhere = tmp_path / "source", tmp_path / "dist", tmp_path / "elsewhere"
+    for folder in (source, elsewhere):
+        folder.mkdir()
+    for name in {*packaged_files(), *BUNDLE, *PARTS[1:]}:
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, source / name)
+
+    run(sys.executable, "-m", "build", "--sdist", "--outdir", dist, folder=source)
+    [packed] = dist.glob("*.tar.gz")
+    with tarfile.open(packed) as archive:
+        held = {name.partition("/")[2] for name in archive.getnames() if "." in Path(name).name}
+    ours = packaged_files()
+    assert {name for name in held if name.startswith("agentflow/")} == ours | BUNDLE
+
+    build = (sys.executable, "-m", "build", "--wheel", "--outdir", dist)
+    assert "nodejs" not in run(*build, packed, folder=elsewhere)
+    [wheel] = dist.glob("*-py3-none-any.whl")
+    release = wheel.name.removesuffix("-py3-none-any.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        content = set(archive.namelist())
+    assert content == {
+        *(name for name in ours if not name.startswith(WEB)),
+        *BUNDLE,
+        *(f"{release}.dist-info/{name}" for name in METADATA),
+    }
+
+    venv = tmp_path / "venv"
+    run(newest_python(), "-m", "venv", venv, folder=elsewhere)
+    run(venv / "bin" / "python", "-m", "pip", "install", "--quiet", wheel, folder=elsewhere)
+    agentflow, bare = venv / "bin" / "agentflow", str(venv / "bin")
+    small = ("--workflow", "iterative", "--set", "search.rounds=1", "--json")
+    design = run(agentflow, "design", "--task", "throwing", *small, folder=elsewhere, path=bare)
+    result = json.loads(design)
+    assert result["score"] > 0
+    run(agentflow, "report", result["run"], "--out", "page.html", folder=elsewhere, path=bare)
+    assert "</html>" in (elsewhere / "page.html").read_text(encoding="utf-8")
