@@ -33,10 +33,10 @@ class Found:
     value: Value
 
 
-class TwoJumps(Jumping):
-    """Jumping with fewer trials, so that climbs take a fifth of the time."""
+class OneJump(Jumping):
+    """Jumping with a single trial: a tenth of the time, and terms that tell near machines apart."""
 
-    count = 2
+    count = 1
 
 
 async def climb(

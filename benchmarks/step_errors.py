@@ -23,7 +23,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from climbing import Found, TwoJumps, climb
+from climbing import Found, OneJump, climb
 from shelf import FOLDER, load, read
 
 from agentflow.env.constants import constants
@@ -36,12 +36,12 @@ from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
-FAMILIES = {"throwing": "reach", "jumping": None, "movement": None}
+FAMILIES = {"throwing": "reach", "jumping": "root_beyond", "movement": None}
 """Family, and the score term that breaks ties."""
 FINE = 480.0
 """Hz."""
 NEAR = 0.1
-KEPT = 9
+KEPT = 12
 """Most machines of one climb."""
 
 
@@ -79,7 +79,7 @@ def _climb(number: int, rollouts: int, seed: int) -> list[dict[str, Any]]:
     family = list(FAMILIES)[number % len(FAMILIES)]
     rng, task = Random(f"{seed} {number}"), get_task(family)
     if isinstance(task, Jumping):
-        task = TwoJumps(**vars(task))
+        task = OneJump(**vars(task))
     steps: list[tuple[int, Found]] = []
 
     def record(count: int, found: Found) -> None:

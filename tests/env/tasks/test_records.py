@@ -26,12 +26,7 @@ from benchmarks.shelf import DIGITS, here
 
 ELSEWHERE = 0.05
 """How far a score may be off on another platform."""
-BELOW_GOOD = {
-    "flying/5",
-    "movement/4",
-    "picking/2",
-    "picking/4",
-}
+BELOW_GOOD = {"movement/4"}
 """Levels where no known machine reaches the good score under small variations of physics."""
 HOW = (
     "reference ",
