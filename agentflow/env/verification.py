@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import statistics
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+from agentflow.env.physics.engines import choose_engine, installed_engines
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, VARIATIONS, Variation
@@ -92,3 +93,24 @@ async def verify_async(
 
     rollouts = await asyncio.gather(*map(rollout_of, VARIATIONS))
     return Verification({v.name: r for v, r in zip(VARIATIONS, rollouts, strict=True)})
+
+
+async def score_on_others(
+    run: Callable[..., Awaitable[Rollout]], task: Task
+) -> list[dict[str, Any]]:
+    """`engine`, `status` and `score` of a machine on every other engine that is installed.
+
+    They are no part of a verification, because engines differ by more than its variations.
+
+    Args:
+        run: Simulates the machine on the task that it gets: the `run` of a pool, with its other
+            arguments bound.
+        task: The task; its engine is left out.
+    """
+    used = choose_engine(task.engine).name
+    others = [spec for spec in installed_engines() if spec.name != used]
+    rollouts = await asyncio.gather(*(run(replace(task, engine=spec.name)) for spec in others))
+    return [
+        {"engine": str(spec.identity), "status": rollout.status, "score": rollout.score}
+        for spec, rollout in zip(others, rollouts, strict=True)
+    ]

@@ -16,10 +16,6 @@ RESAMPLES = 10_000
 """Resamples of a bootstrap; the usual number for percentile intervals."""
 BATCH = 1_000_000
 """Numbers drawn at once, to bound memory."""
-WITHOUT_SCIPY = (
-    "Intervals of means are left out because scipy is not installed: "
-    "pip install 'agentflow[report]'"
-)
 
 
 class Interval(NamedTuple):
@@ -76,9 +72,14 @@ def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
     return Interval(float(found.low), float(found.high))
 
 
-def missing_scipy() -> str:
-    """Why there are no bootstrap intervals, and how to get them; "" if there are."""
-    return "" if _stats() else WITHOUT_SCIPY
+def missing_scipy(what: str = "Intervals of means") -> str:
+    """Why there are no bootstrap intervals, and how to get them; "" if there are.
+
+    Args:
+        what: What else needs scipy, if not intervals.
+    """
+    why = "are left out because scipy is not installed: pip install 'agentflow[report]'"
+    return "" if _stats() else f"{what} {why}"
 
 
 def _stats() -> ModuleType | None:

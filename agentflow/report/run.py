@@ -108,6 +108,7 @@ class RunStory:
             again: how,
             "Knobs": ", ".join(f"{k} = {v}" for k, v in config.get("knobs", {}).items()) or "none",
             "Prompt set": f"{config.get('prompts', '')} {document.get('prompts', '')}",
+            "Physics engine": str(document.get("engine") or "not recorded"),
             "Physical constants": str(document.get("constants", "")),
             "agentflow": f"{document.get('agentflow', '')} {document.get('commit') or ''}",
             "Python": f"{document.get('python', '')}, {document.get('platform', '')}",

@@ -15,7 +15,7 @@ from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.rollout import Marginal
 from agentflow.machine import read_machine
 from agentflow.metrics.failure_kinds import KINDS
-from agentflow.runs import read_result
+from agentflow.runs import read_document, read_result
 
 RECORDED = Path(__file__).parents[2] / "runs" / "recorded-throwing"
 Captured = pytest.CaptureFixture[str]
@@ -36,12 +36,13 @@ def contents(folder: Path) -> dict[Path, bytes]:
 def test_runs_are_one_line_each_however_long_the_path(tmp_path: Path, capsys: Captured) -> None:
     run = tmp_path / ("a" * 100) / "run"
     shutil.copytree(RECORDED, run)
-    head, line = shown(capsys, "runs", str(tmp_path)).splitlines()
+    head, line, engine = shown(capsys, "runs", str(tmp_path)).splitlines()
     assert head.split() == [
         *("run", "state", "task", "workflow", "model", "seed"),
         *("score", "verified", "cost"),
     ]
     assert line.split()[:4] == [str(run), "done", "throwing", "hierarchical"]
+    assert engine == f"engine: {read_document(RECORDED)['engine']}"
     (item,) = json.loads(shown(capsys, "runs", str(tmp_path), "--json"))
     assert (item["run"], item["state"]) == (str(run), "done")
 
@@ -55,7 +56,7 @@ def test_a_damaged_run_does_not_hide_the_others(tmp_path: Path, capsys: Captured
     shutil.copytree(RECORDED, tmp_path / "good")
     shutil.copytree(RECORDED, tmp_path / "bad")
     (tmp_path / "bad" / "result.json").write_text("{")
-    why, _, bad, good = shown(capsys, "runs", str(tmp_path)).splitlines()
+    why, _, bad, good, _ = shown(capsys, "runs", str(tmp_path)).splitlines()
     assert why == f"{tmp_path / 'bad' / 'result.json'} is damaged: expected a JSON object"
     assert bad.split()[1:] == ["damaged", "-", "-", "-", "-", "-", "-", "-"]
     assert good.split()[1] == "done"
@@ -73,7 +74,8 @@ def test_a_finished_run_that_is_resumed_keeps_every_byte(tmp_path: Path, capsys:
 def test_show_tells_stages_costs_and_failures(capsys: Captured) -> None:
     lines = shown(capsys, "show", str(RECORDED)).splitlines()
     assert lines[0] == f"{RECORDED}: done"
-    assert lines[1] == "throwing, hierarchical, procedural (no language model), seed 0"
+    engine = read_document(RECORDED)["engine"]
+    assert lines[1] == f"throwing, hierarchical, procedural (no language model), seed 0, {engine}"
     result = read_result(RECORDED)
     best, last = f"{result['score']:.2f}", result["stages"][-1]
     blocks = f"{len(result['machine'])} of 40 blocks"

@@ -62,6 +62,7 @@ def test_a_rollout_with_marginal_connections_names_them(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     facts = {"status": "ok", "score": 1.0, "blocks": None, "problems": [], "feedback": "Score: 1"}
+    facts["engine"] = None
     named = {"block": 3, "partner": 1, "time": 0.25, "load": 0.97}
     show_rollout({**facts, "marginal": [named]})
     last = "marginal: block 3 off block 1 nearly broke (97 % of its strength, 0.25 s)"

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.cli import main
+from agentflow.env.physics.engines import default_engine, installed_engines
 from tests.app.pages.test_runs import RECORDED
 
 CAR = str(Path(__file__).parents[2] / "examples" / "car.json")
@@ -17,15 +18,16 @@ Captured = pytest.CaptureFixture[str]
 def test_a_machine_is_verified_as_text_and_as_json(capsys: Captured) -> None:
     assert main(["verify", CAR, "--task", "movement", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert list(found) == ["task", "seed", "score", "verified", "problems"]
+    assert list(found) == ["task", "seed", "engine", "score", "verified", "others", "problems"]
     verified = found["verified"]
     assert list(verified) == ["score", "low", "high", "scores"]
     assert verified["low"] <= verified["score"] <= verified["high"]
     assert [list(item) for item in verified["scores"]] == [["variation", "status", "score"]] * 8
     assert verified["scores"][0]["score"] == found["score"]
     assert main(["verify", CAR, "--task", "movement"]) == 0
-    first, second, head, default, *varied = capsys.readouterr().out.splitlines()
-    assert first == f"score {found['score']:.2f} (movement)"
+    first, second, head, default, *lines = capsys.readouterr().out.splitlines()
+    varied, others = lines[:7], lines[7:]
+    assert first == f"score {found['score']:.2f} (movement, {default_engine().identity})"
     assert second == (
         f"verified score {verified['score']:.2f}, the median of 8 simulations that scored "
         f"{verified['low']:.2f} to {verified['high']:.2f}"
@@ -37,6 +39,13 @@ def test_a_machine_is_verified_as_text_and_as_json(capsys: Captured) -> None:
         assert line.startswith(item["variation"])
         assert line.split()[-3] == f"{item['score']:.2f}"
         assert float(line.split()[-2]) == pytest.approx(change, abs=0.051)
+    assert [item["engine"] for item in found["others"]] == [
+        str(spec.identity) for spec in installed_engines()[1:]
+    ]
+    assert others == [
+        f"not part of the median: {item['score']:.2f} with {item['engine']}"
+        for item in found["others"]
+    ]
 
 
 def test_an_invalid_machine_says_why(tmp_path: Path, capsys: Captured) -> None:

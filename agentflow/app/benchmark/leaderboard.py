@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from agentflow.app.benchmark.card import Card, Mean, read_card
+from agentflow.env.tasks.records import read_records
 from agentflow.errors import UsageError
 from agentflow.metrics.cells import Value
 from agentflow.metrics.intervals import missing_scipy
@@ -31,7 +32,9 @@ def read_cards(paths: Sequence[Path]) -> list[Card]:
     first = cards[0]
     for path, card in zip(paths, cards, strict=True):
         if different := [
-            key for key, value in first.conditions.items() if card.conditions.get(key) != value
+            f"{key} ({value}, {card.conditions.get(key)})" if key == "engine" else key
+            for key, value in first.conditions.items()
+            if card.conditions.get(key) != value
         ]:
             raise UsageError(
                 f"{path} and {paths[0]} cannot be compared: they differ in "
@@ -70,15 +73,23 @@ def _ranking(cards: Sequence[Card]) -> Table:
         rows.append(Row((str(place) if card.complete else "-", card.model), values))
     conditions = cards[0].conditions
     lite = ", lite" if conditions["lite"] else ""
-    title = f"Benchmark version {conditions['version']}{lite} ({cards[0].digest})"
+    engine = conditions["engine"]
+    title = f"Benchmark version {conditions['version']}{lite}, {engine} ({cards[0].digest})"
     incomplete = [
         f"INCOMPLETE: {card.model} lacks {len(card.missing)} of {len(card.items)} items: "
         f"{', '.join(card.missing)}."
         for card in cards
         if not card.complete
     ]
-    notes = (*incomplete, ABOUT, *filter(None, [missing_scipy()]))
+    notes = (*incomplete, ABOUT, *_record_note(engine), *filter(None, [missing_scipy()]))
     return Table(title, ("rank", "model"), columns, tuple(rows), notes=notes)
+
+
+def _record_note(engine: str) -> tuple[str, ...]:
+    """A note if the records are of another engine than the cards; else ()."""
+    records = {record.engine for record in read_records().values()}
+    same = engine.partition(" ")[0] in {name.partition(" ")[0] for name in records}
+    return () if same else (f"The records were simulated by {' and '.join(records)}.",)
 
 
 def _by_family(cards: Sequence[Card]) -> Table:

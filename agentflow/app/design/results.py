@@ -73,6 +73,7 @@ class _Result(BaseModel):
     cost: Number | None = None
     seconds: Number
     attempts: _Passes | None = None
+    engine: str | None = None
 
 
 def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:

@@ -197,6 +197,7 @@ class DesignRun:
         result = {
             **result_json(plan, execution),
             "model": model_name(plan.config, models),
+            "engine": plan.engine,
             "calls": budget.calls,
             "tokens": budget.usage.total,
             "cost": None if budget.cost is None else round(budget.cost, 6),

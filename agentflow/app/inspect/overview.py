@@ -29,8 +29,8 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
     """List the runs in a folder and its subfolders.
 
     Each is `run`, `state` (done, running, stopped, damaged), `task`, `workflow`, `model`, `seed`,
-    `score`, `verified` (see `Verification.to_json`; None if the best machine was not verified),
-    `calls`, `cost`, `problem` (why it is damaged, or empty).
+    `engine` (name and version), `score`, `verified` (see `Verification.to_json`; None if the best
+    machine was not verified), `calls`, `cost`, `problem` (why it is damaged, or empty).
     """
     if not folder.is_dir():
         raise RunError(f"no such directory: {folder}")
@@ -42,15 +42,15 @@ def run_list(folder: Path) -> Iterator[dict[str, Any]]:
 
 
 def _row(path: Path, state: str, result: Mapping[str, Any], problem: str = "") -> dict[str, Any]:
-    keys = ("task", "workflow", "model", "seed", "score", "verified", "calls", "cost")
+    keys = ("task", "workflow", "model", "seed", "engine", "score", "verified", "calls", "cost")
     known = {key: result.get(key) for key in keys}
     return {"run": str(path), "state": state, **known, "problem": problem}
 
 
 def _summary(path: Path) -> dict[str, Any]:
     state, document = state_of(path), read_document(path)
-    done = state == "done"
-    return _row(path, state, read_finished(path) if done else _result_so_far(path, document))
+    result = read_finished(path) if state == "done" else _result_so_far(path, document)
+    return _row(path, state, {**result, "engine": document.get("engine")})
 
 
 def _result_so_far(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
+from contextlib import AsyncExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,9 @@ from typing import Any
 from agentflow.app.design.execution import verification_event
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.results import read_finished
+from agentflow.env.physics.engines import installed_engines
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.env.verification import Verification, verify_async
+from agentflow.env.verification import Verification, score_on_others, verify_async
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.runs import Notify, RunDirectory, read_document
@@ -30,18 +32,18 @@ def verify_run(path: Path, workers: int, notify: Notify) -> dict[str, Any]:
         notify: Receives the reason if the result is not stored.
 
     Returns:
-        `run`, `task`, `seed`, `score` (the recorded one), `verified` (see `Verification.to_json`)
-        and `problems` (none).
+        `run`, `task`, `seed`, `engine` (that of the run), `score` (the recorded one), `verified`
+        (see `Verification.to_json`), `others` (see `score_on_others`) and `problems` (none).
 
     Raises:
         RunError: The run is unfinished, damaged or cannot be written, or has no valid machine.
     """
     document, result = read_document(path), read_finished(path)
     plan = RunPlan.of_run(path, document)
-    verified = result.get("verified")
-    if verified is None or verified["score"] is None:
-        machine = _best_machine(path, result)
-        verification = asyncio.run(_simulate(machine, plan, workers))
+    machine, verified = _best_machine(path, result), result.get("verified")
+    missing = verified is None or verified["score"] is None
+    verification, others = asyncio.run(_simulate(machine, plan, workers, missing))
+    if verification is not None:
         verified = verification.to_json()
         now = verification.default
         if now.score == result["score"]:
@@ -56,8 +58,10 @@ def verify_run(path: Path, workers: int, notify: Notify) -> dict[str, Any]:
         "run": str(path),
         "task": plan.task.name,
         "seed": plan.config.seed,
+        "engine": document.get("engine"),
         "score": result["score"],
         "verified": verified,
+        "others": others,
         "problems": [],
     }
 
@@ -69,10 +73,17 @@ def _best_machine(path: Path, result: Mapping[str, Any]) -> Machine:
     return machine
 
 
-async def _simulate(machine: Machine, plan: RunPlan, workers: int) -> Verification:
-    async with RolloutPool(workers) as pool:
-        seed = plan.config.seed
-        return await verify_async(partial(pool.run, machine, plan.task, seed=seed, recorded=True))
+async def _simulate(
+    machine: Machine, plan: RunPlan, workers: int, missing: bool
+) -> tuple[Verification | None, list[dict[str, Any]]]:
+    """The verification if it is missing, and the scores on other engines."""
+    async with AsyncExitStack() as stack:
+        pool = RolloutPool(workers)
+        if missing or len(installed_engines()) > 1:
+            await stack.enter_async_context(pool)
+        run = partial(pool.run, machine, seed=plan.config.seed, recorded=True)
+        verification = await verify_async(partial(run, plan.task)) if missing else None
+        return verification, await score_on_others(run, plan.task)
 
 
 def _store(

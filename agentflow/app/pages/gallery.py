@@ -33,6 +33,8 @@ Run = tuple[dict[str, Any], ReportedMachine | None]
 def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Progress) -> Path:
     """Write one page with the best machine of each run, by task, best verified score first.
 
+    The page names the physics engine in its title, or on each card if there are several.
+
     Args:
         folders: Run directories, or folders that contain some; unfinished runs are skipped.
         out: File to write.
@@ -42,12 +44,15 @@ def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Progress) 
     require_writable(out)
     paths = [path for folder in folders for path in _finished_runs(folder)]
     runs = _sort_by_task([_read_run(path) for path in paths])
+    engines = list(dict.fromkeys(card["engine"] for card, _ in runs if card["engine"]))
+    if len(engines) > 1:
+        runs = [({**card, "about": f"{card['about']}, {card['engine']}"}, m) for card, m in runs]
     shapes = Shapes()
     chosen = {str(place): best for place, (_, best) in enumerate(runs) if best is not None}
     machines = asyncio.run(film_machines(chosen, shapes, workers, say))
     data = {
         "kind": "gallery",
-        "title": "Machines",
+        "title": " · ".join(["Machines", *engines] if len(engines) == 1 else ["Machines"]),
         "shapes": shapes.rows,
         "files": shapes.files,
         "machines": machines,
@@ -90,6 +95,7 @@ def _read_run(path: Path) -> Run:
         "task": config.task,
         "asked": task_summary(path, document),
         "about": f"{config.workflow}, {result['model']}, seed {config.seed}",
+        "engine": document.get("engine"),
         "run": path.name,
         "score": result["score"],
         "verified": (result.get("verified") or {}).get("score"),

@@ -24,6 +24,7 @@ from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.env.archive import load_npz
+from agentflow.env.physics.engines import AUTO, installed_engines
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
@@ -67,11 +68,16 @@ class ReportedMachine:
         score: float | None,
         interval: float | None,
     ) -> ReportedMachine:
-        """A machine of the run at `path`, whose run.yaml holds `document`."""
+        """A machine of the run at `path`, whose run.yaml holds `document`.
+
+        If the engine of the run is not installed, the default one takes its place.
+        """
         config = build_config(document.get("config"))
         task = task_of_run(path, document)
+        if task.engine not in [spec.name for spec in installed_engines()]:
+            task = replace(task, engine=AUTO)
         file = path / "rollouts" / f"{machine.digest}.npz"
-        changes = describe_changes(document, physics_conditions())
+        changes = describe_changes(document, physics_conditions(task.engine))
         recorded = file if changes and file.exists() else None
         return cls(machine, task, config.seed, score, interval, recorded, changes)
 
@@ -230,8 +236,9 @@ def _remark(item: ReportedMachine, rollout: Rollout | None) -> str:
     if SHOWN_TRIAL in rollout.terms and item.interval != FINE:
         notes.append(_describe_trial(rollout))
     if rollout.score != item.score and item.score is not None:
+        how = f"different {item.changes}" if item.changes else "current physics"
         notes.append(
-            f"Simulated again with current physics: {rollout.score:.2f}; "
+            f"Simulated again with {how}: {rollout.score:.2f}; "
             f"the recorded score is {item.score:.2f}."
         )
     return " ".join(notes)

@@ -13,12 +13,13 @@ from shlex import quote
 from agentflow.app.design.results import read_finished
 from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
 from agentflow.config.sweep import SweepConfig, SweepRun, list_runs
-from agentflow.env.tasks.records import full_score
+from agentflow.env.tasks.records import full_score, read_records
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
 from agentflow.metrics import published as literature
 from agentflow.metrics.cells import METRICS, Cell, RunNumbers, Value
 from agentflow.metrics.tables import Column, Row, Table
+from agentflow.runs import read_document
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.places import STAGES
 from agentflow.runs.record import RunRecord
@@ -33,6 +34,8 @@ class FinishedRun:
     path: Path
     model: str
     """Name of the model, from its result."""
+    engine: str
+    """Name and version of the physics engine."""
     numbers: RunNumbers
 
 
@@ -60,6 +63,11 @@ class SweepResult:
         return tuple(dict.fromkeys(task_of(planned) for planned in self.planned))
 
     @property
+    def engines(self) -> tuple[str, ...]:
+        """The physics engines of the finished runs."""
+        return tuple(dict.fromkeys(run.engine for run in self.finished))
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Notes under every table."""
         seeds = len(self.sweep.seeds)
@@ -72,6 +80,8 @@ class SweepResult:
                 f"INCOMPLETE: {len(self.missing)} of {total} runs are missing, "
                 f"{failed} of them failed."
             )
+        only = "; no number is of more than one" if len(self.engines) > 1 else ""
+        notes.append(f"Physics engine: {', '.join(self.engines)}{only}.")
         return tuple(notes)
 
 
@@ -84,7 +94,8 @@ def read_sweep_result(path: Path) -> SweepResult:
     """Read the finished runs of a sweep.
 
     Raises:
-        RunError: It is not a sweep directory, it or a run is damaged, or no run is finished.
+        RunError: It is not a sweep directory, it or a run is damaged, no run is finished, or runs
+            that differ only in the seed were made with different engines.
     """
     _, sweep = read_folder(path)
     done: list[FinishedRun] = []
@@ -97,13 +108,38 @@ def read_sweep_result(path: Path) -> SweepResult:
             record = RunRecord.of(read_typed_events(run))
             full = _full_score(config.task, json.dumps(config.knobs, sort_keys=True))
             numbers = RunNumbers(record, width, full)
-            done.append(FinishedRun(planned, run, read_finished(run)["model"], numbers))
+            found = read_finished(run)
+            engine = found.get("engine") or read_document(run).get("engine", "not recorded")
+            done.append(FinishedRun(planned, run, found["model"], engine, numbers))
     if not done:
         raise RunError(
             f"no run of {path} is finished; run it with agentflow {sweep.command} "
             f"{quote(str(path))} --resume"
         )
+    _require_same_engine(path, done)
     return SweepResult(path, sweep, tuple(done), every, read_failures(path))
+
+
+def _require_same_engine(path: Path, runs: Iterable[FinishedRun]) -> None:
+    """Raise RunError if the seeds of a variant, which are pooled, have different engines."""
+    firsts: dict[tuple[str, ...], FinishedRun] = {}
+    for run in runs:
+        first = firsts.setdefault(tuple(run.planned.labels.values()), run)
+        if first.engine != run.engine:
+            raise RunError(
+                f"{path}: {first.planned.name} was made with {first.engine} but "
+                f"{run.planned.name} with {run.engine}, so they cannot be pooled: remove one of "
+                "these runs and make it again with --resume"
+            )
+
+
+def record_note(result: SweepResult) -> tuple[str, ...]:
+    """A note on shares of records that another engine simulated than the runs; else ()."""
+    records = {record.engine for record in read_records().values()}
+    names = {engine.partition(" ")[0] for engine in records}
+    if all(engine.partition(" ")[0] in names for engine in result.engines):
+        return ()
+    return (f"Shares of records compare with machines that {' and '.join(records)} simulated.",)
 
 
 @cache
@@ -131,7 +167,7 @@ def layout_table(result: SweepResult, *, published: bool = False) -> Table:
         tuple(Column(c.group, c.metric, METRICS[c.metric].percent) for c in columns),
         measured,
         published_rows,
-        (*result.notes, f"{about}."),
+        (*result.notes, f"{about}.", *(record_note(result) if "share" in used else ())),
     )
 
 

@@ -15,6 +15,7 @@ from agentflow.app.sweeps.tables import (
     group_runs,
     layout_table,
     read_sweep_result,
+    record_note,
     task_of,
 )
 from agentflow.errors import UnknownNameError, UsageError
@@ -187,7 +188,7 @@ def verified_table(result: SweepResult) -> Table:
             Column("", "share", percent=True),
         ),
         tuple(rows),
-        notes=(*result.notes, OF_VERIFIED_RUNS),
+        notes=(*result.notes, OF_VERIFIED_RUNS, *record_note(result)),
     )
 
 
@@ -242,9 +243,11 @@ def all_variants(result: SweepResult) -> dict[tuple[str, ...], list[FinishedRun]
 
 
 def _by_task(result: SweepResult) -> dict[tuple[str, str], list[FinishedRun]]:
+    """Task and model, with the engine if there are several -> finished runs."""
     groups: dict[tuple[str, str], list[FinishedRun]] = {}
     for run in result.finished:
-        groups.setdefault((task_of(run.planned), run.model), []).append(run)
+        model = f"{run.model}, {run.engine}" if len(result.engines) > 1 else run.model
+        groups.setdefault((task_of(run.planned), model), []).append(run)
     return groups
 
 

@@ -46,6 +46,8 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
         f"cost {'unknown' if cost is None else format(cost, '.4g')}, "
         f"{result['rollouts']} rollouts, {result['seconds']:.1f} s"
     )
+    if engine := result.get("engine"):  # older results lack it
+        console.print(f"engine: {engine}")
     console.print(f"run: {result['run']}")
     for name, path in pictures.items():
         console.print(f"{name}: {path}")
@@ -69,9 +71,10 @@ def _show_seeds(runs: Sequence[Data]) -> None:
 
 
 def record_text(record: Data) -> str:
-    """A record: "70.21, verified, with 40 blocks (reference two_tower_sling, by hand)"."""
+    """A record: "70.21 (verified, pybullet 3.2.7) with 40 blocks, by hand"."""
     blocks = block_count(record["blocks"], None)
-    return f"{number(record['verified'])} (verified) with {blocks}, {record['how']}"
+    made = f"{number(record['verified'])} (verified, {record['engine']})"
+    return f"{made} with {blocks}, {record['how']}"
 
 
 def record_line(record: Data) -> str:
@@ -178,6 +181,8 @@ def show_rollout(result: Data) -> None:
     told = [result["status"], f"score {number(result['score'])}"]
     if result["blocks"] is not None:
         told.append(block_count(result["blocks"], result["most_blocks"]))
+    if result["engine"] is not None:
+        told.append(result["engine"])
     console.print(", ".join(told))
     for problem in result["problems"] or ():
         console.print(f"{problem['code']}: {problem['message']}")
@@ -285,7 +290,10 @@ def show_tasks(tasks: Sequence[Data]) -> None:
             str(len(task["blocks"])),
             task["objective"],
         )
-    output().print(table)
+    console = output()
+    console.print(table)
+    if engines := {task["record"]["engine"] for task in tasks if task["record"]}:
+        console.print(f"records: {' and '.join(sorted(engines))}")
 
 
 def _good_score(task: Data) -> str:

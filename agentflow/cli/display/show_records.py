@@ -10,12 +10,13 @@ from agentflow.cli.display.text import block_count, number
 
 
 def show_runs(runs: Iterable[Data]) -> None:
-    """Print a list of runs."""
-    console = output()
-    heads = ("run", "state", "task", "workflow", "model", "seed", "score", "verified", "cost")
-    table = columns(*heads)
+    """Print a list of runs; a column names the engines if there are several."""
+    console, runs = output(), tuple(runs)
+    engines = {item["engine"] for item in runs if item["engine"]}
+    keys = ["run", "state", "task", "workflow", "model", "seed", *["engine"] * (len(engines) > 1)]
+    table = columns(*keys, "score", "verified", "cost")
     for item in runs:
-        cells = [item[key] for key in ("run", "state", "task", "workflow", "model", "seed")]
+        cells = [item[key] for key in keys]
         shown = ["-" if cell is None else str(cell) for cell in cells]
         verified = (item["verified"] or {}).get("score")
         table.add_row(*shown, number(item["score"]), number(verified), _money(item["cost"]))
@@ -23,6 +24,8 @@ def show_runs(runs: Iterable[Data]) -> None:
             console.print(item["problem"])
     if table.row_count:
         console.print_wide(table)
+        if len(engines) == 1:
+            console.print(f"engine: {engines.pop()}")
     else:
         console.print("no runs")
 
@@ -31,7 +34,8 @@ def show_run(run: Data) -> None:
     """Print one run."""
     console = output()
     console.print(f"{run['run']}: {run['state']}")
-    console.print(f"{run['task']}, {run['workflow']}, {run['model']}, seed {run['seed']}")
+    made = (run["task"], run["workflow"], run["model"], f"seed {run['seed']}", run["engine"])
+    console.print(", ".join(filter(None, made)))
     if start := run["config"]["settings"].get("start"):
         console.print(f"started from a machine with {len(start)} blocks")
     found = [f"best score {number(run['score'])}"]
@@ -70,7 +74,10 @@ def show_rescored(found: Data) -> None:
     console = output()
     other = [item for item in found["machines"] if not item["identical"]]
     if other:
-        table = columns("machine", "first simulated as", "recorded", "now", "difference")
+        engines = found["engine"]
+        same = engines["recorded"] in (None, engines["now"])
+        times = [name if same else f"{name} ({engines[name]})" for name in ("recorded", "now")]
+        table = columns("machine", "first simulated as", *times, "difference")
         for item in other:
             then, now = (outcome(item[key]) for key in ("recorded", "now"))
             change = item["difference"]

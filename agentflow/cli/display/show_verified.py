@@ -16,7 +16,7 @@ def show_verified(found: Data) -> None:
         for problem in found["problems"]:
             console.print(f"{problem['code']}: {problem['message']}")
         return
-    console.print(f"score {number(found['score'])} ({found['task']})")
+    console.print(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
     console.print(verified_line(found["verified"]))
     table = columns("simulation", "score", "change")
     default, *varied = found["verified"]["scores"]
@@ -24,6 +24,8 @@ def show_verified(found: Data) -> None:
     for item in varied:
         table.add_row(item["variation"], outcome(item), _change(default["score"], item["score"]))
     console.print(table)
+    for other in found["others"]:
+        console.print(f"not part of the median: {outcome(other)} with {other['engine']}")
 
 
 def _change(before: float | None, after: float | None) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+from agentflow.env.physics.engines import AUTO, default_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine.blocks.library import library
@@ -45,6 +46,11 @@ class TaskRecord(BaseModel):
     """Platform and package versions; where they are equal, scores are bitwise equal."""
     blocks: tuple[dict[str, int], ...]
     """The machine's construction tree."""
+
+    @property
+    def engine(self) -> str:
+        """Name and version of the physics engine that simulated it, e.g. "pybullet 3.2.7"."""
+        return self.platform.split(", ")[1]
 
     @property
     def machine(self) -> Machine:
@@ -103,8 +109,9 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
     """The record of a task for readers; None if there is none.
 
     Returns:
-        `score`, `verified`, `how`, `blocks` (how many count), and the share that `score` reaches as
-        `share` and `of` ("record" or "greatest possible score").
+        `score`, `verified`, `engine`, `how`, `blocks` (how many count), and the share that `score`
+        reaches as `share` and `of`: "record", with the name of its engine if that of the task is
+        another one, or "greatest possible score".
     """
     found = record_of(task)
     if found is None:
@@ -112,11 +119,25 @@ def record_json(task: Task, score: float | None = None) -> dict[str, Any] | None
     return {
         "score": found.score,
         "verified": found.verified,
+        "engine": found.engine,
         "how": found.how,
         "blocks": task.brief.count_blocks(len(found.blocks)),
         "share": record_share(task, score),
-        "of": "record" if task.brief.greatest is None else "greatest possible score",
+        "of": _full_name(task, found),
     }
+
+
+def _full_name(task: Task, record: TaskRecord) -> str:
+    """What a share of 1 stands for."""
+    if task.brief.greatest is not None:
+        return "greatest possible score"
+    return "record" if made_with_engine_of(task, record) else f"record of {record.engine}"
+
+
+def made_with_engine_of(task: Task, record: TaskRecord) -> bool:
+    """Whether a record was made with the task's engine, whatever the version."""
+    name = default_engine().name if task.engine == AUTO else task.engine
+    return record.engine.rpartition(" ")[0] == name
 
 
 def record_share(task: Task, score: float | None) -> float | None:

@@ -45,7 +45,13 @@ def item(name: str, firsts: tuple[float, ...], refined: Attempt) -> ItemResult:
 def card(model: str, *items: ItemResult, **conditions: Any) -> Card:
     return Card(
         agentflow="0",
-        conditions={"version": 1, "lite": False, "constants": "c", **conditions},
+        conditions={
+            "version": 1,
+            "lite": False,
+            "constants": "c",
+            "engine": "pybullet 3.2.7",
+            **conditions,
+        },
         digest="0123456789abcdef",
         model=model,
         sampling={},
@@ -68,7 +74,7 @@ HALF = card("half", item("throwing-1", (0.9, 0.9), scored(0.9)), item("flying-1"
 
 
 BOARD = """\
-Benchmark version 1 (0123456789abcdef)
+Benchmark version 1, pybullet 3.2.7 (0123456789abcdef)
 
                             refined                 first
 rank  model   share            95 %   share          95 %  calls  tokens  money  rollouts
@@ -132,6 +138,7 @@ def test_cards_are_ranked_by_refined_share_and_incomplete_ones_last(tmp_path: Pa
     [
         ({"version": 2}, "they differ in version; make both with the same version of the"),
         ({"constants": "d", "lite": True}, "they differ in lite and constants; make both"),
+        ({"engine": "mujoco 4.0.1"}, "they differ in engine (pybullet 3.2.7, mujoco 4.0.1); make"),
     ],
 )
 def test_cards_of_different_versions_are_not_mixed(

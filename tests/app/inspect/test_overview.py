@@ -44,6 +44,7 @@ def test_the_list_tells_the_state_of_each(folder: Path) -> None:
         "workflow": "hierarchical",
         "model": "procedural (no language model)",
         "seed": 0,
+        "engine": read_document(RECORDED)["engine"],
         "score": result["score"],
         "verified": result.get("verified"),
         "calls": result["calls"],
