@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.laws.forces import PartForce, PartLocations
 from agentflow.env.physics.rows import Row
-from agentflow.machine.geometry.vectors import Vec3, add, cross, dot, rotate_vector, scale
+from agentflow.machine.geometry.vectors import Vec3, dot, rotate_vector, scale
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,10 @@ class BladeForce:
         for row, blades in self._blades.items():
             _, _, _, x, y, z, w, vx, vy, vz, wx, wy, wz = rows[row]
             to_local = (-x, -y, -z, w)
-            spin = rotate_vector(to_local, (wx, wy, wz))
-            motion = rotate_vector(to_local, (vx, vy, vz))
-            for part, offset, push, normal, drag, square_cap in blades:
-                velocity = add(motion, cross(spin, offset))
+            wx, wy, wz = rotate_vector(to_local, (wx, wy, wz))
+            vx, vy, vz = rotate_vector(to_local, (vx, vy, vz))
+            for part, (x, y, z), (p, q, r), normal, drag, square_cap in blades:
+                velocity = vx + (wy * z - wz * y), vy + (wz * x - wx * z), vz + (wx * y - wy * x)
                 size = -drag * dot(velocity, normal) * min(dot(velocity, velocity), square_cap)
-                pushes.append((part, scale(push, size), None))
+                pushes.append((part, (p * size, q * size, r * size), None))
         return pushes

@@ -1,16 +1,18 @@
 """Springs and winches, and the forces with which they pull two parts together.
 
-On plain floats: machines have few of them, and arrays only pay for many.
+On plain floats, written out: machines have few of them, arrays only pay for many, and calls would
+take longer than what they compute.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 
 from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_motion
 from agentflow.env.physics.rows import Row
-from agentflow.machine.geometry.vectors import Vec3, dot, length, scale, subtract
+from agentflow.machine.geometry.vectors import Vec3, scale
 
 Place = tuple[int, Vec3]
 """Row of a cluster and offset from its leading part's centre, as `PartLocations.locate` gives."""
@@ -126,12 +128,13 @@ class WinchForce:
 
 def _line(rows: Sequence[Row], one: Place, other: Place) -> tuple[Vec3, Vec3, Vec3, float, float]:
     """Two points, the unit vector from one to the other, their distance and its rate of change."""
-    at_a, speed_a = part_motion(rows[one[0]], one[1])
-    at_b, speed_b = part_motion(rows[other[0]], other[1])
-    line = subtract(at_b, at_a)
-    distance = max(length(line), 1e-9)
-    along = scale(line, 1.0 / distance)
-    return at_a, at_b, along, distance, dot(subtract(speed_b, speed_a), along)
+    at_a, (ux, uy, uz) = part_motion(rows[one[0]], one[1])
+    at_b, (vx, vy, vz) = part_motion(rows[other[0]], other[1])
+    x, y, z = at_b[0] - at_a[0], at_b[1] - at_a[1], at_b[2] - at_a[2]
+    distance = max(sqrt(x * x + y * y + z * z), 1e-9)
+    per = 1.0 / distance
+    x, y, z = x * per, y * per, z * per
+    return at_a, at_b, (x, y, z), distance, (vx - ux) * x + (vy - uy) * y + (vz - uz) * z
 
 
 def opposite_forces(a: int, at_a: Vec3, b: int, at_b: Vec3, force: Vec3) -> list[PartForce]:

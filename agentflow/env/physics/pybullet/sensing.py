@@ -132,16 +132,9 @@ class Sensors:
 
     def read(self, reactions: Array) -> None:
         """Write the reactions of all joints, (J, 6), game frame; 0 for joints in no tree."""
-        client = self._client
-        if len(self._bodies) == 1:
-            ((uid, links),) = self._bodies
-            states = pybullet.getJointStates(uid, links, client)
-        else:
-            states = [
-                state
-                for uid, links in self._bodies
-                for state in pybullet.getJointStates(uid, links, client)
-            ]
+        states: list[tuple[Any, ...]] = []
+        for uid, links in self._bodies:
+            states += pybullet.getJointStates(uid, links, self._client)
         self._before, self._states = self._states, states
         numbers: list[float] = []
         for _, _, forces, _ in states:
