@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import inf, isfinite
 from time import perf_counter
@@ -186,49 +187,53 @@ class Play:
 
     def _step(self) -> Status:
         """Take one step, which may be divided into finer ones."""
-        stepping = self._stepping
-        divisions = stepping.advance(self._loads.peak) if self._start_step else stepping.settling
+        start, stepping = self._start_step, self._stepping
+        divisions = stepping.advance(self._loads.peak) if start else stepping.settling
+        thorough = self._steps % self._check_every == 0
         for part in range(1, divisions + 1):
             self._time = self._steps + part / divisions
-            status = self._advance(divisions)
+            status = self._advance(divisions, thorough)
             if status != "ok":
                 return status
-            if self._start_step:
-                self._view.time = (self._time - self._start_step) / self._rate
+            if start:
                 self._referee.watch(self._view)
-        usual = self._steps % self._check_every
         self._steps += 1
-        if self._start_step:
-            speeds = self._speeds if usual else self._world.speeds(thorough=False)
-            self._monitor.add_step(self._elapsed / self._rate, speeds)
+        if start:
+            speeds = self._world.speeds(thorough=False) if thorough else self._speeds
+            self._monitor.add_step((self._steps - start) / self._rate, speeds)
         if perf_counter() - self._began > self._wall_limit:
             return "timeout"
         return "ok"
 
-    def _advance(self, divisions: int) -> Status:
+    def _advance(self, divisions: int, thorough: bool) -> Status:
         """Take a part of a step. Broken joints stay until the next, so contacts can be read."""
+        world, loads = self._world, self._loads
         if self._to_split:
-            self._world.split(self._to_split)
-        self._world.step(divisions)
-        thorough = self._steps % self._check_every == 0
-        self._speeds = linear, angular = self._world.speeds(thorough)
+            world.split(self._to_split)
+        world.step(divisions)
+        self._speeds = linear, angular = world.speeds(thorough)
         if not (linear <= self._fastest and isfinite(angular)):
             return "diverged"
-        broken = self._loads.update(self._world.reactions, divisions)
-        if not self._loads.finite:
+        broken = loads.update(world.reactions, divisions)
+        if not loads.finite:
             return "diverged"
         self._to_split = tuple(broken)
+        if self._start_step:
+            self._view.time = seconds = (self._time - self._start_step) / self._rate
+            self._monitor.add_part(seconds)
+        if loads.near or broken:
+            self._note_loads(broken)
+        return "ok"
+
+    def _note_loads(self, broken: Mapping[int, float]) -> None:
+        """Keep which joints nearly broke, and which broke under what load."""
         for joint, load in self._loads.near.items():
             self._near[joint] = max(self._near.get(joint, (0.0, 0.0)), (load, self._time))
-        seconds = (self._time - self._start_step) / self._rate
-        if self._start_step:
-            self._monitor.add_part(seconds)
         for joint, load in broken.items():
             self._broken.append((self._time, joint, load))
             self._wrenches[joint] = self._loads.wrench(self._loads.failed[joint], joint)
-            self._monitor.recorder.lose(joint, seconds if self._start_step else -inf)
+            self._monitor.recorder.lose(joint, self._view.time if self._start_step else -inf)
             self._monitor.look_closely()
-        return "ok"
 
     @property
     def _elapsed(self) -> int:

@@ -56,9 +56,6 @@ class Grippers:
         self._names: dict[Handle, Held] = {}
         self._handles: dict[Held, Handle] = {}
 
-    def __bool__(self) -> bool:
-        return bool(self._grips)
-
     def bind(self, handles: Mapping[int, Handle]) -> None:
         """Switch to new bodies, and keep holding what was held.
 

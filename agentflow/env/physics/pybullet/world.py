@@ -110,8 +110,7 @@ class PyBulletWorld:
         now.motors.set_for_step()
         pybullet.stepSimulation(self.client)
         self._read()
-        if self._grips:
-            self._grips.watch()
+        self._grips.watch()
 
     def split(self, broken: Sequence[int]) -> None:
         """Remove joints and rebuild the bodies that they were part of."""
@@ -215,8 +214,7 @@ class PyBulletWorld:
         pybullet.setPhysicsEngineParameter(
             numNonContactInnerIterations=inner_iterations(series, plan), physicsClientId=client
         )
-        if self._grips:
-            self._grips.bind(handles)
+        self._grips.bind(handles)
         return Structure(
             built,
             layout,
