@@ -1,6 +1,6 @@
 """Compares the simulation with published measurements of the reference environment.
 
-    python benchmarks/fidelity.py [--catapults 200] [--seed 0]
+    python benchmarks/fidelity.py [--engine auto] [--catapults 200] [--seed 0]
 
 Covers the one throw that is published in full, the plain car, and the distances that random valid
 catapults throw. The last has no published counterpart; it shows the range of scores.
@@ -29,7 +29,8 @@ from published import (
 )
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.engine import Engine
+from agentflow.env.physics.engines import AUTO, choose_engine
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
@@ -42,14 +43,17 @@ def main() -> None:
     )
     parser.add_argument("--catapults", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--engine", default=AUTO)
     options = parser.parse_args()
-    print(f"constants {constants().digest}")
-    found = {name: throw(machine, window=5.0) for name, machine in machines().items()}
+    engine = choose_engine(options.engine).start()
+    print(f"{engine.identity}, constants {constants().digest}")
+    found = {name: throw(machine, 5.0, engine) for name, machine in machines().items()}
     _paths(found)
     _misfits(found)
     _tower(found)
-    _car()
-    _spread(options.catapults, Random(options.seed))
+    _car(engine)
+    _spread(engine, options.catapults, Random(options.seed))
+    engine.close()
 
 
 def _paths(found: dict[str, Rollout]) -> None:
@@ -113,17 +117,16 @@ def _tower(found: dict[str, Rollout]) -> None:
         print(f"  t = {step / rate:.3f} s".ljust(26) + cells)
 
 
-def _car() -> None:
+def _car(engine: Engine) -> None:
     low, high = facts()["plain_car_distance"]
-    score = simulate(PLAIN_CAR, get_task("movement")).score
+    score = simulate(PLAIN_CAR, get_task("movement"), engine=engine).score
     print(f"\nplain car in 5 s: {score:.1f} m (best published {low} to {high} m)")
 
 
-def _spread(count: int, rng: Random) -> None:
+def _spread(engine: Engine, count: int, rng: Random) -> None:
     """Scores, breakage and results of random catapults."""
-    engine, task = PyBulletEngine(), get_task("throwing")
+    task = get_task("throwing")
     found = [simulate(catapult(rng), task, engine=engine) for _ in range(count)]
-    engine.close()
     scores = sorted(float(each.score or 0.0) for each in found)
     thrown = [score for score in scores if score > 0]
     print(f"\n{count} random valid catapults: {dict(Counter(each.status for each in found))}")

@@ -17,6 +17,7 @@ import numpy as np
 from published import Misfit, machines, misfit, throw
 
 from agentflow.env.constants import Constants, constants
+from agentflow.env.physics.engines import choose_engine
 
 FITTED = ("with ballast", "with ballast and springs")
 SHOWN = 10
@@ -56,8 +57,10 @@ def _axis(text: str) -> tuple[str, list[float]]:
 
 
 def _misfits(physics: Constants) -> list[Misfit]:
-    found = machines()
-    return [misfit(throw(found[name], physics)) for name in FITTED]
+    found, engine = machines(), choose_engine().start(physics)
+    rollouts = [throw(found[name], 1.0, engine, physics) for name in FITTED]
+    engine.close()
+    return [misfit(rollout) for rollout in rollouts]
 
 
 def _cost(row: tuple[list[Misfit], str]) -> float:

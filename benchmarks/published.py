@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from agentflow.env.constants import Constants, constants
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
+from agentflow.env.physics.engine import Engine
 from agentflow.env.rollout import Array, Rollout, Trace
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
@@ -59,14 +59,19 @@ def _read(steps: list[dict[str, int]]) -> Machine:
     return machine
 
 
-def throw(machine: Machine, physics: Constants | None = None, window: float = 1.0) -> Rollout:
-    """Simulate one of the machines in the published arena and record every step."""
-    engine = PyBulletEngine(physics or constants())
-    try:
-        task, step = get_task("throwing", {"window": window}), 1 / constants()["step_rate"]
-        return simulate(machine, task, engine=engine, physics=physics, interval=step)
-    finally:
-        engine.close()
+def throw(
+    machine: Machine, window: float, engine: Engine, physics: Constants | None = None
+) -> Rollout:
+    """Simulate one of the machines in the published arena and record every step.
+
+    Args:
+        machine: One of `machines`.
+        window: s.
+        engine: A started engine, with the same constants.
+        physics: The constants; those of `constants.json` by default.
+    """
+    task, step = get_task("throwing", {"window": window}), 1 / constants()["step_rate"]
+    return simulate(machine, task, engine=engine, physics=physics, interval=step)
 
 
 def samples(states: Array) -> Array:

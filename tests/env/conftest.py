@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Engine, UnsupportedError
+from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.engines import ENGINES, EngineSpec
 from tests.engines import engine_params
 from tests.env.physics.rig import weightless
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call() -> Generator[None, object, object]:
-    """What an engine says it cannot simulate is expected to fail."""
-    try:
-        return (yield)
-    except UnsupportedError as error:
-        pytest.xfail(str(error))
-
 
 MakeEngine = Callable[[Constants | None], Engine]
 

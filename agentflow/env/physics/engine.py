@@ -25,13 +25,6 @@ class TooLargeError(UsageError):
         self.parts, self.limit = parts, limit
 
 
-class UnsupportedError(UsageError):
-    """The machine has something that the engine cannot simulate."""
-
-    def __init__(self, engine: str, what: str) -> None:
-        super().__init__(f"the physics engine {engine!r} cannot simulate {what}; use another one")
-
-
 @dataclass(frozen=True)
 class EngineIdentity:
     """Name and library version of an engine, which with the constants determine its rollouts."""
@@ -165,7 +158,6 @@ class Engine(Protocol):
 
         Raises:
             TooLargeError: The machine has more parts in one piece than the engine can hold.
-            UnsupportedError: The machine has something that the engine cannot simulate.
         """
 
     def close(self) -> None:

@@ -85,6 +85,20 @@ def test_what_a_grabber_holds_loads_its_connection(engine: Engine) -> None:
     assert np.linalg.norm(load[3:]) == pytest.approx(moment, rel=0.01)
 
 
+@pytest.mark.parametrize(("share", "holds"), [(0.5, False), (2.0, True)])
+def test_a_grabber_holds_no_more_than_its_force(engine: Engine, share: float, holds: bool) -> None:
+    """What hangs from it weighs twice or half as much."""
+    tree, _, boulder = crane("y-")
+    assembly = assemble(tree, place(tree), constants())
+    weight = library()[BOULDER].mass * constants()["gravity"]
+    grips = tuple(replace(grip, force=share * weight) for grip in assembly.devices.grippers)
+    assembly = replace(assembly, devices=replace(assembly.devices, grippers=grips))
+    world = engine.build(assembly, Scene(), RATE)
+    high = world.centre(boulder)[1]
+    run(world, 1.0)
+    assert (high - world.centre(boulder)[1] < 0.05) == holds
+
+
 def test_a_grip_outlives_a_split(engine: Engine) -> None:
     tree, grabber, boulder = crane("z+")
     world, assembly = start(engine, tree)

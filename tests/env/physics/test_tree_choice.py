@@ -10,8 +10,8 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.engine import Engine
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.structure import spanning_tree
 from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.rollout import Rollout
@@ -20,6 +20,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.machine.edits.random import random_machine
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
+from tests.env.conftest import MakeEngine
 
 TASK = get_task("movement", {"window": 2})
 MACHINES = 50
@@ -51,20 +52,20 @@ def turned_round(joint: Joint) -> tuple[bool, bool]:
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-def test_scores_do_not_depend_on_the_choice_of_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scores_do_not_depend_on_the_choice_of_tree(
+    monkeypatch: pytest.MonkeyPatch, engine: Engine, make_engine: MakeEngine
+) -> None:
     gravity = constants()["gravity"]
     nudged = [constants().changed({"gravity": gravity * (1.0 + nudge)}) for nudge in NUDGES]
-    engines = [PyBulletEngine(physics) for physics in nudged]
+    engines = [make_engine(physics) for physics in nudged]
     left = MACHINES
     for tree in looped_machines():
-        first = simulate(tree, TASK)
-        if any(differ(first, simulate(tree, TASK, engine=engine)) for engine in engines):
+        first = simulate(tree, TASK, engine=engine)
+        if any(differ(first, simulate(tree, TASK, engine=other)) for other in engines):
             continue
         with monkeypatch.context() as patch:
             patch.setattr(spanning_tree, "preference", turned_round)
-            assert not differ(first, simulate(tree, TASK)), tree.digest
+            assert not differ(first, simulate(tree, TASK, engine=engine)), tree.digest
         left -= 1
         if not left:
             break
-    for engine in engines:
-        engine.close()

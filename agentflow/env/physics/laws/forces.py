@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from agentflow.env.physics.rows import Row
 from agentflow.env.rollout import Array
-from agentflow.machine.geometry.vectors import Vec3, add, cross, dot, rotate_vector
+from agentflow.machine.geometry.vectors import Vec3, dot, rotate_vector
 
 Indices = NDArray[np.intp]
 
@@ -63,8 +63,9 @@ def part_motion(row: Row, offset: Vec3) -> tuple[Vec3, Vec3]:
         offset: From the centre of the cluster's leading part to this part's, at rest.
     """
     px, py, pz, x, y, z, w, vx, vy, vz, wx, wy, wz = row
-    arm = rotate_vector((x, y, z, w), offset)
-    return add((px, py, pz), arm), add((vx, vy, vz), cross((wx, wy, wz), arm))
+    a, b, c = rotate_vector((x, y, z, w), offset)
+    velocity = (vx + (wy * c - wz * b), vy + (wz * a - wx * c), vz + (wx * b - wy * a))
+    return (px + a, py + b, pz + c), velocity
 
 
 def power_of(forces: Sequence[PartForce], rows: Sequence[Row], locations: PartLocations) -> float:

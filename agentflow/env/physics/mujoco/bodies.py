@@ -6,6 +6,7 @@ rest. A rigid joint is a body without joint in its parent; the root of a piece h
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin
@@ -17,6 +18,7 @@ import numpy as np
 from agentflow.env.constants import Constants
 from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
 from agentflow.env.physics.model import Assembly, Joint, Shape
+from agentflow.env.physics.mujoco.couplings import FIRM, add_grip, hard, mesh_cogs, weld
 from agentflow.env.physics.mujoco.surfaces import FIXED, Surface, Surfaces
 from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.layout import RowLayout
@@ -39,12 +41,12 @@ LONE_RADIUS = 0.1
 TILT: Quat = (5e-7, 0.0, 0.0, 1.0)
 """Turns every cylinder by 1e-6 rad: MuJoCo 3.17 to 4.0.1 finds contacts radii deep if a cylinder's
 axis is 1e-15 to 1e-12 rad off the normal of a plane."""
+TOUCH = 0.005
+"""What is at most this far from a grabber is gripped, m."""
 TANGENTIAL = 10.0
 """Stiffness of friction over that of the normal force. With 1, what rests on a slope creeps."""
 HARD = (0.95, 0.99, 0.001, 0.5, 2.0)
 """Impedance of stops."""
-TIGHT = 0.9999
-"""Impedance of motors and dry friction; the rest is how far they give way."""
 OFF = (
     mujoco.mjtDisableBit.mjDSBL_AUTORESET  # would hide that a simulation diverged
     | mujoco.mjtDisableBit.mjDSBL_FILTERPARENT  # would let whole clusters pass through each other
@@ -88,13 +90,15 @@ class Built:
     loose: Mapping[str, Place]
     """Free joint of each moving thing."""
     links: tuple[Link, ...]
-    """In the order of their sensors."""
+    """Those of the trees, then the loops; in the order of their sensors."""
     joints: Mapping[int, Place]
     """Place of each joint that moves."""
     owners: tuple[Body, ...]
     """Block or thing that each shape belongs to."""
     lively: tuple[bool, ...]
     """Whether each shape rebounds more than usual."""
+    grips: Mapping[int, int]
+    """Constraint of each part that is a grabber."""
 
 
 def build(
@@ -115,7 +119,8 @@ def set_step_length(model: Any, step: float) -> None:
     Time constants follow: MuJoCo replaces those of less than two steps by a softer one.
     """
     model.opt.timestep = step
-    model.jnt_solref[:] = model.eq_solref[:] = _fast(step)
+    model.jnt_solref[:] = _fast(step)
+    model.eq_solref[:] = hard(step)
     model.dof_solref[:] = _braking(step)
 
 
@@ -151,6 +156,9 @@ class _Builder:
         self._parts: dict[int, Any] = {}
         self._roots: dict[int, Any] = {}
         self._joints: dict[int, Any] = {}
+        self._grabbers = {grip.part for grip in assembly.devices.grippers}
+        self._shares = Counter(loop.part for loop in plan.loops)
+        """How many loops end at each part; each has a share of the part's mass."""
         self._ground(scene.friction)
         for number, thing in enumerate(scene.things):
             self._thing(thing, FIXED - 1 - number)
@@ -166,10 +174,13 @@ class _Builder:
         for one, other in sorted(self._apart):
             spec.add_exclude(bodyname1=one, bodyname2=other)
         self._surfaces.pair(spec, self._apart)
-        links = tuple(self._plan.links)
+        mesh_cogs(spec, self._assembly, self._plan, self._joints, self._step)
+        for grip in self._assembly.devices.grippers:
+            add_grip(spec, _name(grip.part), self._step)
+        links = (*self._plan.links, *self._plan.loops)
         for link in links:
             for kind in (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE):
-                name = _name(link.part)
+                name = str(link.joint)
                 spec.add_sensor(type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name)
         moving = [*map(_name, layout.leading), *map(_name, layout.things)]
         for name in moving:
@@ -193,6 +204,10 @@ class _Builder:
             joints={joint: place(made) for joint, made in self._joints.items()},
             owners=tuple(self._owners[i] for i in order),
             lively=tuple(self._surfaces.lively[i] for i in order),
+            grips={
+                grip.part: model.equality(_name(grip.part)).id
+                for grip in self._assembly.devices.grippers
+            },
         )
 
     def _ground(self, friction: float | None) -> None:
@@ -225,23 +240,43 @@ class _Builder:
         self._roots[piece.root] = body.add_freejoint()
         self._part(body, piece.root, root, lone)
         for link in piece.links:
-            joint = joints[link.joint]
-            frames[link.part] = joint.pivot
-            parent = self._parts[link.parent]
-            arm = swap(subtract(joint.pivot, frames[link.parent]))
-            body = parent.add_body(name=_name(link.part), pos=arm)
-            body.add_site(name=_name(link.part))
-            if joint.kind != "fixed" and not link.rigid:
-                self._joints[link.joint] = self._joint(body, joint, link)
-                self._apart.add((_name(link.parent), _name(link.part)))
-            self._part(body, link.part, joint.pivot, lone)
+            pivot = frames[link.part] = joints[link.joint].pivot
+            self._part(self._hang(link, frames, _name(link.part)), link.part, pivot, lone)
+        for loop in piece.loops:
+            self._close(loop, frames)
+
+    def _hang(self, link: Link, frames: Mapping[int, Vec3], name: str) -> Any:
+        """A body without mass on a joint of its parent."""
+        joint = self._assembly.joints[link.joint]
+        arm = swap(subtract(joint.pivot, frames[link.parent]))
+        body = self._parts[link.parent].add_body(name=name, pos=arm)
+        body.add_site(name=str(link.joint))
+        if joint.kind != "fixed" and not link.rigid:
+            self._joints[link.joint] = self._joint(body, joint, link)
+            self._apart.add((_name(link.parent), _name(link.part)))
+        return body
+
+    def _close(self, loop: Link, frames: Mapping[int, Vec3]) -> None:
+        """A joint that closes a loop, from its part `a` to a twin of its part `b`, which has no
+        shape and a share of that part's mass, and is welded to it."""
+        part, pivot = self._assembly.parts[loop.part], self._assembly.joints[loop.joint].pivot
+        twin = self._hang(loop, frames, f"twin {loop.joint}")
+        self._weigh_part(twin, loop.part, pivot)
+        anchor = swap(subtract(part.centre, frames[loop.part]))
+        weld(self._spec, twin.name, _name(loop.part), anchor, self._step)
+
+    def _weigh_part(self, body: Any, index: int, frame: Vec3) -> None:
+        """Give a body with this frame the mass of a part, or its share of it."""
+        part, share = self._assembly.parts[index], 1.0 / (1 + self._shares[index])
+        arm, inertia = subtract(part.centre, frame), swap(part.inertia)
+        _weigh(body, share * part.mass, scale(inertia, share), swap(arm))
 
     def _part(self, body: Any, index: int, frame: Vec3, lone: bool) -> None:
         """Mass and shapes of a part, in a body with this frame."""
         part = self._assembly.parts[index]
         self._parts[index] = body
         arm = subtract(part.centre, frame)
-        _weigh(body, part.mass, swap(part.inertia), swap(arm))
+        self._weigh_part(body, index, frame)
         surface = Surface(part.friction, part.restitution, part.rolling_friction)
         shapes = (Shape("sphere", (2 * LONE_RADIUS,) * 3),) if lone else part.shapes
         for shape in shapes:
@@ -249,16 +284,18 @@ class _Builder:
                 geom = self._add_geom(body, part.block)
                 self._shape(geom, shape.kind, shape.size, add(arm, shape.offset), shape.rotation)
                 self._surfaces.cover(geom, surface, self._plan.cluster[index])
+                if index in self._grabbers:
+                    geom.gap = TOUCH
 
     def _joint(self, body: Any, joint: Joint, link: Link) -> Any:
         """A joint with its motor or dry friction, spring and stops."""
-        made = body.add_joint(type=_KINDS[joint.kind])
+        made = body.add_joint(name=str(link.joint), type=_KINDS[joint.kind])
         if joint.kind != "spherical":
             made.axis = axis_of(joint, link)
         drive = merge_drives(self._assembly.joints, link.joint, link.parallel)
         made.frictionloss = drive.command({}).limit
         made.solref_friction = _braking(self._step)
-        made.solimp_friction = (TIGHT, TIGHT, *HARD[2:])
+        made.solimp_friction = FIRM
         if drive.stops is not None:
             made.limited, made.range = True, list(drive.stops)
             made.solref_limit, made.solimp_limit = _fast(self._step), HARD

@@ -29,7 +29,8 @@ class Contacts:
         data = self._data
         contact = data.contact
         self._geoms, self._places = contact.geom.copy(), contact.pos.copy()
-        self._rows, self._forces = contact.efc_address.copy(), data.efc_force.copy()
+        self._rows = contact.efc_address.copy()
+        self._forces = np.append(data.efc_force, 0.0)  # of contacts without a row: -1
 
     def touching(self, body: Body) -> frozenset[Body]:
         """What a block or thing was in contact with."""

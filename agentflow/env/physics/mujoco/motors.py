@@ -14,7 +14,8 @@ import numpy as np
 
 from agentflow.env.physics.laws.forces import Indices
 from agentflow.env.physics.model import Joint
-from agentflow.env.physics.mujoco.bodies import TIGHT, Built, Place
+from agentflow.env.physics.mujoco.bodies import Built, Place
+from agentflow.env.physics.mujoco.couplings import TIGHT
 from agentflow.env.physics.structure.drives import JointDrive, merge_drives
 from agentflow.env.rollout import Array
 

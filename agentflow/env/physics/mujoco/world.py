@@ -10,16 +10,17 @@ import mujoco
 import numpy as np
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.engine import Power, Touch, UnsupportedError
+from agentflow.env.physics.engine import Power, Touch
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.air import GustClock
 from agentflow.env.physics.laws.select import device_laws, wind_laws
 from agentflow.env.physics.laws.tension import WinchForce
 from agentflow.env.physics.model import Assembly, State
-from agentflow.env.physics.mujoco import MUJOCO
 from agentflow.env.physics.mujoco.bodies import Built, build, inertia_of, set_step_length
 from agentflow.env.physics.mujoco.contacts import Contacts
+from agentflow.env.physics.mujoco.couplings import align_cogs
 from agentflow.env.physics.mujoco.forces import AppliedForces
+from agentflow.env.physics.mujoco.grip import Grippers
 from agentflow.env.physics.mujoco.motors import Motors
 from agentflow.env.physics.mujoco.restoring import place_at_start, restore
 from agentflow.env.physics.mujoco.sensing import Reactions, Rows, motions
@@ -27,7 +28,7 @@ from agentflow.env.physics.mujoco.surfaces import Calming
 from agentflow.env.physics.readings import Readings, states_of
 from agentflow.env.physics.rows import ROTATION, Row, top_speeds
 from agentflow.env.physics.structure.layout import RowLayout, lay_out
-from agentflow.env.physics.structure.spanning_tree import Skeleton, skeleton
+from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Body
@@ -71,11 +72,14 @@ class MuJoCoWorld:
         self._wind = GustClock(scene, self._levels, 1.0 / rate)
         self.now = self._build_structure()
         """The model and what belongs to it."""
+        self._grips = Grippers(assembly.devices.grippers, self.now.built)
         place_at_start(self.now.built, assembly, scene.start)
         self._refresh()
 
     def switch(self, entry: str, level: float) -> None:
         self._levels[entry] = float(level)
+        if entry == "grabbers":
+            self._grips.switch(level > 0)
         self._refresh()
 
     def step(self, divisions: int = 1) -> None:
@@ -93,6 +97,7 @@ class MuJoCoWorld:
         now.motors.read()
         now.motors.mix()
         now.contacts.read()
+        self._grips.watch()
         mujoco.mj_step1(model, data)
         now.rows.read()
         now.reactions.read(self.reactions)
@@ -106,7 +111,10 @@ class MuJoCoWorld:
         things = dict(zip(old.layout.things, rows[old.layout.thing_rows], strict=True))
         self.reactions[:] = 0.0
         self.now = self._build_structure()
-        restore(self.now.built, self._assembly, parts, things, known)
+        built = self.now.built
+        restore(built, self._assembly, parts, things, known)
+        align_cogs(built.model, built.data)
+        self._grips.bind(built)
         self._refresh()
 
     # --- observation ------------------------------------------------------------------------
@@ -171,7 +179,6 @@ class MuJoCoWorld:
         """The model of what is whole, at rest, and everything that refers to it."""
         assembly, scene = self._assembly, self._scene
         plan = skeleton(len(assembly.parts), assembly.joints, self._broken)
-        _check_supported(assembly, plan)
         layout = lay_out(assembly, plan, scene.moving)
         built = build(self._physics, assembly, plan, layout, scene, self._interval)
         rows = Rows(built)
@@ -215,18 +222,3 @@ class MuJoCoWorld:
     def _interval(self) -> float:
         """Length of a step, s."""
         return 1.0 / (self._rate * self._divisions)
-
-
-def _check_supported(assembly: Assembly, plan: Skeleton) -> None:
-    """Refuse what is not built yet.
-
-    Raises:
-        UnsupportedError: The machine has such a thing.
-    """
-    for name, found in (
-        ("joints that close a loop", plan.loops),
-        ("cogs that mesh", assembly.devices.cog_meshes),
-        ("grabbers", assembly.devices.grippers),
-    ):
-        if found:
-            raise UnsupportedError(MUJOCO.name, name)
