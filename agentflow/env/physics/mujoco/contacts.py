@@ -30,7 +30,7 @@ class Contacts:
         contact = data.contact
         self._geoms, self._places = contact.geom.copy(), contact.pos.copy()
         self._rows = contact.efc_address.copy()
-        self._forces = np.append(data.efc_force, 0.0)  # of contacts without a row: -1
+        self._forces = data.efc_force.copy()
 
     def touching(self, body: Body) -> frozenset[Body]:
         """What a block or thing was in contact with."""
@@ -45,7 +45,7 @@ class Contacts:
     def all(self) -> list[Touch]:
         """Everything that was in contact."""
         found: dict[tuple[Body, Body], tuple[float, float, Vec3]] = {}
-        forces = self._forces[self._rows].tolist()
+        forces = np.append(self._forces, 0.0)[self._rows].tolist()  # contacts without force: row -1
         for pair, force, (x, y, z) in zip(
             self._pairs(), forces, self._places.tolist(), strict=True
         ):

@@ -20,6 +20,9 @@ from agentflow.env.physics.structure.spanning_tree import Skeleton
 from agentflow.machine.geometry.vectors import Vec3, cross, rotate_vector, subtract
 
 _STILL = (0.0, 0.0, 0.0)
+_PACK, _SIZE = Struct("6d").pack_into, 48
+"""Writes the force and torque on a body, which take so many bytes; faster than assigning to an
+array."""
 
 
 class AppliedForces:
@@ -48,9 +51,9 @@ class AppliedForces:
             *range(len(layout.leading), len(self._leading)),
         ]
         self._count = len(assembly.parts)
-        self._blank = [0.0] * (6 * built.model.nbody)
-        self._pack = Struct(f"{len(self._blank)}d").pack_into
-        """Faster than any conversion to an array."""
+        self._target = built.data.xfrc_applied.data
+        self._written: set[int] = set()
+        """Bodies on which forces acted in the last step."""
 
     def power(self) -> Power:
         """Mean power of springs, and of thrusters and winches, in the last step."""
@@ -59,30 +62,37 @@ class AppliedForces:
     def __call__(self) -> None:
         """Apply everything for one step."""
         rows = self._rows.all
-        total = self._blank.copy()
+        total: dict[int, list[float]] = {}
         for row, local, force, torque in self._drag(rows):
             moment = torque or _STILL
             if local:
                 _, _, _, x, y, z, w, *_ = rows[row]
                 turn = x, y, z, w
                 force, moment = rotate_vector(turn, force), rotate_vector(turn, moment)
-            at = 6 * self._leading[row]
-            total[at : at + 6] = (*force, *moment)
+            total[self._leading[row]] = [*force, *moment]
         for forces in self._laws(rows):
             for part, force, place in forces:
                 if place is None:
                     _, _, _, x, y, z, w, *_ = rows[self._row[part]]
                     force = rotate_vector((x, y, z, w), force)
-                at = 6 * self._at[part]
-                total[at] += force[0]
-                total[at + 1] += force[1]
-                total[at + 2] += force[2]
+                own = total.setdefault(self._at[part], [0.0] * 6)
+                own[0] += force[0]
+                own[1] += force[1]
+                own[2] += force[2]
                 if part >= self._count and place is not None:
-                    self._turn(total, at, part, force, place)
-        self._pack(self._built.data.xfrc_applied.data, 0, *total)
+                    self._turn(own, part, force, place)
+        self._write(total)
 
-    def _turn(self, total: list[float], at: int, part: int, force: Vec3, place: Vec3) -> None:
+    def _write(self, total: dict[int, list[float]]) -> None:
+        """Replace the forces of the last step."""
+        for body in self._written - total.keys():
+            _PACK(self._target, body * _SIZE, *_STILL, *_STILL)
+        for body, wrench in total.items():
+            _PACK(self._target, body * _SIZE, *wrench)
+        self._written = set(total)
+
+    def _turn(self, own: list[float], part: int, force: Vec3, place: Vec3) -> None:
         """Add the torque of a force on a thing at a place other than its centre of mass."""
         row = self._rows.all[self._row[part]]
-        for i, moment in enumerate(cross(subtract(place, row[POSITION]), force), at + 3):
-            total[i] += moment
+        for i, moment in enumerate(cross(subtract(place, row[POSITION]), force), 3):
+            own[i] += moment

@@ -101,7 +101,7 @@ class Motors:
             angle, speed = data.qpos[self._position[held]], data.qvel[self._velocity[held]]
             self._angles[held] = np.where(np.abs(speed) > STILL, angle, self._angles[held])
             self._aims[held] = HOLD * (self._angles[held] - angle)
-        data.efc_aref[data.ne + self._row] += self._aims * (1.0 / (self.step * TIGHT))
+        data.efc_aref[self._row + data.ne] += self._aims / (self.step * TIGHT)
         self._before = data.qvel[self._velocity]
 
     def read(self) -> None:
