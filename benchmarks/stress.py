@@ -1,6 +1,6 @@
 """Simulates random valid machines on all tasks and reports every unsound result.
 
-    python benchmarks/stress.py [--machines 2000] [--workers 2] [--seed 0]
+    python benchmarks/stress.py [--machines 2000] [--workers 2] [--seed 0] [--engine auto]
 
 A sound result is typed and has only finite numbers. Prints the number of results per status, the
 slowest rollouts, the final memory of the workers, and every fault; exit status 1 if there are any.
@@ -22,6 +22,7 @@ from random import Random
 import numpy as np
 
 from agentflow.env.archive import rollout_json
+from agentflow.env.physics.engines import AUTO
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
@@ -40,17 +41,23 @@ def main() -> None:
     parser.add_argument("--machines", type=int, default=2000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--engine", default=AUTO)
     options = parser.parse_args()
-    sys.exit(asyncio.run(_run(options.machines, options.workers, options.seed)))
+    sys.exit(bool(stress(options.machines, options.workers, options.seed, options.engine)))
 
 
-def cases(count: int, seed: int = 0) -> Iterator[tuple[str, Task, Machine]]:
+def stress(count: int, workers: int, seed: int, engine: str) -> int:
+    """Simulate this many machines, print what was found, and return the number of faults."""
+    return asyncio.run(_run(count, workers, seed, engine))
+
+
+def cases(count: int, seed: int = 0, engine: str = AUTO) -> Iterator[tuple[str, Task, Machine]]:
     """Name, task and machine of each case: the tasks in turn, each machine from its own seed.
 
     A task with ten trials only takes part in every tenth round, starting with the first, so every
     task takes about the same number of rollouts.
     """
-    tasks = [get_task(name) for name in task_names()]
+    tasks = [get_task(name, engine=engine) for name in task_names()]
     rounds = ((turn, task) for turn in itertools.count() for task in tasks)
     due = (task for turn, task in rounds if turn % len(task.trials(seed)) == 0)
     for number, task in enumerate(itertools.islice(due, count)):
@@ -80,7 +87,7 @@ def faults(rollout: Rollout) -> list[str]:
     return found
 
 
-async def _run(count: int, workers: int, seed: int) -> int:
+async def _run(count: int, workers: int, seed: int, engine: str) -> int:
     began = time.perf_counter()
     bad: list[str] = []
     statuses: Counter[str] = Counter()
@@ -100,7 +107,7 @@ async def _run(count: int, workers: int, seed: int) -> int:
 
     async with RolloutPool(workers) as pool:
         running = []
-        for name, task, machine in cases(count, seed):
+        for name, task, machine in cases(count, seed, engine):
             await free.acquire()
             running.append(asyncio.create_task(one(pool, name, task, machine)))
         await asyncio.gather(*running)
@@ -111,7 +118,7 @@ async def _run(count: int, workers: int, seed: int) -> int:
     print("slowest: " + "; ".join(f"{seconds:.2f} s ({name})" for seconds, name in slowest))
     print("memory of the workers: " + ", ".join(f"{size:.1f} MB" for size in memory))
     print(f"{len(bad)} faults", *bad, sep="\n  ")
-    return int(bool(bad))
+    return len(bad)
 
 
 def _memory(pid: int) -> float:
