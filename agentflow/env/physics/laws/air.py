@@ -128,10 +128,10 @@ class WindForce:
         if not strength:
             return []
         row, rotation = self._locations.row, matrices(rows[:, ROTATION])
-        arms, motion = turn(rotation[row], self._locations.offset), rows[row]
+        arms, motion = turn(rotation.take(row, 0), self._locations.offset), rows.take(row, 0)
         velocity = motion[:, VELOCITY] + cross(motion[:, SPIN], arms)
         air = self._wind * strength
-        facing = self._areas * np.abs(turn_back(rotation, air[None]))[row]
+        facing = self._areas * np.abs(turn_back(rotation, air[None])).take(row, 0)
         push = self._drag * (facing[:, 0] + facing[:, 1] + facing[:, 2])
         force = push[:, None] * (air - velocity)
         places = motion[:, POSITION] + arms
