@@ -120,12 +120,12 @@ class Readings:
 
     def centre(self, row: Row, block: int) -> Vec3:
         """Centre of a block, from the row of its cluster."""
-        x, y, z, a, b, c, w, *_ = row
+        x, y, z, a, b, c, w, _, _, _, _, _, _ = row
         return swap(add((x, y, z), rotate_vector((a, b, c, w), self._centre_at[block])))
 
     def origin(self, row: Row, block: int) -> Vec3:
         """Building point of a block, from the row of its cluster."""
-        x, y, z, a, b, c, w, *_ = row
+        x, y, z, a, b, c, w, _, _, _, _, _, _ = row
         return swap(add((x, y, z), rotate_vector((a, b, c, w), self._origin_at[block])))
 
     def rotation(self, row: Row, block: int) -> Quat:
