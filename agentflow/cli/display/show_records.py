@@ -83,7 +83,7 @@ def show_rescored(found: Data) -> None:
             change = item["difference"]
             shown = "-" if change is None else f"{change:+.3f}"
             table.add_row(item["machine"], item["place"], then, now, shown)
-        console.print(table)
+        console.print_wide(table)
     if found["note"]:
         console.print(found["note"])
     for item in found["machines"]:

@@ -76,6 +76,7 @@ def sweep(folder: Path, runs: dict[str, Sequence[Event]], **document: Any) -> Pa
                 {
                     **RESULT,
                     "model": MODEL if "random" not in name else "none (random edits)",
+                    "engine": "other 1" if "other" in name else "pybullet 3.2.7",
                     "score": max(scores, default=None),
                 }
             )
@@ -123,7 +124,7 @@ def test_axes_are_columns_and_seeds_are_pooled(tmp_path: Path) -> None:
     assert table.notes == (
         "3 runs; 2 seeds, pooled.",
         "INCOMPLETE: 1 of 4 runs are missing, 0 of them failed.",
-        "Physics engine: not recorded.",
+        "Physics engine: pybullet 3.2.7.",
         "valid: trajectories (independent attempts) with a valid machine, after retries; mean: "
         "mean score over valid machines; max: best score.",
     )
@@ -304,6 +305,37 @@ def test_best_scores_relative_to_players(tmp_path: Path) -> None:
         ("delivery", MODEL): (44.4, 88.8, 0.5),
         ("movement", MODEL): (9.0, None, None),
     }
+
+
+def test_engines_are_never_pooled(tmp_path: Path) -> None:
+    runs = {
+        "usual.seed-0": [candidate("initial", 1, 2.0)],
+        "other.seed-0": [candidate("initial", 1, 4.0)],
+    }
+    axes = {"condition": {"usual": {}, "other": {}}}
+    path = sweep(tmp_path, runs, base={"task": "delivery"}, axes=axes)
+    assert values(view(path, "players")) == {
+        ("delivery", f"{MODEL}, pybullet 3.2.7"): (2.0, 88.8, 2.0 / 88.8),
+        ("delivery", f"{MODEL}, other 1"): (4.0, 88.8, 4.0 / 88.8),
+    }
+    for name in VIEWS:
+        notes = view(path, name).notes
+        assert "Physics engine: pybullet 3.2.7, other 1; no number is of more than one." in notes
+    note = "Shares of records compare with machines that pybullet 3.2.7 simulated."
+    assert note in view(path, "verified").notes
+
+
+def test_seeds_with_different_engines_are_refused(tmp_path: Path) -> None:
+    path = sweep(tmp_path, {"seed-0": [candidate("initial", 1, 2.0)]}, seeds=[0, 1])
+    run = RunDirectory.create(path / "runs", "seed-1", {})
+    run.finish({**RESULT, "model": MODEL, "engine": "other 1", "score": None})
+    run.close()
+    with pytest.raises(RunError) as caught:
+        read_sweep_result(path)
+    assert str(caught.value) == (
+        f"{path}: seed-0 was made with pybullet 3.2.7 but seed-1 with other 1, so they cannot be "
+        "pooled: remove one of these runs and make it again with --resume"
+    )
 
 
 def test_score_against_expansions(tmp_path: Path) -> None:
