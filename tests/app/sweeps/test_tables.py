@@ -320,7 +320,7 @@ def test_engines_are_never_pooled(tmp_path: Path) -> None:
     }
     for name in VIEWS:
         notes = view(path, name).notes
-        assert "Physics engine: pybullet 3.2.7, other 1; no number is of more than one." in notes
+        assert "Physics engine: other 1, pybullet 3.2.7; no number is of more than one." in notes
     note = "Shares of records compare with machines that pybullet 3.2.7 simulated."
     assert note in view(path, "verified").notes
 
