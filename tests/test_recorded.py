@@ -15,6 +15,7 @@ def test_there_is_a_recorded_run() -> None:
     assert RUNS
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("run", RUNS, ids=lambda run: run.name)
 def test_a_recorded_run_replays_identically(run: Path) -> None:
     said: list[str] = []

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from agentflow.env.physics.engine import EngineIdentity, World
+from agentflow.env.physics.engines import default_engine
+from agentflow.env.physics.model import Assembly
 from agentflow.env.rollout import Broken, Feedback, Rollout, Trace
+from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Body
 from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3
 from agentflow.machine.tree import ROOT, Machine, Step
@@ -37,6 +42,34 @@ class FakeWorld:
 
     def touching(self, body: Body) -> frozenset[Body]:
         return self.contacts.get(body, frozenset())
+
+
+class AlteredWorld:
+    """A world that does all that another does; subclasses alter some of it."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.world, name)
+
+
+class AlteredEngine:
+    """The default engine, but each of its worlds is altered."""
+
+    def __init__(self, alter: Callable[[World], Any]) -> None:
+        self._engine, self._alter = default_engine().start(), alter
+
+    @property
+    def identity(self) -> EngineIdentity:
+        return self._engine.identity
+
+    def build(self, assembly: Assembly, scene: Scene, rate: float) -> World:
+        world: World = self._alter(self._engine.build(assembly, scene, rate))
+        return world
+
+    def close(self) -> None:
+        self._engine.close()
 
 
 def make_trace(

@@ -10,9 +10,9 @@ import pytest
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.physics.loads import Loads
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.physics.structure.spanning_tree import skeleton
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Broken, Rollout
@@ -264,7 +264,7 @@ def test_what_closes_a_loop_can_break(engine: Engine) -> None:
 def test_what_breaks_while_settling_is_told_with_its_negative_time() -> None:
     """A beam with a ballast at its end, too weak for its own weight."""
     weak = constants().changed({"strength_torque": 20.0, "strength_force": 100.0})
-    engine = PyBulletEngine(weak)
+    engine = default_engine().start(weak)
     beam = machine((0, -1, -1), (15, 0, 4), (63, 1, 1), (35, 2, 0))
     rollout = simulate(beam, get_task("movement", {"window": 1}), engine=engine, physics=weak)
     engine.close()

@@ -30,6 +30,7 @@ def _paths(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str |
         yield path
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize("path", MEASURED, ids=lambda path: ".".join(map(str, path)))
 def test_the_engine_agrees(path: tuple[str | int, ...]) -> None:
     tolerance = LOOSE.get(str(path[0]), 0.025)

@@ -9,9 +9,9 @@ import sys
 import pytest
 
 from agentflow.env.constants import constants
-from agentflow.env.physics.pybullet.world import PyBulletWorld
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
+from tests.env.fakes import AlteredEngine, AlteredWorld
 from tests.env.machines import CAR, machine
 
 CLIMBED = {
@@ -72,6 +72,7 @@ def test_climbed_throwers_move_the_same_in_a_new_process() -> None:
     assert done.stdout.split() == here[::-1]
 
 
+@pytest.mark.pybullet
 @pytest.mark.parametrize(
     ("rate", "steps"),
     [
@@ -82,17 +83,18 @@ def test_climbed_throwers_move_the_same_in_a_new_process() -> None:
     ids=str,
 )
 def test_a_plain_car_takes_fine_steps_while_it_settles_and_starts(
-    rate: float, steps: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
+    rate: float, steps: list[tuple[int, int]]
 ) -> None:
     """Steps of the settling, of the first 0.1 s and of the rest of 1 s, with their divisions."""
     taken: list[int] = []
-    step = PyBulletWorld.step
 
-    def count(world: PyBulletWorld, divisions: int = 1) -> None:
-        taken.append(divisions)
-        step(world, divisions)
+    class CountedWorld(AlteredWorld):
+        def step(self, divisions: int = 1) -> None:
+            taken.append(divisions)
+            self.world.step(divisions)
 
-    monkeypatch.setattr(PyBulletWorld, "step", count)
-    rollout = simulate(CAR, get_task("movement", {"window": 1}), rate=rate)
+    engine = AlteredEngine(CountedWorld)
+    rollout = simulate(CAR, get_task("movement", {"window": 1}), rate=rate, engine=engine)
+    engine.close()
     assert rollout.sim_seconds == 1.0
     assert taken == [divisions for divisions, n in steps for _ in range(divisions * n)]

@@ -128,6 +128,7 @@ def test_check_and_engine_agree_on_500(engine: Engine, engine_spec: EngineSpec) 
     agreements(engine, engine_spec, 500)
 
 
+@pytest.mark.pybullet
 def test_a_check_without_a_task_names_what_the_default_engine_cannot_hold() -> None:
     chains = [(15, 0, face) for face in range(4)]
     chains += [(15, parent, 0) for parent in range(1, 25)]  # four chains of seven blocks

@@ -19,9 +19,9 @@ from agentflow.env.drawing.gltf import rollout_glb
 from agentflow.env.feedback.contacts import contact_line, telling
 from agentflow.env.feedback.text import rounded
 from agentflow.env.measurements import Contact, Energy, Hit
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.physics.laws.tension import Spring
 from agentflow.env.physics.model import Assembly, Devices, Drive, Joint, Part
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Moment, Rollout, Trace
 from agentflow.env.scene import Scene
@@ -63,6 +63,7 @@ def lines_of(rollout: Rollout, start: str) -> list[str]:
 # --- contacts ------------------------------------------------------------------------------
 
 
+@pytest.mark.pybullet
 def test_the_landing_of_a_boulder_is_a_contact() -> None:
     _, rollout = thrown()
     trace, boulder = trace_of(rollout), rollout.feedback.data["boulder"]
@@ -129,6 +130,7 @@ def test_velocity_is_that_of_the_point_whose_position_is_told() -> None:
     assert (places[0] == trace.centre[row, boulder]).all()
 
 
+@pytest.mark.pybullet
 def test_things_are_asked_for_by_name() -> None:
     machine, rollout = pushed()
     properties = ["position", "velocity", "rotation"]
@@ -164,6 +166,7 @@ def test_saved_rollouts_come_back_and_old_ones_stay_readable(tmp_path: Path) -> 
 # --- loads ---------------------------------------------------------------------------------
 
 
+@pytest.mark.pybullet
 def test_peaks_are_those_of_every_step() -> None:
     """No sample shows more than the peak, and the peak of what broke is the load that broke it."""
     machine = load("flying/copter.json")
@@ -196,7 +199,7 @@ TOLERANCE = 0.01
 
 def balanced(assembly: Assembly, switch: str, gravity: float, time: float) -> Energy:
     """The energy after a time in a world without friction and air."""
-    engine = PyBulletEngine(constants().changed({"gravity": gravity}))
+    engine = default_engine().start(constants().changed({"gravity": gravity}))
     world = engine.build(assembly, Scene(), RATE)
     work, start = WorkLog(world, 1 / RATE), world.snapshot()
     world.switch(switch, 1.0)
@@ -243,6 +246,7 @@ def test_the_work_of_gravity_is_what_falls() -> None:
     assert abs(energy.lost) < TOLERANCE * energy.gravity
 
 
+@pytest.mark.pybullet
 def test_of_a_throw_most_energy_is_accounted_for() -> None:
     """Springs lose some of their work to damping, and the air takes a little."""
     _, rollout = thrown()

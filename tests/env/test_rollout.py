@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from dataclasses import replace
-from importlib.metadata import version
 from math import nan
 from pathlib import Path
 
@@ -14,15 +13,13 @@ import pytest
 
 from agentflow.env.archive import load_npz, rollout_json, save_npz
 from agentflow.env.constants import constants
-from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
-from agentflow.env.physics.pybullet.world import PyBulletWorld
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.rollout import Rollout, RolloutEvent
-from agentflow.env.scene import Scene
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
 from agentflow.machine.validity import check
+from tests.env.fakes import AlteredEngine, AlteredWorld
 from tests.env.machines import BALLASTED, CAR, PRINTED, machine, shipped
 
 KEYS = [
@@ -93,6 +90,7 @@ def test_the_published_machine_throws_backwards_and_breaks_at_its_tower_top(
     assert np.isnan(trace.utilisation[3, column])
 
 
+@pytest.mark.pybullet
 def test_with_its_ballast_it_follows_the_published_throw() -> None:
     rollout = simulate(BALLASTED, get_task("throwing"))
     assert rollout.trace is not None
@@ -141,26 +139,34 @@ def test_joints_that_hold_each_other_are_told_in_the_words_of_the_check() -> Non
     assert [warning.message.endswith(reason) for warning in check(tree).warnings] == [True, True]
 
 
-class ExplodingWorld(PyBulletWorld):
-    """Diverges in its 237th step: 160 settle the machine, 48 are parts of the first 0.1 s."""
+class FailingWorld(AlteredWorld):
+    """Fails after 1/3 s with the motors on."""
 
-    steps = 0
+    started = False
+    frames = 0.0
+
+    def switch(self, entry: str, level: float) -> None:
+        self.world.switch(entry, level)
+        self.started |= entry == "motors" and level > 0.0
 
     def step(self, divisions: int = 1) -> None:
-        super().step(divisions)
-        self.steps += 1
+        self.world.step(divisions)
+        self.frames += self.started / divisions
+
+    @property
+    def has_failed(self) -> bool:
+        return self.frames > 40.0
+
+
+class ExplodingWorld(FailingWorld):
+    """Its speeds are no numbers."""
 
     def speeds(self, thorough: bool = True) -> tuple[float, float]:
-        return super().speeds(thorough) if self.steps < 237 else (nan, 0.0)
-
-
-class Exploding(PyBulletEngine):
-    def build(self, assembly: Assembly, scene: Scene, rate: float) -> PyBulletWorld:
-        return ExplodingWorld(self.client, self.physics, assembly, scene, rate)
+        return (nan, 0.0) if self.has_failed else self.world.speeds(thorough)
 
 
 def test_a_rollout_that_diverges_scores_nothing() -> None:
-    rollout = simulate(CAR, get_task("movement"), engine=Exploding())
+    rollout = simulate(CAR, get_task("movement"), engine=AlteredEngine(ExplodingWorld))
     assert (rollout.status, rollout.score) == ("diverged", 0.0)
     assert rollout.trace is not None
     assert np.isfinite(rollout.trace.position).all()
@@ -170,25 +176,17 @@ def test_a_rollout_that_diverges_scores_nothing() -> None:
     )
 
 
-class UnreadableWorld(PyBulletWorld):
-    """Its joints' loads are no numbers from the 237th step on, though nothing is fast."""
-
-    steps = 0
+class UnreadableWorld(FailingWorld):
+    """Its joints' loads are no numbers, though nothing is fast."""
 
     def step(self, divisions: int = 1) -> None:
         super().step(divisions)
-        self.steps += 1
-        if self.steps >= 237:
-            self.reactions[0] = nan
-
-
-class Unreadable(PyBulletEngine):
-    def build(self, assembly: Assembly, scene: Scene, rate: float) -> PyBulletWorld:
-        return UnreadableWorld(self.client, self.physics, assembly, scene, rate)
+        if self.has_failed:
+            self.world.reactions[0] = nan
 
 
 def test_a_load_that_is_no_number_is_a_divergence() -> None:
-    rollout = simulate(CAR, get_task("movement"), engine=Unreadable())
+    rollout = simulate(CAR, get_task("movement"), engine=AlteredEngine(UnreadableWorld))
     assert (rollout.status, rollout.score, rollout.broken) == ("diverged", 0.0, ())
     assert rollout.sim_seconds == pytest.approx(40 / 120)
 
@@ -232,6 +230,7 @@ def test_what_is_switched_on_late_gets_the_time_to_move_what_rests() -> None:
     assert 1.0 < rollout.broken[0].time < 1.1
 
 
+@pytest.mark.pybullet
 def test_a_machine_too_large_for_the_engine_is_invalid() -> None:
     rows: list[tuple[int, ...]] = [(0, -1, -1)]
     for side in (2, 3):
@@ -259,7 +258,7 @@ def test_the_result_has_the_keys_of_the_command_line(thrown: Rollout) -> None:
     data = rollout_json(thrown)
     assert list(data) == KEYS
     assert data["constants"] == constants().digest
-    assert data["engine"] == f"pybullet {version('pybullet')}"
+    assert data["engine"] == str(default_engine().identity)
     keys = {"block", "type", "partner", "time", "load", "force", "moment"}
     assert set(data["broken"][0]) == keys
     assert json.loads(json.dumps(data)) == data

@@ -10,28 +10,26 @@ import pytest
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.assembly import assemble
-from agentflow.env.physics.pybullet.engine import PyBulletEngine
-from agentflow.env.physics.pybullet.world import PyBulletWorld
+from agentflow.env.physics.engine import World
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.rollout import Array
 from agentflow.env.scene import Scene
 from agentflow.env.simulation.settling import Settling
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import ROOT, Machine
+from tests.env.fakes import AlteredWorld
 
 RATE = 120.0
 Path = Callable[[float], float]
 
 
-class OnRails(PyBulletWorld):
+class OnRails(AlteredWorld):
     """One block whose height is given for every moment."""
 
     now = 0.0
 
-    def __init__(self, client: int, path: Path) -> None:
-        tree = Machine((ROOT,))
-        super().__init__(
-            client, constants(), assemble(tree, place(tree), constants()), Scene(), RATE
-        )
+    def __init__(self, world: World, path: Path) -> None:
+        super().__init__(world)
         self._path = path
 
     def centres(self) -> Array:
@@ -40,9 +38,10 @@ class OnRails(PyBulletWorld):
 
 def settled(path: Path, slow: bool = True) -> float | None:
     """When it counts as settled, s; None if not within 3 s."""
-    engine = PyBulletEngine()
-    world = OnRails(engine.client, path)
-    settling = Settling(Machine((ROOT,)), world, RATE, constants())
+    engine, tree = default_engine().start(), Machine((ROOT,))
+    assembly = assemble(tree, place(tree), constants())
+    world = OnRails(engine.build(assembly, Scene(), RATE), path)
+    settling = Settling(tree, world, RATE, constants())
     found = None
     for step in range(1, 361):
         world.now = step / RATE

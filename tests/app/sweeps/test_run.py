@@ -26,7 +26,7 @@ from agentflow.metrics.validity import Rate
 from agentflow.runs import Event, read_result
 from agentflow.runs.document import document_text
 
-VERSION = default_engine().identity.version
+ENGINE = default_engine().identity
 TINY: dict[str, Any] = {
     "title": "Tiny",
     "base": {
@@ -213,7 +213,7 @@ def test_unfinished_and_half_created_runs_are_carried_out(
     ("name", "value", "words"),
     [
         ("prompts", "0" * 16, "prompts"),
-        ("engine", "pybullet 0.0.1", f"engine (pybullet 0.0.1, now {VERSION})"),
+        ("engine", f"{ENGINE.name} 0.0.1", f"engine ({ENGINE.name} 0.0.1, now {ENGINE.version})"),
     ],
 )
 def test_a_sweep_with_runs_under_other_conditions_is_refused(
@@ -241,12 +241,12 @@ def test_resuming_a_sweep_with_another_engine_is_refused(
     copy = tmp_path / "tiny"
     shutil.copytree(outcome.path, copy)
     document = yaml.safe_load((copy / "sweep.yaml").read_text())
-    assert document["engine"] == f"pybullet {VERSION}"
+    assert document["engine"] == str(ENGINE)
     (copy / "sweep.yaml").write_text(yaml.safe_dump({**document, "engine": "other 1"}))
     with pytest.raises(RunError) as caught:
         carry_out(path, tmp_path, resume=True)
     assert str(caught.value) == (
-        f"{copy} was started with different engine (other 1, now pybullet {VERSION}): further "
+        f"{copy} was started with different engine (other 1, now {ENGINE}): further "
         "runs would not be comparable; choose another folder with --out"
     )
     del document["engine"]

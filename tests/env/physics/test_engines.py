@@ -10,16 +10,17 @@ import pytest
 
 from agentflow.env.physics.engines import ENGINES, EngineSpec, default_engine
 from agentflow.errors import ConfigError
+from tests.engines import missing_engines
 
 
 def test_an_engine_is_identified_without_loading_its_library() -> None:
     code = (
         "import sys\n"
         "from agentflow.env.physics.engines import default_engine\n"
-        "print(default_engine().identity, 'pybullet' in sys.modules, 'numpy' in sys.modules)"
+        "print(default_engine().name, {'pybullet', 'mujoco', 'numpy'} & {*sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == f"pybullet {version('pybullet')} False False\n"
+    assert done.stdout == f"{default_engine().name} set()\n"
 
 
 @pytest.mark.parametrize("name", ENGINES)
@@ -27,8 +28,14 @@ def test_engines_are_registered_by_their_name(name: str) -> None:
     assert ENGINES[name].name == name
 
 
-def test_the_preferred_engine_is_the_default() -> None:
+@pytest.mark.pybullet
+def test_pybullet_is_the_default_where_it_is_installed() -> None:
     assert default_engine() is ENGINES["pybullet"]
+
+
+def test_the_first_engine_that_is_installed_is_the_default() -> None:
+    missing = missing_engines()
+    assert default_engine().name == next(name for name in ENGINES if name not in missing)
 
 
 def test_an_engine_whose_library_is_missing_says_what_to_install() -> None:
