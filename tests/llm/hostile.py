@@ -76,10 +76,10 @@ async def serving(*answers: Answer, tls: ssl.SSLContext | None = None) -> AsyncI
         yield server
     finally:
         listener.close()
-        await listener.wait_closed()
         for task in list(server.tasks):
             task.cancel()
         await asyncio.gather(*server.tasks, return_exceptions=True)
+        await listener.wait_closed()  # from Python 3.12 on, it waits for all connections
 
 
 def raw(*parts: bytes, pause_s: float = 0.0, close: bool = False) -> Answer:
