@@ -338,6 +338,19 @@ WRONG = [
     (["convert", "car.json", "folder.urdf"], "cannot write folder.urdf: Is a directory"),
     (["convert", "car.json", "no/x.urdf"], "cannot write no/x.urdf: No such file or directory"),
     (
+        ["convert", "car.json", "x.xml"],
+        "x.xml holds the scene of a task: name the task with --task",
+    ),
+    (
+        ["convert", "car.json", "x.urdf", "--task", "movement"],
+        "x.urdf holds no task: remove --task, or write .xml",
+    ),
+    (["convert", "car.json", "x.xml", "--task", "moving"], "unknown task 'moving'; known: "),
+    (
+        ["convert", "catapult.json", "x.xml", "--task", "movement"],
+        "catapult.json is not a valid machine: block 12: type 30 (Container) is not allowed here",
+    ),
+    (
         ["convert", "overlap.json", "x.urdf"],
         "overlap.json is not a valid machine: blocks 1, 2 share face 0 of block 0 (Starting Block)",
     ),

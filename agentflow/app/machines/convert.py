@@ -6,15 +6,18 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.machines.files import machine_text
-from agentflow.app.machines.formats import format_of
+from agentflow.app.machines.formats import FORMATS, Format, format_of
+from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.files import write_output
-from agentflow.machine import Problem, library, place, spatial_problems
+from agentflow.machine import Machine, Problem, check, library, place, spatial_problems
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.formats.detect import read_any
 
 
-def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
+def convert(
+    source: str, out: Path, *, task: Task | None = None, strict: bool = False
+) -> dict[str, Any]:
     """Read a machine in any format and write it in the format given by the suffix of `out`.
 
     Blocks that are not in the library, scaled, off the grid or unconnected are reported and
@@ -23,9 +26,11 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
     Args:
         source: File, run directory (its best machine), or `-` for standard input.
         out: File to write; its suffix is one of `formats.FORMATS`.
+        task: The task whose scene is written as well, for the formats that hold one.
         strict: Refuse machines with skipped blocks or ambiguous parents, and invalid machines.
     """
     form = format_of(out)
+    _require_task(form, task, out)
     reading = read_any(machine_text(source), blocks=tuple(library()))
     found = (*reading.problems, *reading.loose)
     problems = tuple(sorted(found, key=lambda problem: problem.blocks))
@@ -42,10 +47,10 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
             f"{source} cannot be converted: it is built on a plate, which is not a block of the "
             "game; convert it to .json or .glb"
         )
-    invalid = tuple(spatial_problems(place(machine)))
-    if invalid and (strict or form.needs_valid):
+    invalid = _problems(machine, task)
+    if invalid and (strict or form.needs != "blocks"):
         raise UsageError(f"{source} is not a valid machine: {_summarize(invalid)}")
-    data, losses = form.write(machine)
+    data, losses = form.write(machine, task)
     with write_output(out) as part:
         part.write_bytes(data)
     return {
@@ -55,6 +60,23 @@ def convert(source: str, out: Path, *, strict: bool = False) -> dict[str, Any]:
         "notes": [*reading.notes, *losses],
         "warnings": [f"the machine is not valid: {_summarize(invalid)}"] if invalid else [],
     }
+
+
+def _require_task(form: Format, task: Task | None, out: Path) -> None:
+    """Refuse a file that needs a task without one, and a task that the file does not hold."""
+    if (form.needs == "task") == (task is not None):
+        return
+    if task is None:
+        raise UsageError(f"{out} holds the scene of a task: name the task with --task")
+    holding = [suffix for suffix, other in FORMATS.items() if other.needs == "task"]
+    raise UsageError(f"{out} holds no task: remove --task, or write {' or '.join(holding)}")
+
+
+def _problems(machine: Machine, task: Task | None) -> tuple[Problem, ...]:
+    """Why a file-valid machine is not valid, on this task if there is one."""
+    if task is None:
+        return tuple(spatial_problems(place(machine)))
+    return check(machine, task.brief).problems
 
 
 def _summarize(problems: tuple[Problem, ...]) -> str:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Literal
 
 from agentflow.env.drawing.gltf import machine_glb
 from agentflow.env.export.urdf import machine_urdf
+from agentflow.env.physics.engines import ENGINES
+from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import Machine
 from agentflow.machine.formats.bsg_writing import to_bsg
@@ -22,17 +26,18 @@ Written = tuple[bytes, tuple[str, ...]]
 class Format:
     """A file format."""
 
-    write: Callable[[Machine], Written]
-    needs_valid: bool = False
-    """Whether it holds only valid machines."""
+    write: Callable[[Machine, Task | None], Written]
+    needs: Literal["blocks", "valid machine", "task"] = "blocks"
+    """`blocks`: it holds any file-valid machine; `task`: it holds the scene of a task as well, and
+    the machine must be valid on it."""
     of_the_game: bool = False
     """Whether its machines begin with the Starting Block."""
 
 
-def _document(write: Callable[[Machine], bytes | str]) -> Callable[[Machine], Written]:
+def _document(write: Callable[[Machine], bytes | str]) -> Callable[[Machine, Task | None], Written]:
     """A writer of files that hold everything."""
 
-    def written(machine: Machine) -> Written:
+    def written(machine: Machine, _: Task | None) -> Written:
         content = write(machine)
         return content.encode() if isinstance(content, str) else content, ()
 
@@ -44,12 +49,21 @@ def _coordinates(machine: Machine) -> str:
     return "[\n" + ",\n".join(lines) + "\n]\n"
 
 
+def _mjcf(machine: Machine, task: Task | None) -> Written:
+    """As the MuJoCo engine builds it, which is loaded by name, as engines are."""
+    _ = ENGINES["mujoco"].identity  # says what to install
+    module = import_module("agentflow.env.physics.mujoco.export.mjcf")
+    written: Written = module.machine_mjcf(machine, task)
+    return written
+
+
 FORMATS: Mapping[str, Format] = {
     ".coords.json": Format(_document(_coordinates), of_the_game=True),
     ".json": Format(_document(lambda machine: machine.to_text() + "\n")),
     ".bsg": Format(_document(to_bsg), of_the_game=True),
     ".glb": Format(_document(machine_glb)),
-    ".urdf": Format(machine_urdf, needs_valid=True),
+    ".urdf": Format(lambda machine, _: machine_urdf(machine), needs="valid machine"),
+    ".xml": Format(_mjcf, needs="task"),
 }
 """The first suffix that a file name ends with counts."""
 

@@ -104,9 +104,8 @@ def _files(machine: Machine, shapes: Shapes) -> dict[str, tuple[int, int]]:
     """Name -> place of the files of a machine; plates are no blocks of the game."""
     formats = (".json", ".glb") if plate_of(machine[0].type) else (".json", ".bsg", ".glb")
     name = f"machine-{machine.digest}"
-    return {
-        f"{name}{suffix}": shapes.attach(FORMATS[suffix].write(machine)[0]) for suffix in formats
-    }
+    written = {suffix: FORMATS[suffix].write(machine, None)[0] for suffix in formats}
+    return {f"{name}{suffix}": shapes.attach(data) for suffix, data in written.items()}
 
 
 def _film_data(

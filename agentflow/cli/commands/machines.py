@@ -66,13 +66,18 @@ def check(
 
 
 def _brief(task: str | None, knobs: list[str] | None, engine: str | None = None) -> Any:
+    level = _task(task, knobs, engine)
+    return None if level is None else level.brief
+
+
+def _task(task: str | None, knobs: list[str] | None, engine: str | None) -> Any:
     if task is None:
         if knobs:
             raise UsageError("--set changes a knob of a task; name the task with --task")
         return None
     from agentflow.app.tasks import find_task
 
-    return find_task(task, knobs or (), engine).brief
+    return find_task(task, knobs or (), engine)
 
 
 @commands.command(
@@ -108,8 +113,13 @@ def edit(
 def convert(
     source: Source,
     out: Annotated[
-        Path, typer.Argument(help="Output file: .json, .coords.json, .bsg, .glb or .urdf.")
+        Path, typer.Argument(help="Output file: .json, .coords.json, .bsg, .glb, .urdf or .xml.")
     ],
+    task: Annotated[
+        str | None,
+        typer.Option(help="Task whose scene an .xml file holds, such as movement/3."),
+    ] = None,
+    knobs: Knobs = None,
     strict: Annotated[
         bool,
         typer.Option(
@@ -122,12 +132,14 @@ def convert(
 
     Unsupported blocks are reported and skipped; an invalid machine is written with a warning.
 
-    A .urdf file, for robotics tools, holds valid machines only; notes say what it cannot hold.
+    Two formats are for other simulators: .urdf holds the machine alone, and .xml (MJCF, for MuJoCo)
+    the machine in the scene of a task. They hold valid machines only; notes say what is lost.
     """
     from agentflow.app.machines.convert import convert as rewrite
     from agentflow.cli.display.show import show_conversion
 
-    print_result(rewrite(source, out, strict=strict), as_json, show_conversion)
+    level = _task(task, knobs, "mujoco")
+    print_result(rewrite(source, out, task=level, strict=strict), as_json, show_conversion)
 
 
 @commands.command(epilog="Example: agentflow simulate machine.json --task movement --json")

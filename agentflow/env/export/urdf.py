@@ -46,7 +46,7 @@ def machine_urdf(machine: Machine) -> tuple[bytes, tuple[str, ...]]:
         loose = [assembly.parts[part].block for piece in plan.pieces[1:] for part in piece.parts]
         raise UsageError(
             f"URDF holds one connected machine, but no joint connects {name_blocks(loose)} to "
-            "block 0; remove what is loose"
+            "block 0; remove what is loose, or convert to .xml"
         )
     notes = urdf_losses(assembly, plan)
     robot = Element("robot", name="machine")

@@ -79,6 +79,8 @@ class Place:
 class Built:
     """A compiled model, its state, and where everything is in them."""
 
+    spec: Any
+    """What the model was compiled from."""
     model: Any
     data: Any
     parts: tuple[int, ...]
@@ -194,6 +196,7 @@ class _Builder:
             return Place(int(model.jnt_qposadr[joint.id]), int(model.jnt_dofadr[joint.id]))
 
         return Built(
+            spec,
             model,
             mujoco.MjData(model),
             parts=tuple(self._parts[part].id for part in range(len(self._assembly.parts))),

@@ -1,0 +1,1 @@
+"""Models of the MuJoCo engine as files for other users of MuJoCo."""

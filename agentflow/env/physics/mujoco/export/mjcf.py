@@ -1,0 +1,137 @@
+"""A machine in the scene of a task as MJCF, the file format of MuJoCo: the model of the engine.
+
+The model is at rest as it was assembled. Its keyframe `start` is the settled machine, switched on
+as the task does at t = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from agentflow.env.constants import Constants, constants
+from agentflow.env.export.losses import name_blocks
+from agentflow.env.physics.assembly import assemble
+from agentflow.env.physics.frames import swap
+from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.mujoco.bodies import Built
+from agentflow.env.physics.mujoco.engine import MuJoCoEngine
+from agentflow.env.physics.mujoco.export.actuators import Actuators
+from agentflow.env.scene import Scene
+from agentflow.env.tasks.base import Task
+from agentflow.machine.geometry.placement import place
+from agentflow.machine.geometry.vectors import subtract
+from agentflow.machine.tree import Machine
+
+RATE = 500.0
+"""Hz: fine steps of a length that is exact in the six digits of the file."""
+TILT = (1.0, 2e-5, 0.0, 0.0)
+"""As `bodies.TILT`, w first: 4e-5 rad, which six digits keep."""
+ROD_RADIUS = 0.09
+"""Of braces, which nothing touches, m."""
+ABOUT = """
+A machine and the scene of the task {task}, as the physics engine {engine} builds them.
+Metres, kilograms, seconds; z is up, and the machine faces y+.
+Controls are levels of the task's schedule: 1 is full speed, 0 holds, -1 runs backwards.
+With all controls at 0 the machine settles. The keyframe "start" is the settled machine at t = 0 of
+a simulation, with what the task switches on then.
+{notes}
+"""
+
+
+def machine_mjcf(machine: Machine, task: Task) -> tuple[bytes, tuple[str, ...]]:
+    """The file of a machine that is valid on a task, and what it cannot hold."""
+    value, engine = constants(), MuJoCoEngine()
+    assembly, scene = assemble(machine, place(machine), value), task.scene(machine)
+    built = engine.build(assembly, scene, RATE).now.built
+    spec = built.spec
+    _place(built)
+    _colour(built, assembly, scene)
+    actuators = Actuators(built, assembly)
+    actuators.add()
+    notes = _losses(assembly, scene, task, any(built.lively))
+    told = "".join(f"\n* {note}" for note in notes)
+    spec.modelname = "machine"
+    spec.comment = ABOUT.format(task=task.name, engine=engine.identity, notes=told.strip())
+    levels = _levels(task)
+    controls = [levels.get(entry, 0.0) for entry in actuators.entries]
+    spec.add_key(name="start", qpos=_settle(spec.compile(), value), ctrl=controls)
+    spec.compile()
+    return spec.to_xml().encode(), notes
+
+
+def _place(built: Built) -> None:
+    """Move the machine to the start of the scene, and tilt cylinders so that the file keeps it."""
+    for part, at in built.roots.items():
+        body = built.spec.body(built.model.body(built.parts[part]).name)
+        pose = built.data.qpos[at.position : at.position + 7]
+        body.pos, body.quat = pose[:3], pose[3:]
+    for geom in built.spec.geoms:
+        if geom.type == mujoco.mjtGeom.mjGEOM_CYLINDER:
+            turned = np.zeros(4)
+            mujoco.mju_mulQuat(turned, geom.quat, np.array(TILT))
+            geom.quat = turned
+
+
+def _colour(built: Built, assembly: Assembly, scene: Scene) -> None:
+    """Light the scene, colour all shapes, and draw braces, which are shapes that touch nothing."""
+    spec = built.spec
+    colours: dict[Any, Sequence[float]] = {thing.name: thing.color for thing in scene.things}
+    colours |= {part.block: part.color for part in assembly.parts}
+    for number, owner in enumerate(built.owners):
+        geom = spec.geom(built.model.geom(number).name)
+        geom.rgba = colours.get(owner, geom.rgba)
+    devices = assembly.devices
+    stretching = {spring.a for spring in devices.springs} | {winch.a for winch in devices.winches}
+    for block, first, second in assembly.spans:
+        if first not in stretching:
+            body = spec.body(built.model.body(built.parts[first]).name)
+            ends = assembly.parts[first].centre, assembly.parts[second].centre
+            rod = body.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, mass=0.0, rgba=colours[block])
+            rod.size[0], rod.contype, rod.conaffinity = ROD_RADIUS, 0, 0
+            rod.fromto = [*body.ipos, *(body.ipos + swap(subtract(ends[1], ends[0])))]
+    spec.worldbody.add_light(
+        pos=[0.0, 0.0, 30.0], dir=[0.2, 0.3, -1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    )
+
+
+def _levels(task: Task) -> dict[str, float]:
+    """The level of each schedule entry at t = 0."""
+    return {entry: level for time, entry, level in task.schedule.switches() if time <= 0.0}
+
+
+def _settle(model: Any, value: Constants) -> Any:
+    """Positions of the model after it has settled with all controls at 0."""
+    data = mujoco.MjData(model)
+    still = 0.0
+    while still < value["settle_least"] and data.time < value["settle_most"]:
+        mujoco.mj_step(model, data)
+        moving = np.abs(data.qvel).max() > value["rest_speed"]
+        still = 0.0 if moving else still + model.opt.timestep
+    return data.qpos
+
+
+def _losses(assembly: Assembly, scene: Scene, task: Task, lively: bool) -> tuple[str, ...]:
+    """What the file does not hold, one sentence each."""
+    parts, joints, devices = assembly.parts, assembly.joints, assembly.devices
+    lost = {
+        "the pull of winches": [parts[winch.a].block for winch in devices.winches],
+        "the lift of blades": [parts[blade.part].block for blade in devices.blades],
+        "the grip of grabbers": [parts[gripper.part].block for gripper in devices.grippers],
+        "the release of decouplers": [j.block for j in joints if j.drive.starts == "decouplers"],
+    }
+    notes = ["MJCF does not hold what connections bear: nothing breaks"]
+    notes += [f"MJCF does not hold {what}: {name_blocks(ids)}" for what, ids in lost.items() if ids]
+    if lively:
+        notes.append("MJCF does not hold that slow contacts of elastic surfaces do not rebound")
+    if any(scene.wind):
+        notes.append("MJCF does not hold the wind of the task")
+    if task.trials(0) != (task,):
+        notes.append("the task is tried with variations; the file holds its scene without them")
+    if later := [switch for switch in task.schedule.switches() if switch[0] > 0.0]:
+        told = ", ".join(f"{entry} to {level:g} at {time:g} s" for time, entry, level in later)
+        notes.append(f"MJCF does not hold the later switches of the task: {told}")
+    return tuple(notes)
