@@ -23,7 +23,8 @@ HOLD = 6.0
 """1/s: how fast motors that stand still come back to the angle that they hold. Those that only
 aimed at speed 0 would creep under load, as MuJoCo's constraints give way a little."""
 STILL = 0.05
-"""rad/s; motors that turn faster, as they brake or are overcome, hold no angle yet."""
+"""rad/s; motors that turn faster, as they brake or are overcome, hold no angle yet. Only before any
+device is switched on do they come back from further, as after the jerk when a boulder falls in."""
 
 
 class Motors:
@@ -62,6 +63,8 @@ class Motors:
         """Speed that each motor aims at, rad/s."""
         self._held = _indices([])
         """Motors that hold an angle."""
+        self._yields = np.ones(0, dtype=bool)
+        """Whether each of these takes a new angle once it is overcome."""
         self._angles: Array = np.zeros(len(self._joints))
         """The angle that each motor holds, rad."""
         self._before = self._torques = np.zeros(len(self._joints))
@@ -79,6 +82,9 @@ class Motors:
         new = np.setdiff1d(held, self._held).astype(np.intp)
         self._angles[new] = self._data.qpos[self._position[new]]
         self._held = _indices(held)
+        idle = not any(level for entry, level in self._levels.items() if entry != "wind")
+        still = np.abs(self._data.qvel[self._velocity[self._held]]) <= STILL
+        self._yields = ~still if idle else np.ones(len(held), dtype=bool)
         self.mix()
 
     def mix(self) -> None:
@@ -99,7 +105,8 @@ class Motors:
         if len(self._held):
             held = self._held
             angle, speed = data.qpos[self._position[held]], data.qvel[self._velocity[held]]
-            self._angles[held] = np.where(np.abs(speed) > STILL, angle, self._angles[held])
+            slips = self._yields & (np.abs(speed) > STILL)
+            self._angles[held] = np.where(slips, angle, self._angles[held])
             self._aims[held] = HOLD * (self._angles[held] - angle)
         data.efc_aref[self._row + data.ne] += self._aims / (self.step * TIGHT)
         self._before = data.qvel[self._velocity]
