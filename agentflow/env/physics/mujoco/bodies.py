@@ -43,8 +43,9 @@ TILT: Quat = (5e-7, 0.0, 0.0, 1.0)
 axis is 1e-15 to 1e-12 rad off the normal of a plane."""
 TOUCH = 0.005
 """What is at most this far from a grabber is gripped, m."""
-TANGENTIAL = 10.0
-"""Stiffness of friction over that of the normal force. With 1, what rests on a slope creeps."""
+TANGENTIAL = 100.0
+"""Stiffness of friction over that of the normal force. With 1, what rests on a slope creeps; with
+10, rolling friction hardly brakes a boulder that is slow."""
 HARD = (0.95, 0.99, 0.001, 0.5, 2.0)
 """Impedance of stops."""
 OFF = (
