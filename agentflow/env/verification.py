@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from agentflow.env.physics.engines import choose_engine, installed_engines
+from agentflow.env.physics.engines import AUTO, EngineSpec, default_engine, installed_engines
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.simulation.variations import DEFAULT, VARIATIONS, Variation
@@ -95,6 +95,12 @@ async def verify_async(
     return Verification({v.name: r for v, r in zip(VARIATIONS, rollouts, strict=True)})
 
 
+def other_engines(task: Task) -> list[EngineSpec]:
+    """The installed engines besides that of the task."""
+    used = default_engine().name if task.engine == AUTO else task.engine
+    return [spec for spec in installed_engines() if spec.name != used]
+
+
 async def score_on_others(
     run: Callable[..., Awaitable[Rollout]], task: Task
 ) -> list[dict[str, Any]]:
@@ -107,8 +113,7 @@ async def score_on_others(
             arguments bound.
         task: The task; its engine is left out.
     """
-    used = choose_engine(task.engine).name
-    others = [spec for spec in installed_engines() if spec.name != used]
+    others = other_engines(task)
     rollouts = await asyncio.gather(*(run(replace(task, engine=spec.name)) for spec in others))
     return [
         {"engine": str(spec.identity), "status": rollout.status, "score": rollout.score}

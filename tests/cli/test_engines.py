@@ -64,10 +64,23 @@ def test_a_run_of_an_engine_that_is_not_there_says_so(
     (copy / "run.yaml").write_text(document_text(other))
     assert main(["replay", str(copy)]) == 2
     assert capsys.readouterr().err == (
-        f"agentflow: {copy} was made with fast 1: unknown physics engine 'fast'; known: auto, "
-        "pybullet, mujoco\n"
+        f"agentflow: {copy} was made with fast 1, which is not installed; agentflow rescore "
+        "simulates its machines with another engine\n"
     )
     assert "fast 1" in shown(capsys, "show", str(copy))
+    found = rescore(copy)  # its purpose is to simulate with what is there
+    assert found["engine"] == {"recorded": "fast 1", "now": identity("auto")}
+
+
+def test_a_run_from_before_engines_were_configured_keeps_its_recorded_engine(
+    run: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "run"
+    shutil.copytree(run, copy)
+    document = read_document(copy)
+    del document["config"]["engine"]
+    (copy / "run.yaml").write_text(document_text(document))
+    assert rescore(copy)["engine"] == {"recorded": identity(MUJOCO), "now": identity(MUJOCO)}
 
 
 def test_auto_is_recorded_as_what_it_stands_for(tmp_path: Path) -> None:

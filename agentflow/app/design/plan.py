@@ -18,7 +18,7 @@ from agentflow.app.design.config import config_json
 from agentflow.app.design.models import choose_models
 from agentflow.config.run import DesignConfig, build_config, suggest_key
 from agentflow.env.constants import constants
-from agentflow.env.physics.engines import AUTO, choose_engine
+from agentflow.env.physics.engines import AUTO, ENGINES, choose_engine, usable_engine
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import (
     FAMILIES,
@@ -91,15 +91,12 @@ class RunPlan:
             engine: Name of an engine in place of the run's own.
 
         Raises:
-            ConfigError: The engine cannot be used here.
+            ConfigError: The engine is not installed.
         """
-        config = build_config(document.get("config"))
-        if engine is not None:
-            config = config.model_copy(update={"engine": engine})
-        try:
-            choose_engine(config.engine)
-        except UsageError as error:
-            raise ConfigError(f"{path} was made with {document.get('engine')}: {error}") from None
+        if engine is None:
+            engine = engine_of_run(document)
+            _require_engine(engine, f"{path} was made with {document.get('engine') or engine}")
+        config = build_config(document.get("config")).model_copy(update={"engine": engine})
         return cls.of(config, level_of_run(path, document))
 
     @property
@@ -165,6 +162,16 @@ class RunPlan:
         }
 
 
+def _require_engine(name: str, what: str) -> None:
+    """Raise ConfigError if the engine of a run is not installed; `what` begins the message."""
+    if usable_engine(name) != name:
+        how = f" (pip install {ENGINES[name].libraries[0]})" if name in ENGINES else ""
+        raise ConfigError(
+            f"{what}, which is not installed{how}; agentflow rescore simulates its machines with "
+            "another engine"
+        )
+
+
 def _check_start(start: Sequence[object], brief: Brief) -> None:
     """Raise UsageError if there is a start machine that is not valid for the task."""
     if start and not (report := check(list(start), brief)).task_valid:
@@ -195,8 +202,15 @@ def level_of_run(path: Path, document: Mapping[str, Any]) -> Level:
 
 def task_of_run(path: Path, document: Mapping[str, Any]) -> Task:
     """The task of a run as it was when the run began; see `level_of_run`."""
-    config = build_config(document.get("config"))
-    return make_task(level_of_run(path, document), config.knobs, config.engine)
+    knobs = build_config(document.get("config")).knobs
+    return make_task(level_of_run(path, document), knobs, engine_of_run(document))
+
+
+def engine_of_run(document: Mapping[str, Any]) -> str:
+    """Name of the engine that a run began with; `AUTO` if its run.yaml does not tell."""
+    configured = build_config(document.get("config")).engine
+    name, _, _ = str(document.get("engine", AUTO)).rpartition(" ")
+    return name if configured == AUTO and name else configured
 
 
 def level_note(path: Path, document: Mapping[str, Any]) -> str:

@@ -7,9 +7,10 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.design.plan import RunPlan, level_note
+from agentflow.app.design.plan import RunPlan, engine_of_run, level_note
 from agentflow.app.inspect.reading import later_note, recorded_machine
 from agentflow.env.constants import constants
+from agentflow.env.physics.engines import usable_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.runs import read_document
 from agentflow.runs.events import EvaluationEvent, read_typed_events
@@ -26,7 +27,8 @@ def rescore(
     Args:
         path: The run, finished or not; it is not changed.
         workers: Number of processes; None: as configured in the run.
-        engine: Name of the physics engine; None: that of the run.
+        engine: Name of the physics engine; None: that of the run, or the default one if it is not
+            installed.
         pool: Simulates the machines; by default a new pool of `workers` processes.
 
     Returns:
@@ -37,7 +39,7 @@ def rescore(
         `identical`, and `note`: a later rule that it breaks, which does not change its score.
     """
     document = read_document(path)
-    plan = RunPlan.of_run(path, document, engine)
+    plan = RunPlan.of_run(path, document, engine or usable_engine(engine_of_run(document)))
     evaluations: dict[str, EvaluationEvent] = {}
     for event in read_typed_events(path):
         if isinstance(event, EvaluationEvent):

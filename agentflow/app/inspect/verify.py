@@ -10,11 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.execution import verification_event
-from agentflow.app.design.plan import RunPlan
+from agentflow.app.design.plan import RunPlan, task_of_run
 from agentflow.app.design.results import read_finished
-from agentflow.env.physics.engines import installed_engines
+from agentflow.config.run import build_config
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.env.verification import Verification, score_on_others, verify_async
+from agentflow.env.tasks.base import Task
+from agentflow.env.verification import (
+    Verification,
+    other_engines,
+    score_on_others,
+    verify_async,
+)
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.runs import Notify, RunDirectory, read_document
@@ -37,12 +43,15 @@ def verify_run(path: Path, workers: int, notify: Notify) -> dict[str, Any]:
 
     Raises:
         RunError: The run is unfinished, damaged or cannot be written, or has no valid machine.
+        ConfigError: The run was not verified, and its engine is not installed.
     """
     document, result = read_document(path), read_finished(path)
-    plan = RunPlan.of_run(path, document)
+    task, seed = task_of_run(path, document), build_config(document.get("config")).seed
     machine, verified = _best_machine(path, result), result.get("verified")
     missing = verified is None or verified["score"] is None
-    verification, others = asyncio.run(_simulate(machine, plan, workers, missing))
+    if missing:
+        task = RunPlan.of_run(path, document).task
+    verification, others = asyncio.run(_simulate(machine, task, seed, workers, missing))
     if verification is not None:
         verified = verification.to_json()
         now = verification.default
@@ -56,8 +65,8 @@ def verify_run(path: Path, workers: int, notify: Notify) -> dict[str, Any]:
             )
     return {
         "run": str(path),
-        "task": plan.task.name,
-        "seed": plan.config.seed,
+        "task": task.name,
+        "seed": seed,
         "engine": document.get("engine"),
         "score": result["score"],
         "verified": verified,
@@ -74,16 +83,16 @@ def _best_machine(path: Path, result: Mapping[str, Any]) -> Machine:
 
 
 async def _simulate(
-    machine: Machine, plan: RunPlan, workers: int, missing: bool
+    machine: Machine, task: Task, seed: int, workers: int, missing: bool
 ) -> tuple[Verification | None, list[dict[str, Any]]]:
     """The verification if it is missing, and the scores on other engines."""
     async with AsyncExitStack() as stack:
         pool = RolloutPool(workers)
-        if missing or len(installed_engines()) > 1:
+        if missing or other_engines(task):
             await stack.enter_async_context(pool)
-        run = partial(pool.run, machine, seed=plan.config.seed, recorded=True)
-        verification = await verify_async(partial(run, plan.task)) if missing else None
-        return verification, await score_on_others(run, plan.task)
+        run = partial(pool.run, machine, seed=seed, recorded=True)
+        verification = await verify_async(partial(run, task)) if missing else None
+        return verification, await score_on_others(run, task)
 
 
 def _store(

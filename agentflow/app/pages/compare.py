@@ -21,7 +21,7 @@ from agentflow.app.pages.runs import (
     write_page,
 )
 from agentflow.config.run import build_config
-from agentflow.env.physics.engines import AUTO, choose_engine
+from agentflow.env.physics.engines import AUTO, choose_engine, usable_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import combine_trials
@@ -53,8 +53,8 @@ def compare(
         task: Task to simulate both on; by default that of the runs. Without a task, there are no
             scores.
         seed: Random seed; by default that of the first run, else 0.
-        engine: Physics engine that simulates both; by default that of `task` or, if they have the
-            same, of the runs.
+        engine: Physics engine that simulates both; by default that of `task`, or that of the
+            runs if they have the same and it is installed.
         out: HTML file to write.
         workers: Worker processes for simulation.
         say: Receives progress.
@@ -72,7 +72,7 @@ def compare(
     level = task or _common_task([task_of_run(*run) for run in runs.items()])
     used = None
     if level is not None:
-        chosen = choose_engine(engine or level.engine)
+        chosen = choose_engine(engine or usable_engine(level.engine))
         level, used = replace(level, engine=chosen.name), str(chosen.identity)
     if out is not None:
         require_writable(out)

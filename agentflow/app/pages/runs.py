@@ -24,7 +24,7 @@ from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.env.archive import load_npz
-from agentflow.env.physics.engines import AUTO, installed_engines
+from agentflow.env.physics.engines import usable_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
@@ -74,8 +74,7 @@ class ReportedMachine:
         """
         config = build_config(document.get("config"))
         task = task_of_run(path, document)
-        if task.engine not in [spec.name for spec in installed_engines()]:
-            task = replace(task, engine=AUTO)
+        task = replace(task, engine=usable_engine(task.engine))
         file = path / "rollouts" / f"{machine.digest}.npz"
         changes = describe_changes(document, physics_conditions(task.engine))
         recorded = file if changes and file.exists() else None

@@ -109,6 +109,11 @@ def choose_engine(name: str = AUTO) -> EngineSpec:
     return spec
 
 
+def usable_engine(name: str) -> str:
+    """The name of an engine if it can be used here, else `AUTO`."""
+    return name if name in ENGINES and _is_installed(ENGINES[name]) else AUTO
+
+
 def engine_limits(name: str = AUTO) -> Limits:
     """Limits of every machine: the standard building volume, and what the engine holds.
 

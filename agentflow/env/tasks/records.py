@@ -131,13 +131,9 @@ def _full_name(task: Task, record: TaskRecord) -> str:
     """What a share of 1 stands for."""
     if task.brief.greatest is not None:
         return "greatest possible score"
-    return "record" if made_with_engine_of(task, record) else f"record of {record.engine}"
-
-
-def made_with_engine_of(task: Task, record: TaskRecord) -> bool:
-    """Whether a record was made with the task's engine, whatever the version."""
     name = default_engine().name if task.engine == AUTO else task.engine
-    return record.engine.rpartition(" ")[0] == name
+    same = record.engine.rpartition(" ")[0] == name
+    return "record" if same else f"record of {record.engine}"
 
 
 def record_share(task: Task, score: float | None) -> float | None:
