@@ -1,15 +1,25 @@
-"""Files that are never left half-written: atomic replacement, and append-only JSON lines."""
+"""Files that are never left half-written (atomic replacement, append-only JSON lines); locks."""
 
 from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from agentflow.errors import RunError, UsageError
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
+
+
+_BEYOND = 1 << 30
+"""Where Windows locks a byte: past the end of every file that is locked."""
 
 
 @contextmanager
@@ -38,6 +48,38 @@ def write_output(path: Path, error_type: type[UsageError] = UsageError) -> Itera
             yield part
     except OSError as error:
         raise error_type(f"cannot write {path}: {error.strerror}") from None
+
+
+def lock_file(descriptor: int, shared: bool = False) -> None:
+    """Lock an open file for this process, until it is closed or the process ends.
+
+    Args:
+        descriptor: An open file's. On Windows, locks are never shared.
+        shared: Other processes may hold shared locks at the same time.
+
+    Raises:
+        BlockingIOError: Another process holds a lock.
+        OSError: The file system has no locks.
+    """
+    if sys.platform == "win32":
+        os.lseek(descriptor, _BEYOND, os.SEEK_SET)  # locked bytes cannot be read
+        try:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError(*error.args) from None
+    else:
+        kind = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
+        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
+
+
+def open_folder(path: Path) -> int:
+    """A descriptor that stands for a folder in `lock_file`.
+
+    Windows opens no folders: there it is that of a hidden file in it.
+    """
+    if sys.platform == "win32":
+        return os.open(path / ".lock", os.O_RDWR | os.O_CREAT)
+    return os.open(path, os.O_RDONLY)
 
 
 def require_plain_files(folder: Path) -> None:

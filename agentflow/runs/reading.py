@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
@@ -11,7 +10,7 @@ from shlex import quote
 from typing import Any, Literal
 
 from agentflow.errors import RunError
-from agentflow.files import parse_object, whole_lines
+from agentflow.files import lock_file, parse_object, whole_lines
 from agentflow.runs.document import FILE_NAME
 
 EVENTS, CALLS, RESULT = "events.jsonl", "calls.jsonl", "result.json"
@@ -93,7 +92,7 @@ def state_of(path: Path) -> State:
         raise RunError(f"{path} is not a run directory: it has no readable {FILE_NAME}")
     with file:
         try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            lock_file(file.fileno(), shared=True)
         except OSError:
             return "running"
     return "stopped"

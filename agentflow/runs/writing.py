@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import json
 import shutil
@@ -13,7 +12,13 @@ from pathlib import Path
 from typing import IO, Any
 
 from agentflow.errors import RunError
-from agentflow.files import LineFile, remove_partial_files, write_atomically, write_output
+from agentflow.files import (
+    LineFile,
+    lock_file,
+    remove_partial_files,
+    write_atomically,
+    write_output,
+)
 from agentflow.runs.document import FILE_NAME, document_text, read_document
 from agentflow.runs.reading import AGAIN, CALLS, EVENTS, RESULT, Event, read_events
 
@@ -195,7 +200,7 @@ def _lock(path: Path) -> IO[str]:
     lock = (path / FILE_NAME).open("r", encoding="utf-8")
     for _ in range(ATTEMPTS):
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_file(lock.fileno())
         except BlockingIOError:
             time.sleep(PAUSE)
         except OSError as error:

@@ -8,7 +8,6 @@ SWEEP/store/          machines and rollouts by content
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -27,7 +26,13 @@ from agentflow.config.run import PROCEDURAL, build_config
 from agentflow.config.sweep import SweepConfig, read_sweep
 from agentflow.config.yaml import NOT_YAML
 from agentflow.errors import RunError
-from agentflow.files import require_plain_files, whole_lines, write_atomically
+from agentflow.files import (
+    lock_file,
+    open_folder,
+    require_plain_files,
+    whole_lines,
+    write_atomically,
+)
 
 SCHEMA = 1
 NAME, LOG, RUNS, STORE = "sweep.yaml", "members.jsonl", "runs", "store"
@@ -94,12 +99,12 @@ def _lock(path: Path) -> Iterator[None]:
     """Create the folder if missing, and lock it for this process."""
     try:
         path.mkdir(parents=True, exist_ok=True)
-        folder = os.open(path, os.O_RDONLY)
+        folder = open_folder(path)
     except OSError as error:
         raise _cannot_write(path, error) from None
     try:
         try:
-            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_file(folder)
         except OSError:
             raise RunError(f"{path} is in use by another process; wait for it or stop it") from None
         yield

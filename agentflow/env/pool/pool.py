@@ -174,10 +174,10 @@ class _Worker:
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _CHILD, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 env={**os.environ, **_ONE_THREAD, "PYTHONPATH": os.pathsep.join(sys.path)},
+                **_passing(theirs.fileno()),
             )
 
     @property
@@ -200,6 +200,14 @@ class _Worker:
         """End the process and wait for its exit; a pending `ask` then gets an EOFError."""
         self._process.kill()
         self._process.wait()
+
+
+def _passing(pipe: int) -> dict[str, Any]:
+    """Arguments of `Popen` that pass a pipe, a handle on Windows, to the process."""
+    if sys.platform == "win32":
+        os.set_handle_inheritable(pipe, True)
+        return {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [pipe]})}
+    return {"pass_fds": [pipe]}
 
 
 def _without_score(status: Status, why: str) -> Rollout:

@@ -5,12 +5,17 @@ It does not import pool.py, which would cost every worker start-up time.
 
 from __future__ import annotations
 
+import sys
 import traceback
-from multiprocessing.connection import Connection
 
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.errors import UsageError
+
+if sys.platform == "win32":
+    from multiprocessing.connection import PipeConnection as Connection
+else:
+    from multiprocessing.connection import Connection
 
 
 def serve(descriptor: int) -> None:
