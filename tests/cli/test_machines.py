@@ -289,8 +289,9 @@ def test_extended_types_are_converted() -> None:
 
 def test_what_a_format_cannot_hold_is_noted(capsys: pytest.CaptureFixture[str]) -> None:
     assert out(capsys, "convert", "car.json", "car.urdf").splitlines() == [
-        "note: URDF does not hold air drag, friction between surfaces, or what connections bear",
-        "note: motors are in the file as limits of effort and velocity; comments give signs",
+        "note: URDF does not hold air drag, friction between surfaces, or the strength of "
+        "connections",
+        "note: motors are limits of effort and velocity; comments say which way they turn",
         "car.urdf: 7 blocks",
     ]
     assert Path("car.urdf").read_text().startswith("<?xml version='1.0' encoding='utf-8'?>\n<robot")

@@ -21,10 +21,12 @@ def urdf_losses(assembly: Assembly, plan: Skeleton) -> tuple[str, ...]:
         "the springs of suspensions": [joint.block for joint in moving if joint.drive.stiffness],
         "joints that close loops, which are open": [joints[i.joint].block for i in plan.loops],
     }
-    notes = ["URDF does not hold air drag, friction between surfaces, or what connections bear"]
+    notes = [
+        "URDF does not hold air drag, friction between surfaces, or the strength of connections"
+    ]
     notes += [f"URDF does not hold {what}: {name_blocks(ids)}" for what, ids in lost.items() if ids]
     if any(joint.drive.torque for joint in moving):
-        notes.append("motors are in the file as limits of effort and velocity; comments give signs")
+        notes.append("motors are limits of effort and velocity; comments say which way they turn")
     if balls := [joint.block for joint in moving if joint.kind == "spherical"]:
         notes.append(f"ball joints are hinges about x, y and z in series: {name_blocks(balls)}")
     return tuple(notes)

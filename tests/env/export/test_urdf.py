@@ -196,7 +196,7 @@ def test_cogs_follow_the_powered_one() -> None:
 def test_what_the_file_cannot_hold_is_said_in_it() -> None:
     data, notes = machine_urdf(BALLS)
     assert notes == (
-        "URDF does not hold air drag, friction between surfaces, or what connections bear",
+        "URDF does not hold air drag, friction between surfaces, or the strength of connections",
         "URDF does not hold joints that close loops, which are open: block 2",
         "ball joints are hinges about x, y and z in series: block 1",
     )

@@ -171,12 +171,13 @@ def test_thrust_and_drag_are_those_of_the_engine(tmp_path: Path) -> None:
 def test_what_the_file_cannot_hold_is_said_in_it() -> None:
     data, notes = machine_mjcf(*case("jumping/tossing_arm", "jumping"))
     assert notes == (
-        "MJCF does not hold what connections bear: nothing breaks",
+        "MJCF does not hold the strength of connections: nothing breaks",
         "MJCF does not hold the later switches of the task: springs to 1 at 1 s, winches to 1 at "
         "1 s, steering_hinges to 1 at 1 s",
     )
     text = data.decode()
     assert all(f"* {note}\n" in text for note in notes)
+    assert "\nBlock of each part, from part 0 on: 0 1 2 " in text
     assert "A machine and the scene of the task jumping, as the physics engine mujoco " in text
     windy = get_task("movement/4", {"wind.speed": 5})
     assert "MJCF does not hold the wind of the task" in machine_mjcf(CAR, windy)[1]
@@ -190,7 +191,7 @@ def test_the_command_writes_a_file_that_mujoco_opens(
     car = str(FOLDER / "plain_car.json")
     assert main(["convert", car, str(out), "--task", "movement", "--set", "wind.speed=3"]) == 0
     assert capsys.readouterr().out.splitlines()[:2] == [
-        "note: MJCF does not hold what connections bear: nothing breaks",
+        "note: MJCF does not hold the strength of connections: nothing breaks",
         "note: MJCF does not hold the wind of the task",
     ]
     assert mujoco.MjModel.from_xml_path(str(out)).nkey == 1

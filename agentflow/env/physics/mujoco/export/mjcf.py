@@ -17,6 +17,7 @@ from agentflow.env.export.losses import name_blocks
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.mujoco import MUJOCO
 from agentflow.env.physics.mujoco.bodies import Built
 from agentflow.env.physics.mujoco.engine import MuJoCoEngine
 from agentflow.env.physics.mujoco.export.actuators import Actuators
@@ -38,29 +39,41 @@ Metres, kilograms, seconds; z is up, and the machine faces y+.
 Controls are levels of the task's schedule: 1 is full speed, 0 holds, -1 runs backwards.
 With all controls at 0 the machine settles. The keyframe "start" is the settled machine at t = 0 of
 a simulation, with what the task switches on then.
+Block of each part, from part 0 on: {blocks}
 {notes}
 """
 
 
 def machine_mjcf(machine: Machine, task: Task) -> tuple[bytes, tuple[str, ...]]:
     """The file of a machine that is valid on a task, and what it cannot hold."""
-    value, engine = constants(), MuJoCoEngine()
+    value = constants()
     assembly, scene = assemble(machine, place(machine), value), task.scene(machine)
-    built = engine.build(assembly, scene, RATE).now.built
+    built = MuJoCoEngine().build(assembly, scene, RATE).now.built
     spec = built.spec
     _place(built)
     _colour(built, assembly, scene)
     actuators = Actuators(built, assembly)
     actuators.add()
-    notes = _losses(assembly, scene, task, any(built.lively))
-    told = "".join(f"\n* {note}" for note in notes)
-    spec.modelname = "machine"
-    spec.comment = ABOUT.format(task=task.name, engine=engine.identity, notes=told.strip())
-    levels = _levels(task)
+    settled, moving = _settle(spec.compile(), value)
+    levels = {entry: level for time, entry, level in task.schedule.switches() if time <= 0.0}
     controls = [levels.get(entry, 0.0) for entry in actuators.entries]
-    spec.add_key(name="start", qpos=_settle(spec.compile(), value), ctrl=controls)
+    spec.add_key(name="start", qpos=settled, ctrl=controls)
+    notes = _losses(assembly, scene, task, any(built.lively))
+    notes += ("the machine still moves after settling",) if moving else ()
+    spec.modelname, spec.comment = "machine", _describe(assembly, task, notes)
     spec.compile()
     return spec.to_xml().encode(), notes
+
+
+def _describe(assembly: Assembly, task: Task, notes: Sequence[str]) -> str:
+    """The comment at the beginning of the file, in which XML forbids two hyphens in a row."""
+    text = ABOUT.format(
+        task=task.name,
+        engine=MUJOCO.identity,
+        blocks=" ".join(str(part.block) for part in assembly.parts),
+        notes="\n".join(f"* {note}" for note in notes),
+    )
+    return text.replace("--", "- -")
 
 
 def _place(built: Built) -> None:
@@ -98,20 +111,14 @@ def _colour(built: Built, assembly: Assembly, scene: Scene) -> None:
     )
 
 
-def _levels(task: Task) -> dict[str, float]:
-    """The level of each schedule entry at t = 0."""
-    return {entry: level for time, entry, level in task.schedule.switches() if time <= 0.0}
-
-
-def _settle(model: Any, value: Constants) -> Any:
-    """Positions of the model after it has settled with all controls at 0."""
-    data = mujoco.MjData(model)
-    still = 0.0
+def _settle(model: Any, value: Constants) -> tuple[Any, bool]:
+    """Positions after the model has settled with all controls at 0, and whether it still moves."""
+    data, still = mujoco.MjData(model), 0.0
     while still < value["settle_least"] and data.time < value["settle_most"]:
         mujoco.mj_step(model, data)
-        moving = np.abs(data.qvel).max() > value["rest_speed"]
-        still = 0.0 if moving else still + model.opt.timestep
-    return data.qpos
+        slow = np.abs(data.qvel).max() < value["rest_speed"]
+        still = still + model.opt.timestep if slow else 0.0
+    return data.qpos, still < value["settle_least"]
 
 
 def _losses(assembly: Assembly, scene: Scene, task: Task, lively: bool) -> tuple[str, ...]:
@@ -123,10 +130,10 @@ def _losses(assembly: Assembly, scene: Scene, task: Task, lively: bool) -> tuple
         "the grip of grabbers": [parts[gripper.part].block for gripper in devices.grippers],
         "the release of decouplers": [j.block for j in joints if j.drive.starts == "decouplers"],
     }
-    notes = ["MJCF does not hold what connections bear: nothing breaks"]
+    notes = ["MJCF does not hold the strength of connections: nothing breaks"]
     notes += [f"MJCF does not hold {what}: {name_blocks(ids)}" for what, ids in lost.items() if ids]
     if lively:
-        notes.append("MJCF does not hold that slow contacts of elastic surfaces do not rebound")
+        notes.append("MJCF does not hold how slow contacts of elastic surfaces are damped")
     if any(scene.wind):
         notes.append("MJCF does not hold the wind of the task")
     if task.trials(0) != (task,):
