@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from agentflow.env.feedback.contacts import contact_line, telling
@@ -55,17 +54,18 @@ def compose(
         "Frames: " + frame_text(machine, trace),
         *(path.text for path in paths),
     ]
+    # vars, as asdict would copy every number
     shared = {
         "score": verdict.score,
         "terms": dict(verdict.terms),
-        "moment": None if moment is None else asdict(moment),
+        "moment": None if moment is None else dict(vars(moment)),
         "seconds": end,
-        "broken": [asdict(item) for item in broken],
+        "broken": [dict(vars(item)) for item in broken],
         "orientation": [{"faces": word, "from": start, "to": end} for word, start, end in runs],
-        "events": [asdict(event) | {"blocks": list(event.blocks)} for event in verdict.events],
-        "series": [asdict(path) for path in paths],
-        "energy": None if measured.energy is None else asdict(measured.energy),
-        "peaks": [asdict(peak) for peak in measured.peaks],
-        "contacts": [asdict(contact) for contact in contacts],
+        "events": [vars(event) | {"blocks": list(event.blocks)} for event in verdict.events],
+        "series": [dict(vars(path)) for path in paths],
+        "energy": None if measured.energy is None else dict(vars(measured.energy)),
+        "peaks": [dict(vars(peak)) for peak in measured.peaks],
+        "contacts": [dict(vars(contact)) for contact in contacts],
     }
     return Feedback("\n".join(text), {**shared, **data})

@@ -44,7 +44,7 @@ class LoadHistory:
         last = len(self._times) - BLOCK * (len(self._blocks) - 1)
         filled = [*self._blocks[:-1], self._blocks[-1][:last]]
         columns = self._loads.connections
-        return np.concatenate([np.sqrt(_squares(b[:, columns]).max(axis=2)) for b in filled])
+        return np.concatenate([np.sqrt(_squares(b.take(columns, 1)).max(axis=2)) for b in filled])
 
     def greatest(self, times: Array) -> Array:
         """(T, E) greatest load over strength since the time before, of increasing `times`, s."""
@@ -90,7 +90,7 @@ def split_wrench(wrench: Array) -> tuple[Vec3, Vec3]:
 
 def _squares(levels: Array) -> Array:
     """(S, E, 2) squares of force and moment over strength, summed as `Loads` does."""
-    ordered = levels[:, :, WRENCH_ORDER]
+    ordered = levels.take(WRENCH_ORDER, 2)
     squares = (ordered * ordered).reshape(*levels.shape[:2], 2, 3)
     return np.asarray(squares[..., 0] + squares[..., 1] + squares[..., 2])
 
