@@ -334,8 +334,8 @@ def test_an_existing_sweep_refuses_other_settings(swept: tuple[SweepOutcome, Not
     with pytest.raises(UsageError) as caught:
         plan_sweep(outcome.path, ["trajectories=1"], {})
     assert str(caught.value) == (
-        f"{outcome.path} is resumed with its own settings; remove --model, --base-url, --set "
-        "and --seeds"
+        f"{outcome.path} is resumed with its own settings; remove --model, --base-url, --engine, "
+        "--set and --seeds"
     )
 
 

@@ -11,6 +11,7 @@ from agentflow.app.benchmark.plan import item_configs
 from agentflow.app.tasks import list_tasks, task_json
 from agentflow.config.run import DesignConfig, load_document
 from agentflow.config.sweep import read_sweep
+from agentflow.env.physics.engines import ENGINES
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.records import (
     full_score,
@@ -19,7 +20,7 @@ from agentflow.env.tasks.records import (
     record_of,
     record_share,
 )
-from agentflow.env.tasks.registry import get_level, get_task, task_names
+from agentflow.env.tasks.registry import get_level, get_task, make_task, task_names
 from agentflow.env.verification import verify
 from agentflow.machine.validity import check
 from benchmarks.shelf import DIGITS, here
@@ -41,6 +42,24 @@ BENCHMARK = Path(__file__).parents[3] / "configs" / "benchmark.yaml"
 
 def items() -> dict[str, DesignConfig]:
     return item_configs(read_sweep(load_document(BENCHMARK), str(BENCHMARK)))
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_record_names_the_engine_of_its_scores(name: str) -> None:
+    engine, _, version = RECORDS[name].engine.partition(" ")
+    assert engine in ENGINES
+    assert version[0].isdigit()
+
+
+def test_a_share_on_another_engine_says_whose_record_it_is() -> None:
+    found = record_of(get_task("throwing"))
+    assert found is not None
+    made = found.engine.partition(" ")[0]
+    for engine in ENGINES:
+        told = record_json(make_task(get_level("throwing"), {}, engine), found.verified)
+        assert told is not None
+        assert (told["share"], told["engine"]) == (1.0, found.engine)
+        assert told["of"] == ("record" if engine == made else f"record of {found.engine}")
 
 
 @pytest.mark.parametrize("name", RECORDS)
