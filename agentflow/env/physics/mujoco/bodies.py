@@ -9,38 +9,31 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import cos, pi, sin
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
+from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Assembly, Joint, Shape
 from agentflow.env.physics.mujoco.couplings import FIRM, add_grip, hard, mesh_cogs, weld
+from agentflow.env.physics.mujoco.shapes import Shapes, wxyz
 from agentflow.env.physics.mujoco.surfaces import FIXED, Surface, Surfaces
+from agentflow.env.physics.solids import joint_axis, solid_shapes
 from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.layout import RowLayout
 from agentflow.env.physics.structure.spanning_tree import Link, Piece, Skeleton
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Body
 from agentflow.machine.geometry.vectors import (
-    Quat,
+    IDENTITY,
     Vec3,
     add,
-    product,
     rotate_vector,
     scale,
     subtract,
 )
 
-CONE_SIDES = 24
-LONE_RADIUS = 0.1
-"""Radius of the ball that replaces each part of a piece without any solid shape, m."""
-TILT: Quat = (5e-7, 0.0, 0.0, 1.0)
-"""Turns every cylinder by 1e-6 rad: MuJoCo 3.17 to 4.0.1 finds contacts radii deep if a cylinder's
-axis is 1e-15 to 1e-12 rad off the normal of a plane."""
 TOUCH = 0.005
 """What is at most this far from a grabber is gripped, m."""
 TANGENTIAL = 100.0
@@ -153,7 +146,7 @@ class _Builder:
         option.impratio = TANGENTIAL
         option.disableflags = int(OFF)
         self._surfaces = Surfaces(physics)
-        self._owners: list[Body] = []
+        self._shapes = Shapes(spec, self._surfaces)
         self._apart: set[tuple[str, str]] = set()
         self._things: dict[str, tuple[Any, Any]] = {}
         self._parts: dict[int, Any] = {}
@@ -162,7 +155,7 @@ class _Builder:
         self._grabbers = {grip.part for grip in assembly.devices.grippers}
         self._shares = Counter(loop.part for loop in plan.loops)
         """How many loops end at each part; each has a share of the part's mass."""
-        self._ground(scene.friction)
+        self._shapes.add_ground(self._surfaces.thing(scene.friction, None), FIXED)
         for number, thing in enumerate(scene.things):
             self._thing(thing, FIXED - 1 - number)
         for piece in plan.pieces:
@@ -206,7 +199,7 @@ class _Builder:
             loose={name: place(joint) for name, (_, joint) in self._things.items()},
             links=links,
             joints={joint: place(made) for joint, made in self._joints.items()},
-            owners=tuple(self._owners[i] for i in order),
+            owners=tuple(self._shapes.owners[i] for i in order),
             lively=tuple(self._surfaces.lively[i] for i in order),
             grips={
                 grip.part: model.equality(_name(grip.part)).id
@@ -214,38 +207,33 @@ class _Builder:
             },
         )
 
-    def _ground(self, friction: float | None) -> None:
-        plane = self._add_geom(self._spec.worldbody, "ground")
-        plane.type, plane.size = mujoco.mjtGeom.mjGEOM_PLANE, [0.0, 0.0, 1.0]
-        self._surfaces.cover(plane, self._surfaces.thing(friction, None), FIXED)
-
     def _thing(self, thing: Thing, cluster: int) -> None:
-        world, rotation = self._spec.worldbody, swap_quaternion(thing.rotation)
+        body, at, rotation = self._spec.worldbody, thing.position, thing.rotation
         if thing.mass > 0:
-            middle = add(thing.position, rotate_vector(thing.rotation, thing.balance))
-            body = world.add_body(name=_name(thing.name), pos=swap(middle), quat=wxyz(rotation))
+            middle = swap(add(at, rotate_vector(rotation, thing.balance)))
+            turn = wxyz(swap_quaternion(rotation))
+            body = body.add_body(name=_name(thing.name), pos=middle, quat=turn)
             _weigh(body, thing.mass, inertia_of(thing))
             self._things[thing.name] = body, body.add_freejoint()
-            geom = self._add_geom(body, thing.name)
-            self._shape(geom, thing.shape, thing.size, scale(thing.balance, -1.0), (0, 0, 0, 1))
+            at, rotation = scale(thing.balance, -1.0), IDENTITY
         else:
-            geom = self._add_geom(world, thing.name)
-            self._shape(geom, thing.shape, thing.size, thing.position, thing.rotation)
             cluster = FIXED
         surface = self._surfaces.thing(thing.friction, thing.restitution)
-        self._surfaces.cover(geom, surface, cluster)
+        kind, size = thing.shape, thing.size
+        self._shapes.add(body, thing.name, kind, size, at, rotation, surface, cluster)
 
     def _piece(self, piece: Piece) -> None:
         parts, joints = self._assembly.parts, self._assembly.joints
-        lone = not any(shape.solid for part in piece.parts for shape in parts[part].shapes)
+        shapes = solid_shapes(piece, parts)
         root = parts[piece.root].centre
         frames = {piece.root: root}
         body = self._spec.worldbody.add_body(name=_name(piece.root), pos=swap(root))
         self._roots[piece.root] = body.add_freejoint()
-        self._part(body, piece.root, root, lone)
+        self._part(body, piece.root, root, shapes[piece.root])
         for link in piece.links:
             pivot = frames[link.part] = joints[link.joint].pivot
-            self._part(self._hang(link, frames, _name(link.part)), link.part, pivot, lone)
+            body = self._hang(link, frames, _name(link.part))
+            self._part(body, link.part, pivot, shapes[link.part])
         for loop in piece.loops:
             self._close(loop, frames)
 
@@ -275,27 +263,26 @@ class _Builder:
         arm, inertia = subtract(part.centre, frame), swap(part.inertia)
         _weigh(body, share * part.mass, scale(inertia, share), swap(arm))
 
-    def _part(self, body: Any, index: int, frame: Vec3, lone: bool) -> None:
+    def _part(self, body: Any, index: int, frame: Vec3, shapes: Sequence[Shape]) -> None:
         """Mass and shapes of a part, in a body with this frame."""
         part = self._assembly.parts[index]
         self._parts[index] = body
         arm = subtract(part.centre, frame)
         self._weigh_part(body, index, frame)
         surface = Surface(part.friction, part.restitution, part.rolling_friction)
-        shapes = (Shape("sphere", (2 * LONE_RADIUS,) * 3),) if lone else part.shapes
         for shape in shapes:
-            if shape.solid:
-                geom = self._add_geom(body, part.block)
-                self._shape(geom, shape.kind, shape.size, add(arm, shape.offset), shape.rotation)
-                self._surfaces.cover(geom, surface, self._plan.cluster[index])
-                if index in self._grabbers:
-                    geom.gap = TOUCH
+            at, cluster = add(arm, shape.offset), self._plan.cluster[index]
+            geom = self._shapes.add(
+                body, part.block, shape.kind, shape.size, at, shape.rotation, surface, cluster
+            )
+            if index in self._grabbers:
+                geom.gap = TOUCH
 
     def _joint(self, body: Any, joint: Joint, link: Link) -> Any:
         """A joint with its motor or dry friction, spring and stops."""
         made = body.add_joint(name=str(link.joint), type=_KINDS[joint.kind])
         if joint.kind != "spherical":
-            made.axis = axis_of(joint, link)
+            made.axis = joint_axis(joint, link)
         drive = merge_drives(self._assembly.joints, link.joint, link.parallel)
         made.frictionloss = drive.command({}).limit
         made.solref_friction = _braking(self._step)
@@ -306,34 +293,6 @@ class _Builder:
         if joint.kind == "prismatic":
             made.stiffness, made.damping = [drive.stiffness, 0, 0], [drive.damping, 0, 0]
         return made
-
-    def _add_geom(self, body: Any, owner: Body) -> Any:
-        """A shape without mass; its name is its number."""
-        self._owners.append(owner)
-        return body.add_geom(name=str(len(self._owners) - 1), mass=0.0)
-
-    def _shape(self, geom: Any, kind: str, size: Vec3, at: Vec3, rotation: Sequence[float]) -> None:
-        """Set what a geom looks like and where it is in its body, game frame."""
-        geom.pos = swap(at)
-        turn, half = swap_quaternion(rotation), scale(swap(size), 0.5)
-        if kind == "sphere":
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [half[0], 0.0, 0.0]
-        elif kind == "cylinder":
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_CYLINDER, [half[0], half[2], 0.0]
-            turn = product(turn, TILT)
-        elif kind == "cone":
-            mesh = self._spec.add_mesh(name=geom.name)
-            mesh.uservert = np.array(_cone(size)).ravel()
-            geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, geom.name
-        else:
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, list(half)
-        geom.quat = wxyz(turn)
-
-
-def axis_of(joint: Joint, link: Link) -> Vec3:
-    """Joint axis in the engine frame; reversed links turn the other way for the same position."""
-    image = swap(joint.axis) if joint.kind == "prismatic" else swap_turn(joint.axis)
-    return scale(image, -1.0) if link.reversed else image
 
 
 def inertia_of(thing: Thing) -> Vec3:
@@ -357,17 +316,3 @@ def _weigh(body: Any, mass: float, inertia: Vec3, centre: Vec3 = (0.0, 0.0, 0.0)
     """Set mass properties, engine frame; no shape adds to them."""
     body.explicitinertial = True
     body.mass, body.inertia, body.ipos = mass, inertia, centre
-
-
-def wxyz(quaternion: Sequence[float]) -> list[float]:
-    """MuJoCo's order of a quaternion (x, y, z, w)."""
-    x, y, z, w = quaternion
-    return [w, x, y, z]
-
-
-def _cone(size: Vec3) -> list[Vec3]:
-    """Corners of a cone along y as the convex hull of its rim and tip, engine frame."""
-    x, y, z = scale(size, 0.5)
-    turns = [2 * pi * i / CONE_SIDES for i in range(CONE_SIDES)]
-    rim = [swap((x * cos(turn), -y, z * sin(turn))) for turn in turns]
-    return [*rim, swap((0.0, y, 0.0))]

@@ -8,7 +8,8 @@ import numpy as np
 
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Assembly
-from agentflow.env.physics.mujoco.bodies import Built, Place, wxyz
+from agentflow.env.physics.mujoco.bodies import Built, Place
+from agentflow.env.physics.mujoco.shapes import wxyz
 from agentflow.env.physics.readings import joint_motion, relative_motion
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY
 from agentflow.env.rollout import Array

@@ -8,14 +8,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import cos, pi, sin, sqrt
+from math import sqrt
 
 from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import TooLargeError
-from agentflow.env.physics.frames import swap, swap_quaternion, swap_turn
+from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Joint, Part, Shape
 from agentflow.env.physics.pybullet import PYBULLET
 from agentflow.env.physics.pybullet.library import pybullet
+from agentflow.env.physics.solids import cone_corners, joint_axis, solid_shapes
 from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.spanning_tree import Link, Piece
 from agentflow.env.scene import Thing
@@ -32,10 +33,7 @@ from agentflow.machine.geometry.vectors import (
 FASTEST = 1e6
 """Speed limit of a body, m/s and rad/s. PyBullet's default of 100 would keep machines that explode
 from diverging. Set on a link instead of the base, the same setting changes contacts."""
-CONE_SIDES = 24
 MIDDLE: Vec3 = (0.0, 0.0, 0.0)
-LONE_RADIUS = 0.1
-"""Radius of the ball that replaces the shape of a body without any solid shape, m."""
 
 Handle = tuple[int, int]
 """Body and link number; link -1 is the base."""
@@ -103,12 +101,9 @@ class BodyBuilder:
         frames = {piece.root: parts[piece.root].centre}
         frames |= {link.part: joints[link.joint].pivot for link in piece.links}
         order = {piece.root: 0} | {link.part: i for i, link in enumerate(piece.links, 1)}
-        shapes = {part: parts[part].shapes for part in order}
-        if not any(shape.solid for each in shapes.values() for shape in each):
-            shapes = dict.fromkeys(order, (Shape("sphere", (2 * LONE_RADIUS,) * 3),))
         solids = {
             part: self._shapes(each, subtract(parts[part].centre, frames[part]))
-            for part, each in shapes.items()
+            for part, each in solid_shapes(piece, parts).items()
         }
         twins = Counter(loop.part for loop in piece.loops)
         masses = {part: parts[part].mass / (1 + twins[part]) for part in order}
@@ -139,7 +134,7 @@ class BodyBuilder:
             linkJointTypes=[
                 _KINDS["fixed" if link.rigid else joints[link.joint].kind] for link in links
             ],
-            linkJointAxis=[_axis(joints[link.joint], link) for link in links],
+            linkJointAxis=[joint_axis(joints[link.joint], link) for link in links],
             flags=pybullet.URDF_USE_SELF_COLLISION
             | pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_PARENT,
             physicsClientId=self.client,
@@ -218,9 +213,8 @@ class BodyBuilder:
             )
         )
 
-    def _shapes(self, shapes: tuple[Shape, ...], offset: Vec3) -> int:
-        """Number of the collision shape of the solid shapes; -1 if there are none."""
-        solid = tuple(shape for shape in shapes if shape.solid)
+    def _shapes(self, solid: tuple[Shape, ...], offset: Vec3) -> int:
+        """Number of the collision shape of solid shapes; -1 if there are none."""
         if not solid:
             return -1
         key = (solid, offset)
@@ -238,23 +232,14 @@ class BodyBuilder:
         return self._made[key]
 
     def _cone(self, thing: Thing) -> int:
-        """A cone along y as the convex hull of its rim and tip."""
-        x, y, z = scale(thing.size, 0.5)
-        turns = [2 * pi * i / CONE_SIDES for i in range(CONE_SIDES)]
-        edge = [(x * cos(turn), -y, z * sin(turn)) for turn in turns] + [(0.0, y, 0.0)]
+        corners = cone_corners(thing.size)
         return int(
             pybullet.createCollisionShape(
                 pybullet.GEOM_MESH,
-                vertices=[swap(subtract(corner, thing.balance)) for corner in edge],
+                vertices=[swap(subtract(corner, thing.balance)) for corner in corners],
                 physicsClientId=self.client,
             )
         )
-
-
-def _axis(joint: Joint, link: Link) -> Vec3:
-    """Joint axis in the engine frame; reversed links turn the other way for the same position."""
-    image = swap(joint.axis) if joint.kind == "prismatic" else swap_turn(joint.axis)
-    return scale(image, -1.0) if link.reversed else image
 
 
 def _geometry(shape: Shape) -> tuple[int, Vec3, float, float]:

@@ -30,7 +30,7 @@ from agentflow.machine.tree import Machine
 RATE = 500.0
 """Hz: fine steps of a length that is exact in the six digits of the file."""
 TILT = (1.0, 2e-5, 0.0, 0.0)
-"""As `bodies.TILT`, w first: 4e-5 rad, which six digits keep."""
+"""As `shapes.TILT`, w first: 4e-5 rad, which six digits keep."""
 ROD_RADIUS = 0.09
 """Of braces, which nothing touches, m."""
 ABOUT = """
