@@ -145,7 +145,7 @@ def test_a_different_score_today_is_mentioned(tmp_path: Path) -> None:
     assert told == [(1, 2), (2, 2)]
     shown = data_of(out)["machines"][machine(HOLDS).digest]
     assert re.fullmatch(
-        r"Simulated again with current physics: [0-9.]+; the recorded score is 12\.50\.",
+        r"Simulated again with different constants: [0-9.]+; the recorded score is 12\.50\.",
         shown["remark"],
     )
 
