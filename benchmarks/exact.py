@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import gc
 import io
 import json
 import subprocess
@@ -180,6 +182,8 @@ def soundness(options: Options) -> Iterator[Figure]:
 
 
 def _memory() -> float:
-    """Resident memory of this process, MB."""
+    """Resident memory of this process after freed memory went back to the system, MB."""
+    gc.collect()
+    ctypes.CDLL("libc.so.6").malloc_trim(0)
     lines = Path("/proc/self/status").read_text().splitlines()
     return next(float(line.split()[1]) for line in lines if line.startswith("VmRSS:")) / 1024
