@@ -48,6 +48,11 @@ class Touch(NamedTuple):
     """Sum of the normal forces in the last step, N."""
 
 
+def touch_order(body: Body) -> tuple[bool, int, str]:
+    """Sorts the bodies of a touch."""
+    return (False, body, "") if isinstance(body, int) else (True, 0, body)
+
+
 class Power(NamedTuple):
     """Rate at which devices did work on the bodies in the last step, W."""
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from agentflow.env.physics.engine import Touch
+from agentflow.env.physics.engine import Touch, touch_order
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.mujoco.bodies import Built
 from agentflow.env.rollout import Array
@@ -49,7 +49,7 @@ class Contacts:
         for pair, force, (x, y, z) in zip(
             self._pairs(), forces, self._places.tolist(), strict=True
         ):
-            one, other = sorted(pair, key=_order)
+            one, other = sorted(pair, key=touch_order)
             if one == other:
                 continue
             total, most, place = found.get((one, other), (0.0, -1.0, (x, y, z)))
@@ -61,8 +61,3 @@ class Contacts:
     def _pairs(self) -> Iterator[tuple[Body, Body]]:
         owners = self._owners
         return ((owners[one], owners[other]) for one, other in self._geoms.tolist())
-
-
-def _order(body: Body) -> tuple[bool, int, str]:
-    """Blocks by id, then things by name."""
-    return (False, body, "") if isinstance(body, int) else (True, 0, body)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from agentflow.env.physics.engine import Touch
+from agentflow.env.physics.engine import Touch, touch_order
 from agentflow.env.physics.frames import swap
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.pybullet.bodies import Handle
@@ -81,14 +81,9 @@ class Contacts:
 
     def _name_pair(self, key: tuple[int, int, int, int]) -> tuple[Body, Body] | None:
         one, other = self._who[key[0], key[2]], self._who[key[1], key[3]]
-        pair = None if one == other else tuple(sorted((one, other), key=_order))
+        pair = None if one == other else tuple(sorted((one, other), key=touch_order))
         self._pairs[key] = pair  # type: ignore[assignment]
         return self._pairs[key]
-
-
-def _order(body: Body) -> tuple[bool, int, str]:
-    """Blocks by id, then things by name."""
-    return (False, body, "") if isinstance(body, int) else (True, 0, body)
 
 
 def set_collisions_of_clusters(client: int, plan: Skeleton, handles: Mapping[int, Handle]) -> None:
