@@ -249,14 +249,15 @@ def friction(kind: int, degrees: float, surface: float | None = None) -> float:
 
 
 def bounce(kind: int, drops: int = 8) -> float:
-    """Of a ball that falls onto a block; the mean, as steps end at different depths."""
+    """Of a ball that falls onto a block; the mean, as steps end at different depths. A rebound may
+    take 0.1 s."""
     ratios = []
     for drop in range(drops):
         ball = Thing("ball", "sphere", (0.5, 0.5, 0.5), (0.0, 3.0 + 0.37 * drop, 0.0), mass=1.0)
         stand = Stand([(kind, 0, 4)], Scene((ball,)), gravity=True)
         speeds = [float(stand.run(1 / RATE).world.state().thing_velocity[0, 1]) for _ in range(300)]
         landed = speeds.index(min(speeds))
-        ratios.append(-max(speeds[landed : landed + 10]) / min(speeds))
+        ratios.append(-max(speeds[landed : landed + 48]) / min(speeds))
     return float(np.mean(ratios))
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from agentflow.env.constants import constants
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.scene import Scene
 from agentflow.machine import library
 from agentflow.prompts.render import facts
@@ -16,6 +17,8 @@ from benchmarks.facts import HIGH, MEASURED, Stand, friction, spring_pull, state
 
 LOOSE = {"bounce": 0.2, "thrust": 0.06}
 """Relative tolerance where single steps matter, or the weight of the car; 0.025 elsewhere."""
+ON_MUJOCO = {"thrust": 0.13, "friction.wheel": 0.07}
+"""Prompts state what PyBullet does, which loads wheels unevenly: docs/engines.md."""
 CONSTANTS = {("suspension", "damping"): "suspension_damping"}
 """Facts that are constants of the engine and are not measured."""
 PAGE = Path(__file__).parents[2] / "docs" / "physics.md"
@@ -30,10 +33,12 @@ def _paths(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str |
         yield path
 
 
-@pytest.mark.pybullet
 @pytest.mark.parametrize("path", MEASURED, ids=lambda path: ".".join(map(str, path)))
 def test_the_engine_agrees(path: tuple[str | int, ...]) -> None:
     tolerance = LOOSE.get(str(path[0]), 0.025)
+    if default_engine().name == "mujoco":
+        name = ".".join(map(str, path))
+        tolerance = max([tolerance, *(v for k, v in ON_MUJOCO.items() if name.startswith(k))])
     assert MEASURED[path]() == pytest.approx(stated(path), rel=tolerance)
 
 
