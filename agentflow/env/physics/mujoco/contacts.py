@@ -23,6 +23,8 @@ class Contacts:
         self._places: Array = np.zeros((0, 3))
         self._rows = np.zeros(0, dtype=np.intp)
         self._forces: Array = np.zeros(0)
+        self._sorted: dict[tuple[int, int], tuple[Body, Body]] = {}
+        """Owners of two shapes in the order of a touch: sorting them takes longer."""
 
     def read(self) -> None:
         """Read the contacts of a step, before the second half of it replaces them."""
@@ -45,18 +47,25 @@ class Contacts:
     def all(self) -> list[Touch]:
         """Everything that was in contact."""
         found: dict[tuple[Body, Body], tuple[float, float, Vec3]] = {}
-        forces = np.append(self._forces, 0.0)[self._rows].tolist()  # contacts without force: row -1
-        for pair, force, (x, y, z) in zip(
-            self._pairs(), forces, self._places.tolist(), strict=True
+        forces = [*self._forces.tolist(), 0.0]  # contacts without force: row -1
+        for shapes, row, (x, y, z) in zip(
+            self._geoms.tolist(), self._rows.tolist(), self._places.tolist(), strict=True
         ):
-            one, other = sorted(pair, key=touch_order)
-            if one == other:
+            pair, force = self._sort(*shapes), forces[row]
+            if pair[0] == pair[1]:
                 continue
-            total, most, place = found.get((one, other), (0.0, -1.0, (x, y, z)))
+            total, most, place = found.get(pair, (0.0, -1.0, (x, y, z)))
             if force > most:
                 most, place = force, (x, y, z)
-            found[one, other] = total + force, most, place
+            found[pair] = total + force, most, place
         return [Touch(*pair, swap(place), total) for pair, (total, _, place) in found.items()]
+
+    def _sort(self, one: int, other: int) -> tuple[Body, Body]:
+        """The owners of two shapes, in the order of a touch."""
+        if (one, other) not in self._sorted:
+            first, last = sorted((self._owners[one], self._owners[other]), key=touch_order)
+            self._sorted[one, other] = first, last
+        return self._sorted[one, other]
 
     def _pairs(self) -> Iterator[tuple[Body, Body]]:
         owners = self._owners

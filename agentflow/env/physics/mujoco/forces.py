@@ -85,11 +85,12 @@ class AppliedForces:
 
     def _write(self, total: dict[int, list[float]]) -> None:
         """Replace the forces of the last step."""
-        for body in self._written - total.keys():
-            _PACK(self._target, body * _SIZE, *_STILL, *_STILL)
+        if self._written != total.keys():
+            for body in self._written - total.keys():
+                _PACK(self._target, body * _SIZE, *_STILL, *_STILL)
+            self._written = set(total)
         for body, wrench in total.items():
             _PACK(self._target, body * _SIZE, *wrench)
-        self._written = set(total)
 
     def _turn(self, own: list[float], part: int, force: Vec3, place: Vec3) -> None:
         """Add the torque of a force on a thing at a place other than its centre of mass."""

@@ -42,6 +42,7 @@ class Motors:
             step: Length of a step, s.
         """
         self._model, self._data, self._levels = built.model, built.data, levels
+        self._qpos, self._qvel = built.data.qpos, built.data.qvel
         self.step = step
         """Length of a step, s."""
         rubbing = np.flatnonzero(built.model.dof_frictionloss > 0.0)
@@ -61,6 +62,10 @@ class Motors:
         self._mixed = [i for i, (_, _, drive) in enumerate(self._joints) if drive.mixed]
         self._aims: Array = np.zeros(len(self._joints))
         """Speed that each motor aims at, rad/s."""
+        self._changes: Array = np.zeros(len(self._joints))
+        """What is added to the wanted acceleration of each motor's row, rad/s2."""
+        self._rows = self._row
+        """Row of each motor among all constraints of the last step."""
         self._held = _indices([])
         """Motors that hold an angle."""
         self._yields = np.ones(0, dtype=bool)
@@ -79,23 +84,23 @@ class Motors:
             for i, (_, _, drive) in enumerate(self._joints)
             if not drive.mixed and not self._aims[i]
         ]
-        new = np.setdiff1d(held, self._held).astype(np.intp)
-        self._angles[new] = self._data.qpos[self._position[new]]
+        new = _indices(sorted(set(held).difference(self._held.tolist())))
+        self._angles[new] = self._qpos[self._position[new]]
         self._held = _indices(held)
         idle = not any(level for entry, level in self._levels.items() if entry != "wind")
-        still = np.abs(self._data.qvel[self._velocity[self._held]]) <= STILL
+        still = np.abs(self._qvel[self._velocity[self._held]]) <= STILL
         self._yields = ~still if idle else np.ones(len(held), dtype=bool)
         self.mix()
+        self._aim()
 
     def mix(self) -> None:
         """Set joints whose motors aim at different speeds; before the first half of a step."""
-        data = self._data
         for i in self._mixed:
             _, place, drive = self._joints[i]
-            command = drive.command(self._levels, float(data.qvel[place.velocity]))
+            command = drive.command(self._levels, float(self._qvel[place.velocity]))
             self._aims[i] = command.target
             self._model.dof_frictionloss[place.velocity] = command.limit
-            data.qfrc_applied[place.velocity] = command.push
+            self._data.qfrc_applied[place.velocity] = command.push
 
     def drive(self) -> None:
         """Drive the joints for one step, between the two halves of it."""
@@ -104,22 +109,28 @@ class Motors:
         data = self._data
         if len(self._held):
             held = self._held
-            angle, speed = data.qpos[self._position[held]], data.qvel[self._velocity[held]]
+            angle, speed = self._qpos[self._position[held]], self._qvel[self._velocity[held]]
             slips = self._yields & (np.abs(speed) > STILL)
             self._angles[held] = np.where(slips, angle, self._angles[held])
             self._aims[held] = HOLD * (self._angles[held] - angle)
-        data.efc_aref[self._row + data.ne] += self._aims / (self.step * TIGHT)
-        self._before = data.qvel[self._velocity]
+        if len(self._held) or self._mixed:
+            self._aim()
+        self._rows = self._row + data.ne
+        data.efc_aref[self._rows] += self._changes
+        self._before = self._qvel.take(self._velocity)
 
     def read(self) -> None:
         """Read the torques of the step, after its second half."""
         if self._joints:
-            self._torques = self._data.efc_force[self._data.ne + self._row]
+            self._torques = self._data.efc_force.take(self._rows)
 
     def power(self) -> float:
         """Mean power of the motors in the last step, W."""
-        speeds = (self._before + self._data.qvel[self._velocity]) / 2
+        speeds = (self._before + self._qvel[self._velocity]) / 2
         return float((self._torques * speeds).sum())
+
+    def _aim(self) -> None:
+        self._changes = self._aims / (self.step * TIGHT)
 
 
 def _indices(numbers: Sequence[int]) -> Indices:

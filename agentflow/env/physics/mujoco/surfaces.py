@@ -9,6 +9,7 @@ these may meet, the pair has values of its own.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import combinations
 from math import sqrt
 from typing import Any, NamedTuple
@@ -34,6 +35,9 @@ contacts are spring-dampers that cannot pull, so a rebound lasts several steps."
 SLOW = 0.5
 """m/s: contacts of lively surfaces that are slower do not rebound. In one step of free fall a body
 gains 0.27 m/s, so what rests on little damping would tremble."""
+
+
+Floats = tuple[float, ...]
 
 
 class Surface(NamedTuple):
@@ -82,7 +86,7 @@ class Surfaces:
 
     def cover(self, geom: Any, surface: Surface, cluster: int) -> None:
         """Set the surface of a shape; shapes of one cluster never touch each other."""
-        friction, damping, dimensions = _contact(surface.mean(self._usual))
+        friction, damping, dimensions = _contact_between(surface, self._usual)
         geom.friction = friction[1], *friction[2:4]
         geom.solref, geom.solimp, geom.condim = damping, IMPEDANCE, dimensions
         covered = Covered(geom, cluster, surface)
@@ -105,7 +109,7 @@ class Surfaces:
             names = one.geom.parent.name, other.geom.parent.name
             if one.cluster == other.cluster or names in apart or names[::-1] in apart:
                 continue
-            friction, damping, dimensions = _contact(one.surface.mean(other.surface))
+            friction, damping, dimensions = _contact_between(one.surface, other.surface)
             spec.add_pair(
                 geomname1=one.geom.name,
                 geomname2=other.geom.name,
@@ -160,9 +164,15 @@ def _damping(restitution: float) -> float:
     return float(np.interp(restitution, REBOUND, DAMPING))
 
 
-def _contact(surface: Surface) -> tuple[list[float], list[float], int]:
+@lru_cache
+def _contact_between(one: Surface, other: Surface) -> tuple[Floats, Floats, int]:
+    """`_contact` of two surfaces against each other; the shapes of a model have few surfaces."""
+    return _contact(one.mean(other))
+
+
+def _contact(surface: Surface) -> tuple[Floats, Floats, int]:
     """MuJoCo's friction along two tangents, about the normal and for rolling about two tangents;
     its time constant and damping ratio; and how many of its directions act."""
     ratio = _damping(surface.restitution)
-    friction = [surface.friction] * 2 + [0.0] + [surface.rolling] * 2
-    return friction, [1.0 / (ratio * STIFFNESS), ratio], 6 if surface.rolling else 3
+    friction = (*[surface.friction] * 2, 0.0, *[surface.rolling] * 2)
+    return friction, (1.0 / (ratio * STIFFNESS), ratio), 6 if surface.rolling else 3
