@@ -86,7 +86,8 @@ class LawForces:
 
     def __call__(self, rows: Sequence[Row]) -> list[list[PartForce]]:
         """The forces of each law in this step."""
-        self._before, self._exerted = rows, [law(rows) for law in self.laws]
+        if self.laws:
+            self._before, self._exerted = rows, [law(rows) for law in self.laws]
         return self._exerted
 
     def power(self, rows: Sequence[Row]) -> Power:

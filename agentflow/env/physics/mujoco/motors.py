@@ -64,8 +64,8 @@ class Motors:
         """Speed that each motor aims at, rad/s."""
         self._changes: Array = np.zeros(len(self._joints))
         """What is added to the wanted acceleration of each motor's row, rad/s2."""
-        self._rows = self._row
-        """Row of each motor among all constraints of the last step."""
+        self._equalities, self._rows = 0, self._row
+        """Rows of equalities in the last step, and each motor's among all, which follow them."""
         self._held = _indices([])
         """Motors that hold an angle."""
         self._yields = np.ones(0, dtype=bool)
@@ -115,7 +115,9 @@ class Motors:
             self._aims[held] = HOLD * (self._angles[held] - angle)
         if len(self._held) or self._mixed:
             self._aim()
-        self._rows = self._row + data.ne
+        if data.ne != self._equalities:
+            self._equalities = data.ne
+            self._rows = self._row + self._equalities
         data.efc_aref[self._rows] += self._changes
         self._before = self._qvel.take(self._velocity)
 
