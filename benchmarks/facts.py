@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import partial
 from math import cos, hypot, radians, sin
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 
@@ -58,8 +59,9 @@ class Stand:
             heavy = replace(first, mass=ANCHOR, inertia=(ANCHOR, ANCHOR, ANCHOR))
             self.assembly = replace(self.assembly, parts=(heavy, *rest))
         self.g = constants()["gravity"] if gravity else 0.0
-        self._engine = default_engine().start(constants().changed({"gravity": self.g}))
-        self.world: World = self._engine.build(self.assembly, scene, RATE)
+        engine = default_engine().start(constants().changed({"gravity": self.g}))
+        self.world: World = engine.build(self.assembly, scene, RATE)
+        finalize(self, engine.close)  # each takes 20 MB
 
     def run(self, seconds: float, **levels: float) -> Stand:
         """Switch entries of the schedule, and go on."""
