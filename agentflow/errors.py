@@ -47,6 +47,11 @@ class UnknownNameError(UsageError):
         short = str(name) if len(str(name)) <= 60 else f"{str(name)[:60]}..."
         super().__init__(f"unknown {kind} {short!r}; known: {choices}")
         self.kind, self.name, self.nearest = kind, name, near
+        self._known = names
+
+    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, object, list[str]]]:
+        """Worker processes send errors to their parent."""
+        return type(self), (self.kind, self.name, self._known)
 
 
 class ConfigError(UsageError):

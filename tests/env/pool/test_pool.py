@@ -61,7 +61,8 @@ class Trouble(Movement):
 def trouble(folder: Path, times: int, act: str) -> Task:
     plain = get_task("movement", {"window": 1})
     assert isinstance(plain, Movement)
-    return Trouble("movement", 1, plain.parameters, 1.0, plain.schedule, str(folder), times, act)
+    told = {"folder": str(folder), "times": times, "act": act}
+    return Trouble("movement", 1, plain.parameters, 1.0, plain.schedule, **told)
 
 
 def alive(pids: Iterable[int]) -> list[int]:
@@ -140,7 +141,7 @@ async def test_a_family_that_fails_is_named_here(pool: RolloutPool, tmp_path: Pa
 @pytest.mark.slow
 async def test_a_bug_is_raised_here_with_its_traceback(pool: RolloutPool) -> None:
     with pytest.raises(RuntimeError, match=r"(?s)a rollout failed in its worker:.*Traceback.*rate"):
-        await pool.run(CAR, get_task("movement"), variation="faster")  # type: ignore[arg-type]
+        await pool.run(CAR, get_task("movement"), variation="faster")
     assert (await pool.run(CAR, get_task("movement", {"window": 1}))).status == "ok"
 
 
