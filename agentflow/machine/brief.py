@@ -25,6 +25,8 @@ class Limits:
     """Most blocks, as `Brief.count_blocks` counts them; None: any number."""
     parts: int | None = None
     """Most parts in one piece that the physics engine can hold; None: any number."""
+    engine: str = "the physics engine"
+    """Name of the engine, for messages about its parts."""
 
 
 @dataclass(frozen=True)

@@ -48,10 +48,10 @@ def comma_list(items: Iterable[object]) -> str:
     return ", ".join(str(item) for item in items) or "none"
 
 
-def size_of_piece(parts: int, most: int) -> Problem:
-    """The problem of a machine with more parts in one piece than the physics engine can hold."""
+def size_of_piece(parts: int, most: int, engine: str) -> Problem:
+    """The problem of a machine with more parts in one piece than this physics engine can hold."""
     message = (
-        f"the machine has {parts} parts in one piece; the physics engine holds at most {most}: "
+        f"the machine has {parts} parts in one piece; {engine} holds at most {most}: "
         "remove blocks (a two-ended block has 2 parts, a moving joint in a loop counts as one more)"
     )
     return Problem("too_many_parts", (), message)

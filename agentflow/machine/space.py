@@ -26,7 +26,7 @@ def spatial_problems(geometry: Geometry, limits: Limits = ANYWHERE) -> list[Prob
     left = len(geometry.overlaps) - MAX_OVERLAP_PROBLEMS
     if left > 0:
         problems.append(Problem("overlap", (), f"{left} more pairs of blocks overlap"))
-    return problems + size_problems(geometry, limits.size) + _piece_problems(geometry, limits.parts)
+    return problems + size_problems(geometry, limits.size) + _piece_problems(geometry, limits)
 
 
 def _shared_faces(geometry: Geometry) -> list[Problem]:
@@ -68,12 +68,13 @@ def _duplicate_connections(geometry: Geometry) -> list[Problem]:
     return problems
 
 
-def _piece_problems(geometry: Geometry, most: int | None) -> list[Problem]:
+def _piece_problems(geometry: Geometry, limits: Limits) -> list[Problem]:
+    most = limits.parts
     types = [library()[placed.type] for placed in geometry.blocks]
     if most is None or sum(each.parts + each.joint.moves for each in types) <= most:
         return []
     parts = largest_piece(geometry)
-    return [size_of_piece(parts, most)] if parts > most else []
+    return [size_of_piece(parts, most, limits.engine)] if parts > most else []
 
 
 def overlap_message(geometry: Geometry, a: int, b: int) -> str:

@@ -57,7 +57,7 @@ def test_a_piece_may_have_127_links_and_not_one_more() -> None:
     assert simulate(heap(128), SHORT).status == "ok"
     rollout = simulate(heap(129), SHORT)
     assert [problem["message"] for problem in rollout.problems] == [
-        "the machine has 129 parts in one piece; the physics engine holds at most 128: "
+        "the machine has 129 parts in one piece; pybullet holds at most 128: "
         "remove blocks (a two-ended block has 2 parts, a moving joint in a loop counts as one more)"
     ]
 

@@ -140,7 +140,7 @@ def test_a_check_without_a_task_names_what_the_default_engine_cannot_hold() -> N
     report = check_data(machine, None, geometry=False)
     assert not report["machine_valid"]
     assert [problem["message"] for problem in report["problems"]] == [
-        "the machine has 129 parts in one piece; the physics engine holds at most 128: "
+        "the machine has 129 parts in one piece; pybullet holds at most 128: "
         "remove blocks (a two-ended block has 2 parts, a moving joint in a loop counts as one more)"
     ]
 

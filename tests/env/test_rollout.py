@@ -244,7 +244,7 @@ def test_a_machine_too_large_for_the_engine_is_invalid() -> None:
     rollout = simulate(machine(*rows), get_task("movement", {"blocks.max": 0}))
     assert [problem["code"] for problem in rollout.problems] == ["too_many_parts"]
     assert rollout.problems[0]["message"] == (
-        "the machine has 145 parts in one piece; the physics engine holds at most 128: "
+        "the machine has 145 parts in one piece; pybullet holds at most 128: "
         "remove blocks (a two-ended block has 2 parts, a moving joint in a loop counts as one more)"
     )
 

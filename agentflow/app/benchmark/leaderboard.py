@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from agentflow.app.benchmark.card import Card, Mean, read_card
-from agentflow.env.tasks.records import read_records
+from agentflow.env.tasks.records import other_recorders
 from agentflow.errors import UsageError
 from agentflow.metrics.cells import Value
 from agentflow.metrics.intervals import missing_scipy
@@ -81,15 +81,10 @@ def _ranking(cards: Sequence[Card]) -> Table:
         for card in cards
         if not card.complete
     ]
-    notes = (*incomplete, ABOUT, *_record_note(engine), *filter(None, [missing_scipy()]))
+    others = other_recorders([engine])
+    of_records = f"The records were simulated by {others}." if others else ""
+    notes = (*incomplete, ABOUT, *filter(None, [of_records, missing_scipy()]))
     return Table(title, ("rank", "model"), columns, tuple(rows), notes=notes)
-
-
-def _record_note(engine: str) -> tuple[str, ...]:
-    """A note if the records are of another engine than the cards; else ()."""
-    records = {record.engine for record in read_records().values()}
-    same = engine.partition(" ")[0] in {name.partition(" ")[0] for name in records}
-    return () if same else (f"The records were simulated by {' and '.join(records)}.",)
 
 
 def _by_family(cards: Sequence[Card]) -> Table:

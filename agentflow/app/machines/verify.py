@@ -19,9 +19,8 @@ def verify_text(text: object, task: Task, *, seed: int, workers: int) -> dict[st
 
     Returns:
         `task`, `seed`, `engine` (name and version), `score` (the plain one), `verified` (see
-        `Verification.to_json`), `others` (see
-        `score_on_others`) and `problems` (why the machine is
-        invalid).
+        `Verification.to_json`), `others` (see `score_on_others`) and `problems` (why the machine
+        is invalid).
     """
     report = check(read_for(task.brief, text), task.brief)
     others: list[dict[str, Any]] = []

@@ -13,7 +13,7 @@ from shlex import quote
 from agentflow.app.design.results import read_finished
 from agentflow.app.sweeps.folder import RUNS, read_failures, read_folder
 from agentflow.config.sweep import SweepConfig, SweepRun, list_runs
-from agentflow.env.tasks.records import full_score, read_records
+from agentflow.env.tasks.records import full_score, other_recorders
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UsageError
 from agentflow.metrics import published as literature
@@ -135,11 +135,8 @@ def _require_same_engine(path: Path, runs: Iterable[FinishedRun]) -> None:
 
 def record_note(result: SweepResult) -> tuple[str, ...]:
     """A note on shares of records that another engine simulated than the runs; else ()."""
-    records = {record.engine for record in read_records().values()}
-    names = {engine.partition(" ")[0] for engine in records}
-    if all(engine.partition(" ")[0] in names for engine in result.engines):
-        return ()
-    return (f"Shares of records compare with machines that {' and '.join(records)} simulated.",)
+    others = other_recorders(result.engines)
+    return (f"Shares of records compare with machines that {others} simulated.",) if others else ()
 
 
 @cache

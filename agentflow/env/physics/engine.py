@@ -20,9 +20,9 @@ if TYPE_CHECKING:  # an engine's identity needs no physics
 class TooLargeError(UsageError):
     """The machine has more parts in one piece than the engine can hold."""
 
-    def __init__(self, parts: int, limit: int) -> None:
-        super().__init__(size_of_piece(parts, limit).message)
-        self.parts, self.limit = parts, limit
+    def __init__(self, parts: int, limit: int, engine: str) -> None:
+        self.problem = size_of_piece(parts, limit, engine)
+        super().__init__(self.problem.message)
 
 
 @dataclass(frozen=True)

@@ -119,9 +119,10 @@ def engine_limits(name: str = AUTO) -> Limits:
 
     The engine need not be installed here: runs of others can be read without it.
     """
-    if name == AUTO:
-        return Limits(parts=default_engine().most_parts)
-    return Limits(parts=ENGINES[name].most_parts if name in ENGINES else None)
+    if name != AUTO and name not in ENGINES:
+        return Limits()
+    spec = default_engine() if name == AUTO else ENGINES[name]
+    return Limits(parts=spec.most_parts, engine=spec.name)
 
 
 def _is_installed(spec: EngineSpec) -> bool:

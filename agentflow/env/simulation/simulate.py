@@ -14,7 +14,7 @@ from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.simulation.variations import DEFAULT, Variation, VariedEngine
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
-from agentflow.machine.problems import LATER_RULES, size_of_piece
+from agentflow.machine.problems import LATER_RULES
 from agentflow.machine.tree import Machine
 from agentflow.machine.validity import check
 
@@ -80,8 +80,7 @@ def simulate(
         try:
             play = Play(machine, trial, chosen, rate, power, interval, wall_limit, value)
         except TooLargeError as error:
-            problem = size_of_piece(error.parts, error.limit)
-            return invalid_rollout([problem], str(chosen.identity))
+            return invalid_rollout([error.problem], str(chosen.identity))
         played.append(play.run())
         if played[-1].status == "timeout":
             break

@@ -7,7 +7,7 @@ also have records with changed knobs: those of the benchmark's items.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -82,6 +82,17 @@ def read_records() -> Mapping[str, TaskRecord]:
         for item in found
         if item.name.endswith(".json")
     }
+
+
+def other_recorders(engines: Iterable[str]) -> str:
+    """The engines that simulated the records, if one of `engines` is none of them; else "".
+
+    Versions of one engine count as the same.
+    """
+    recorders = sorted({record.engine for record in read_records().values()})
+    names = {engine.partition(" ")[0] for engine in recorders}
+    same = all(engine.partition(" ")[0] in names for engine in engines)
+    return "" if same else " and ".join(recorders)
 
 
 def record_of(task: Task) -> TaskRecord | None:

@@ -97,7 +97,7 @@ class BodyBuilder:
         links = (*piece.links, *piece.loops)
         most = PYBULLET.most_parts
         if most is not None and len(links) >= most:
-            raise TooLargeError(len(links) + 1, most)
+            raise TooLargeError(len(links) + 1, most, PYBULLET.name)
         frames = {piece.root: parts[piece.root].centre}
         frames |= {link.part: joints[link.joint].pivot for link in piece.links}
         order = {piece.root: 0} | {link.part: i for i, link in enumerate(piece.links, 1)}
