@@ -1,14 +1,21 @@
-"""Requests, replies and token usage."""
+"""Requests, replies, tool calls and token usage."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+import json
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+)
 
 Finish = Literal["stop", "length", "empty", "tool_calls", "content_filter"]
-"""Why a reply ended. Only `stop` is a complete answer; `tool_calls` has nothing else."""
+"""Why a reply ended. `stop` is a complete answer; `tool_calls` has no text, only tool calls."""
 CHARS_PER_TOKEN = 4
 """Typical ratio for English and JSON; used only where the true count is unknown."""
 
@@ -23,16 +30,70 @@ def fix_surrogates(text: str) -> str:
     return text.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
 
 
+Text = Annotated[str, AfterValidator(fix_surrogates)]
+
+
 class _Frozen(BaseModel, frozen=True, extra="forbid"):
     pass
 
 
-class Message(_Frozen):
-    """One message of a conversation; `images` are PNG data URLs (vision variant only)."""
+class _Recorded(_Frozen):
+    """A part of a call on record. Fields that came later are left out while they are not used."""
 
-    role: Literal["system", "user", "assistant"]
-    text: Annotated[str, AfterValidator(fix_surrogates)]
+    later_fields: ClassVar[frozenset[str]]
+    """They have defaults. Without them, the keys of calls recorded before them stay the same."""
+
+    @model_serializer(mode="wrap")
+    def _leave_out_unused(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        unused = {
+            name
+            for name in self.later_fields
+            if getattr(self, name) == type(self).model_fields[name].default
+        }
+        return {name: value for name, value in dump(self).items() if name not in unused}
+
+
+class Tool(_Frozen):
+    """A tool that a model may call."""
+
+    name: str
+    description: str
+    parameters: Mapping[str, Any]
+    """JSON schema of its arguments, which are an object."""
+
+
+class NamedTool(_Frozen):
+    """The tool that a reply must call."""
+
+    name: str
+
+
+class ToolCall(_Frozen):
+    """A tool call as a model wrote it: data that may be anything."""
+
+    id: Text
+    """Not empty, and different from those of the other calls of the reply."""
+    name: Text
+    arguments: Text
+    """The text that the model wrote: JSON only if the model kept to it."""
+
+
+class Message(_Recorded):
+    """One message of a conversation.
+
+    A reply with tool calls is followed by one `tool` message for each of them, in their order.
+    """
+
+    later_fields = frozenset({"tool_calls", "tool_call_id"})
+
+    role: Literal["system", "user", "assistant", "tool"]
+    text: Text
     images: tuple[str, ...] = ()
+    """PNG data URLs, of user and tool messages."""
+    tool_calls: tuple[ToolCall, ...] = ()
+    """Of an assistant message."""
+    tool_call_id: Text = ""
+    """Of a tool message: the call that it answers."""
 
 
 class JsonSchema(_Frozen):
@@ -55,22 +116,30 @@ class Sampling(_Frozen):
     response_format: Literal["text", "json_object"] | JsonSchema = "text"
 
 
-class Request(_Frozen):
+class Request(_Recorded):
     """One call to a model.
 
     `label` identifies the call within the run ("refiner/traj-3/node-12/attempt-2"). Two calls with
     the same messages are different samples, and concurrency never changes which reply a call gets.
     """
 
+    later_fields = frozenset({"tools", "tool_choice"})
+
     role: str
     label: str
     messages: tuple[Message, ...]
     sampling: Sampling = Sampling()
+    tools: tuple[Tool, ...] = ()
+    tool_choice: Literal["auto", "none", "required"] | NamedTool = "auto"
+    """Whether the reply may call tools, must not, must, or must call this one."""
 
     @property
     def estimated_tokens(self) -> int:
         """Estimated number of prompt tokens."""
-        return -(-sum(len(message.text) for message in self.messages) // CHARS_PER_TOKEN)
+        texts = [message.text for message in self.messages]
+        calls = [call for message in self.messages for call in message.tool_calls]
+        schemas = [json.dumps(tool.model_dump(mode="json")) for tool in self.tools]
+        return estimate_tokens(*texts, *_texts_of(calls), *schemas)
 
 
 class Usage(_Frozen):
@@ -95,8 +164,10 @@ class Usage(_Frozen):
         )
 
 
-class Reply(_Frozen):
+class Reply(_Recorded):
     """One reply. Roles parse `text`; reasoning is kept separately."""
+
+    later_fields = frozenset({"tool_calls"})
 
     text: str
     finish: Finish = "stop"
@@ -106,3 +177,24 @@ class Reply(_Frozen):
     """Model name reported by the endpoint."""
     latency_s: float = 0.0
     retries: int = 0
+    tool_calls: tuple[ToolCall, ...] = ()
+    """Calls of the request's tools, perhaps beside a text."""
+
+    @property
+    def message(self) -> Message:
+        """This reply in a conversation."""
+        return Message(role="assistant", text=self.text, tool_calls=self.tool_calls)
+
+    @property
+    def estimated_tokens(self) -> int:
+        """Estimated number of completion tokens, for endpoints that report none."""
+        return estimate_tokens(self.text, self.reasoning, *_texts_of(self.tool_calls))
+
+
+def estimate_tokens(*texts: str) -> int:
+    """Estimated number of tokens of texts."""
+    return -(-sum(map(len, texts)) // CHARS_PER_TOKEN)
+
+
+def _texts_of(calls: Iterable[ToolCall]) -> list[str]:
+    return [text for call in calls for text in (call.name, call.arguments)]

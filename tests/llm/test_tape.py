@@ -12,9 +12,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agentflow.errors import RunError
-from agentflow.llm.messages import Message, Reply, Request, Sampling
+from agentflow.llm.messages import (
+    Message,
+    NamedTool,
+    Reply,
+    Request,
+    Sampling,
+    Tool,
+    ToolCall,
+)
 from agentflow.llm.wrappers.tape import RecordedCall, Tape, key_of
 from tests.llm.helpers import ask
+
+CHECK = Tool(name="check", description="Check a machine.", parameters={"type": "object"})
+CALL = ToolCall(id="c1", name="check", arguments='{"machine": "[]"')
+CALLING = Message(role="assistant", text="", tool_calls=(CALL,))
+RESULT = Message(role="tool", text="no blocks", images=("data:,",), tool_call_id="c1")
 
 
 def no_notice(line: str) -> None:
@@ -67,6 +80,28 @@ def test_any_text_survives(tmp_path_factory: pytest.TempPathFactory, text: str, 
         tape.append(item)
     with Tape(path, no_notice) as tape:
         assert list(tape.calls()) == [item]
+
+
+def test_tools_and_their_calls_are_recorded(tmp_path: Path) -> None:
+    question = ask("hi", "a/0").messages[0]
+    request = Request(
+        role="r",
+        label="a/0",
+        messages=(question, CALLING, RESULT),
+        tools=(CHECK,),
+        tool_choice=NamedTool(name="check"),
+    )
+    reply = Reply(text="", finish="tool_calls", tool_calls=(CALL,))
+    call = RecordedCall(key=key_of("m", request), model="m", request=request, reply=reply)
+    with Tape(tmp_path / "calls.jsonl", no_notice) as tape:
+        tape.append(call)
+        assert list(tape.calls()) == [call]
+        assert tape.find(call.key) == reply
+
+
+def test_lines_without_tools_do_not_mention_them(tmp_path: Path) -> None:
+    filled(tmp_path / "calls.jsonl", 1)
+    assert "tool" not in (tmp_path / "calls.jsonl").read_text()
 
 
 def test_a_half_written_last_line_is_dropped_wherever_it_breaks(tmp_path: Path) -> None:
@@ -169,6 +204,11 @@ def test_the_key_is_of_what_changes_the_answer() -> None:
         base.model_copy(update={"role": "refiner"}),
         base.model_copy(update={"messages": (Message(role="system", text="hi"),)}),
         base.model_copy(update={"messages": (*base.messages, *base.messages)}),
+        base.model_copy(update={"messages": (*base.messages, CALLING)}),
+        base.model_copy(update={"messages": (*base.messages, CALLING, RESULT)}),
+        base.model_copy(update={"tools": (CHECK,)}),
+        base.model_copy(update={"tools": (CHECK,), "tool_choice": "required"}),
+        base.model_copy(update={"tools": (CHECK,), "tool_choice": NamedTool(name="check")}),
         *[
             base.model_copy(update={"sampling": sampling})
             for sampling in (

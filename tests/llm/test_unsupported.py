@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from agentflow.llm.endpoint.body import request_body
 from agentflow.llm.endpoint.faults import ErrorResponse, read_error_response
 from agentflow.llm.endpoint.unsupported import UnsupportedParameters
-from agentflow.llm.endpoint.wire import request_body
 from agentflow.llm.messages import JsonSchema
 from tests.llm.helpers import ask, client_for
 from tests.llm.hostile import body, reply, serving

@@ -1,4 +1,4 @@
-"""Request bodies and replies."""
+"""Replies."""
 
 from __future__ import annotations
 
@@ -15,11 +15,9 @@ from agentflow.llm.endpoint.wire import (
     TruncatedAnswerError,
     decode,
     read_usage,
-    request_body,
     split_reasoning,
 )
-from agentflow.llm.messages import Message, Reply, Request, Sampling, Usage
-from tests.llm.helpers import ask
+from agentflow.llm.messages import Reply, Usage
 from tests.llm.hostile import chunk, completion
 
 
@@ -28,43 +26,6 @@ def gathered(*contents: dict[str, object]) -> Reply:
     for content in contents:
         reply.add(content)
     return reply.reply()
-
-
-def test_only_what_is_set_is_sent() -> None:
-    assert request_body(ask("hi"), "m") == {
-        "model": "m",
-        "messages": [{"role": "user", "content": "hi"}],
-        "stream": True,
-        "stream_options": {"include_usage": True},
-        "temperature": 0.7,
-        "top_p": 0.95,
-    }
-
-
-def test_everything_that_can_be_sent() -> None:
-    image = "data:image/png;base64,AAAA"
-    request = Request(
-        role="refiner",
-        label="x",
-        messages=(
-            Message(role="system", text="be brief"),
-            Message(role="user", text="look", images=(image,)),
-        ),
-        sampling=Sampling(max_tokens=9, seed=3, stop=("END",), response_format="json_object"),
-    )
-    body = request_body(request, "m")
-    assert body["messages"] == [
-        {"role": "system", "content": "be brief"},
-        {
-            "role": "user",
-            "content": [
-                {"type": "text", "text": "look"},
-                {"type": "image_url", "image_url": {"url": image}},
-            ],
-        },
-    ]
-    assert (body["max_tokens"], body["seed"], body["stop"]) == (9, 3, ["END"])
-    assert body["response_format"] == {"type": "json_object"}
 
 
 def test_a_whole_answer() -> None:

@@ -13,6 +13,7 @@ import httpx
 from agentflow.errors import ConfigError, EndpointError
 from agentflow.llm.endpoint import faults, wire
 from agentflow.llm.endpoint.address import Endpoint
+from agentflow.llm.endpoint.body import request_body
 from agentflow.llm.endpoint.connections import ConnectionPool
 from agentflow.llm.endpoint.decoding import ACCEPTED, UndecodableError, decoded_pieces
 from agentflow.llm.endpoint.sse import EventDecoder
@@ -64,7 +65,7 @@ class OpenAIClient:
         Raises:
             TransientFault: An `EndpointError` after which a retry may help.
         """
-        body = wire.request_body(request, self.name)
+        body = request_body(request, self.name)
         while True:
             sent = self.unsupported.adapt(body)
             answer = await self._attempt(sent)

@@ -1,4 +1,4 @@
-"""The JSON of `/chat/completions`: request bodies, and replies built from answers."""
+"""Replies built from the JSON that `/chat/completions` answers."""
 
 from __future__ import annotations
 
@@ -7,15 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from agentflow.llm.messages import (
-    Finish,
-    JsonSchema,
-    Message,
-    Reply,
-    Request,
-    Usage,
-    fix_surrogates,
-)
+from agentflow.llm.messages import Finish, Reply, Usage, fix_surrogates
 
 _THOUGHT = re.compile(r"<think>(.*?)(?:</think>|\Z)", re.DOTALL)
 _FINISH: dict[str, Finish] = {
@@ -45,39 +37,6 @@ class ErrorObjectError(Exception):
     def __init__(self, content: Mapping[str, object]) -> None:
         super().__init__("error object")
         self.content = content
-
-
-def request_body(request: Request, model: str) -> dict[str, object]:
-    """Build the JSON body of a streamed request without sampling fields that are None or empty."""
-    sampling = request.sampling
-    body: dict[str, object] = {
-        "model": model,
-        "messages": [_message(message) for message in request.messages],
-        "stream": True,
-        "stream_options": {"include_usage": True},
-        "temperature": sampling.temperature,
-        "top_p": sampling.top_p,
-    }
-    if sampling.max_tokens is not None:
-        body["max_tokens"] = sampling.max_tokens
-    if sampling.seed is not None:
-        body["seed"] = sampling.seed
-    if sampling.stop:
-        body["stop"] = list(sampling.stop)
-    if isinstance(form := sampling.response_format, JsonSchema):
-        schema = {"name": form.name, "schema": form.content}
-        body["response_format"] = {"type": "json_schema", "json_schema": schema}
-    elif form != "text":
-        body["response_format"] = {"type": form}
-    return body
-
-
-def _message(message: Message) -> dict[str, object]:
-    if not message.images:
-        return {"role": message.role, "content": message.text}
-    parts: list[dict[str, object]] = [{"type": "text", "text": message.text}]
-    parts += [{"type": "image_url", "image_url": {"url": url}} for url in message.images]
-    return {"role": message.role, "content": parts}
 
 
 def decode(data: bytes) -> Mapping[str, object]:

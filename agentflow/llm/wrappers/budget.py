@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 
 from agentflow.errors import BudgetSpentError
 from agentflow.llm.client import Client, ClientWrapper
-from agentflow.llm.messages import CHARS_PER_TOKEN, Reply, Request, Usage
+from agentflow.llm.messages import Reply, Request, Usage
 from agentflow.llm.wrappers.prices import Price
 
 
@@ -108,7 +108,4 @@ class BudgetClient(ClientWrapper):
 
 
 def _estimate(request: Request, reply: Reply) -> Usage:
-    return Usage(
-        prompt=request.estimated_tokens,
-        completion=-(-len(reply.text + reply.reasoning) // CHARS_PER_TOKEN),
-    )
+    return Usage(prompt=request.estimated_tokens, completion=reply.estimated_tokens)

@@ -111,6 +111,12 @@ def _fields(model: str, request: Request) -> dict[str, str]:
         fields[f"messages[{index}].role"] = message.role
         fields[f"messages[{index}].text"] = message.text
         fields[f"messages[{index}].images"] = " ".join(message.images)
+        for number, call in enumerate(message.tool_calls):
+            fields[f"messages[{index}].tool_calls[{number}]"] = call.model_dump_json()
+        fields[f"messages[{index}].tool_call_id"] = message.tool_call_id
+    for tool in request.tools:
+        fields[f"tools.{tool.name}"] = tool.model_dump_json()
+    fields["tool_choice"] = str(request.tool_choice)
     return fields
 
 
