@@ -25,8 +25,8 @@ class Limits:
     """Most blocks, as `Brief.count_blocks` counts them; None: any number."""
     parts: int | None = None
     """Most parts in one piece that the physics engine can hold; None: any number."""
-    engine: str = "the physics engine"
-    """Name of the engine, for messages about its parts."""
+    engine: str = field(default="the physics engine", repr=False)
+    """Name of the engine, for messages about its parts; the digest of a brief leaves it out."""
 
 
 @dataclass(frozen=True)
