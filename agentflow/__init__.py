@@ -1,7 +1,8 @@
 """Language models design machines; physics decides whether they work.
 
 The functions `design`, `simulate`, `verify` and `check` match the commands of the same name and
-share their defaults; `reward` is for training. Every name is imported on first use.
+share their defaults; `design_prompt` and `reward` are for training. Every name is imported on
+first use.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
         check,
         design,
         design_async,
+        design_prompt,
         resume,
         resume_async,
         simulate,
@@ -35,7 +37,7 @@ __version__ = "0.1.0"
 
 _MODULES = {
     "agentflow.api": (
-        *("Design", "check", "design", "design_async", "resume", "resume_async"),
+        *("Design", "check", "design", "design_async", "design_prompt", "resume", "resume_async"),
         *("simulate", "simulate_async", "verify", "verify_async"),
     ),
     "agentflow.env.pool.pool": ("RolloutPool",),
@@ -69,6 +71,7 @@ __all__ = [
     "check",
     "design",
     "design_async",
+    "design_prompt",
     "resume",
     "resume_async",
     "reward",

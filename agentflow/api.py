@@ -316,6 +316,34 @@ async def verify_async(
     return await verification.verify_async(partial(pool.run, report.machine, level, seed=seed))
 
 
+def design_prompt(
+    task: str,
+    *,
+    knobs: Mapping[str, object] | None = None,
+    engine: str = "auto",
+    prompts: str = "default",
+) -> list[dict[str, str]]:
+    """The prompt that asks for a whole machine in one reply, as chat messages.
+
+    It is what designers are told in a run: a system and a user message, each with `role` and
+    `content`. `reward` scores the reply.
+
+    Args:
+        task: Level, e.g. "throwing" or "movement/3".
+        knobs: Knobs of the level to change.
+        engine: Physics engine, which limits how large a machine may be.
+        prompts: Prompt set.
+
+    Raises:
+        UsageError: The task, knob, engine or prompt set does not exist.
+    """
+    from agentflow.app.prompts import render_prompt
+    from agentflow.env.tasks.registry import get_task
+
+    found = render_prompt(prompts, "designer", get_task(task, knobs, engine).brief)
+    return [{"role": role, "content": found[role]} for role in ("system", "user")]
+
+
 def _config_keys(
     task: str | None,
     workflow: str | None,

@@ -15,8 +15,10 @@ import pytest
 import agentflow
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.replay import replay
+from agentflow.app.prompts import render_prompt
 from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build_config
+from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError, RunError, UnknownNameError, UsageError
 from agentflow.runs import RunDirectory, read_document
 from tests.workflows.world import Author
@@ -71,6 +73,15 @@ def test_defaults_match_the_command_line() -> None:
         assert set(defaults.values()) == {None}
     assert inspect.signature(agentflow.simulate).parameters["seed"].default == 0
     assert inspect.signature(agentflow.reward).parameters["seed"].default == DesignConfig().seed
+
+
+def test_the_prompt_for_a_trainer_is_what_a_designer_gets() -> None:
+    system, user = agentflow.design_prompt("throwing", knobs={"wall.height": 2})
+    shown = render_prompt("default", "designer", get_task("throwing", {"wall.height": 2}).brief)
+    assert system == {"role": "system", "content": shown["system"]}
+    assert user == {"role": "user", "content": shown["user"]}
+    with pytest.raises(UnknownNameError, match="unknown prompt set 'defalt'; known: default"):
+        agentflow.design_prompt("throwing", prompts="defalt")
 
 
 @pytest.mark.parametrize("machine", [CAR, TEXT, f"```json\n{TEXT}```", json.loads(TEXT)])
