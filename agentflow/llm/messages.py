@@ -38,19 +38,19 @@ class _Frozen(BaseModel, frozen=True, extra="forbid"):
 
 
 class _Recorded(_Frozen):
-    """A part of a call on record. Fields that came later are left out while they are not used."""
+    """A part of a call on record, without optional fields that have their default value."""
 
-    later_fields: ClassVar[frozenset[str]]
-    """They have defaults. Without them, the keys of calls recorded before them stay the same."""
+    optional_fields: ClassVar[frozenset[str]]
+    """Left out of the record, so that a call without them keeps its key over versions."""
 
     @model_serializer(mode="wrap")
-    def _leave_out_unused(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        unused = {
+    def _leave_out_defaults(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        defaults = {
             name
-            for name in self.later_fields
+            for name in self.optional_fields
             if getattr(self, name) == type(self).model_fields[name].default
         }
-        return {name: value for name, value in dump(self).items() if name not in unused}
+        return {name: value for name, value in dump(self).items() if name not in defaults}
 
 
 class Tool(_Frozen):
@@ -68,14 +68,18 @@ class NamedTool(_Frozen):
     name: str
 
 
-class ToolCall(_Frozen):
+class ToolCall(_Recorded):
     """A tool call as a model wrote it: data that may be anything."""
+
+    optional_fields = frozenset({"extra_content"})
 
     id: Text
     """Not empty, and different from those of the other calls of the reply."""
     name: Text
     arguments: Text
-    """The text that the model wrote: JSON only if the model kept to it."""
+    """The text that the model wrote: a JSON object if it kept to the schema."""
+    extra_content: Text = ""
+    """JSON that some endpoints add and want back with the call, such as a signature."""
 
 
 class Message(_Recorded):
@@ -84,7 +88,7 @@ class Message(_Recorded):
     A reply with tool calls is followed by one `tool` message for each of them, in their order.
     """
 
-    later_fields = frozenset({"tool_calls", "tool_call_id"})
+    optional_fields = frozenset({"tool_calls", "tool_call_id", "extra"})
 
     role: Literal["system", "user", "assistant", "tool"]
     text: Text
@@ -94,6 +98,8 @@ class Message(_Recorded):
     """Of an assistant message."""
     tool_call_id: Text = ""
     """Of a tool message: the call that it answers."""
+    extra: Mapping[str, str] = {}
+    """Of an assistant message with tool calls: other fields that the endpoint wants back."""
 
 
 class JsonSchema(_Frozen):
@@ -123,7 +129,7 @@ class Request(_Recorded):
     the same messages are different samples, and concurrency never changes which reply a call gets.
     """
 
-    later_fields = frozenset({"tools", "tool_choice"})
+    optional_fields = frozenset({"tools", "tool_choice"})
 
     role: str
     label: str
@@ -167,7 +173,7 @@ class Usage(_Frozen):
 class Reply(_Recorded):
     """One reply. Roles parse `text`; reasoning is kept separately."""
 
-    later_fields = frozenset({"tool_calls"})
+    optional_fields = frozenset({"tool_calls", "reasoning_field"})
 
     text: str
     finish: Finish = "stop"
@@ -179,11 +185,14 @@ class Reply(_Recorded):
     retries: int = 0
     tool_calls: tuple[ToolCall, ...] = ()
     """Calls of the request's tools, perhaps beside a text."""
+    reasoning_field: str = ""
+    """Field in which reasoning came beside tool calls; some endpoints want it back there."""
 
     @property
     def message(self) -> Message:
         """This reply in a conversation."""
-        return Message(role="assistant", text=self.text, tool_calls=self.tool_calls)
+        extra = {self.reasoning_field: self.reasoning} if self.reasoning_field else {}
+        return Message(role="assistant", text=self.text, tool_calls=self.tool_calls, extra=extra)
 
     @property
     def estimated_tokens(self) -> int:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 
+from agentflow.llm.endpoint.tool_calls import is_json_object
 from agentflow.llm.messages import JsonSchema, Message, NamedTool, Request, ToolCall
 
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_-]")
@@ -66,7 +67,8 @@ def _message(message: Message) -> dict[str, object]:
         return {"role": message.role, "content": _parts(message.text, message.images)}
     if message.tool_calls:
         calls = [_tool_call(call) for call in message.tool_calls]
-        return {"role": message.role, "content": message.text or None, "tool_calls": calls}
+        answer = {"role": message.role, "content": message.text or None, "tool_calls": calls}
+        return {**answer, **message.extra}
     return {"role": message.role, "content": message.text}
 
 
@@ -95,13 +97,7 @@ def _tool_call(call: ToolCall) -> dict[str, object]:
     """
     name = _NOT_IN_NAMES.sub("_", call.name)[:_MAX_NAME_CHARS] or "_"
     arguments = call.arguments.strip() or "{}"
-    if not _is_json_object(arguments):
+    if not is_json_object(arguments):
         arguments = json.dumps({"not_json": arguments})
-    return {"id": call.id, **_function({"name": name, "arguments": arguments})}
-
-
-def _is_json_object(text: str) -> bool:
-    try:
-        return isinstance(json.loads(text), dict)
-    except (ValueError, RecursionError):
-        return False
+    extra = {"extra_content": json.loads(call.extra_content)} if call.extra_content else {}
+    return {"id": call.id, **_function({"name": name, "arguments": arguments}), **extra}

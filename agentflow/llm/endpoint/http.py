@@ -18,7 +18,7 @@ from agentflow.llm.endpoint.connections import ConnectionPool
 from agentflow.llm.endpoint.decoding import ACCEPTED, UndecodableError, decoded_pieces
 from agentflow.llm.endpoint.sse import EventDecoder
 from agentflow.llm.endpoint.unsupported import UnsupportedParameters
-from agentflow.llm.messages import Reply, Request
+from agentflow.llm.messages import Reply, Request, ToolCall
 from agentflow.llm.settings import HttpSettings
 
 _MAX_ANSWER_BYTES = 64 * 2**20
@@ -103,6 +103,7 @@ class OpenAIClient:
                 "text": scrub(answer.text),
                 "reasoning": scrub(answer.reasoning),
                 "model": scrub(answer.model),
+                "tool_calls": tuple(_scrub_call(call, scrub) for call in answer.tool_calls),
                 "latency_s": round(time.perf_counter() - started, 3),
             }
         )
@@ -152,6 +153,10 @@ class OpenAIClient:
         if decoder.streamed and not builder.finish and not done:
             raise wire.TruncatedAnswerError("the stream ended early")
         return builder
+
+
+def _scrub_call(call: ToolCall, scrub: Callable[[str], str]) -> ToolCall:
+    return call.model_copy(update={"name": scrub(call.name), "arguments": scrub(call.arguments)})
 
 
 def _add_events(events: list[bytes], builder: wire.ReplyBuilder) -> bool:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from agentflow.llm.endpoint.tool_calls import ToolCallBuilder
 from agentflow.llm.messages import Finish, Reply, Usage, fix_surrogates
 
 _THOUGHT = re.compile(r"<think>(.*?)(?:</think>|\Z)", re.DOTALL)
@@ -77,8 +78,9 @@ class ReplyBuilder:
     """Whether a non-empty chunk (`delta`) was received."""
     has_choice: bool = False
     """Whether any choice was received."""
-    calls_tools: bool = False
-    """Whether any tool call was received."""
+    tool_calls: ToolCallBuilder = field(default_factory=ToolCallBuilder)
+    reasoning_field: str = ""
+    """Field in which the endpoint sends reasoning; empty until received."""
 
     def add(self, content: Mapping[str, object]) -> None:
         """Add a complete answer (`message`) or a chunk (`delta`)."""
@@ -105,15 +107,18 @@ class ReplyBuilder:
         self.text = whole.text or self.text
         self.reasoning = whole.reasoning or self.reasoning
         self.refusal = whole.refusal or self.refusal
+        if whole.tool_calls.finish():
+            self.tool_calls = whole.tool_calls
 
     def _add_content(self, part: Mapping[str, object]) -> None:
         for name in ("reasoning_content", "reasoning"):
             if isinstance(thought := part.get(name), str) and thought:
                 self.reasoning.append(thought)
+                self.reasoning_field = name
                 break
         if isinstance(refusal := part.get("refusal"), str) and refusal:
             self.refusal.append(refusal)
-        self.calls_tools |= bool(part.get("tool_calls") or part.get("function_call"))
+        self.tool_calls.add(part)
         content = part.get("content")
         if isinstance(content, str) and content:
             self.text.append(content)
@@ -145,11 +150,12 @@ class ReplyBuilder:
             raise TruncatedAnswerError("the endpoint failed while replying")
         text, thought = split_reasoning(fix_surrogates("".join(self.text)))
         refusal = fix_surrogates("".join(self.refusal))
+        calls = self.tool_calls.finish()
         finish = _FINISH.get(self.finish.lower(), "stop")
         if refusal and not text:
             text, finish = refusal, "content_filter"
         if finish == "stop" and not text.strip():
-            finish = "tool_calls" if self.calls_tools else "empty"
+            finish = "tool_calls" if calls else "empty"
         reasoning = "\n".join(
             part for part in (fix_surrogates("".join(self.reasoning)), thought) if part
         )
@@ -159,6 +165,8 @@ class ReplyBuilder:
             reasoning=reasoning,
             usage=self.usage,
             model=fix_surrogates(self.model),
+            tool_calls=calls,
+            reasoning_field=self.reasoning_field if calls else "",
         )
 
 
