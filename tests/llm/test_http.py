@@ -10,7 +10,7 @@ import pytest
 
 from agentflow.errors import EndpointError, RefusedError, UnauthorisedError, UnreachableError
 from agentflow.llm.endpoint.faults import TransientFault
-from agentflow.llm.messages import Usage
+from agentflow.llm.messages import ToolCall, Usage
 from tests.llm.helpers import KEY, ask, client_for, once
 from tests.llm.hostile import (
     Answer,
@@ -45,6 +45,21 @@ async def test_streamed_and_complete_answers_give_the_same_reply() -> None:
     assert server.asked[0].target == "/v1/chat/completions"
     assert server.asked[0].headers["authorization"] == f"Bearer {KEY}"
     assert server.asked[0].body["model"] == "m"
+
+
+async def test_streamed_and_complete_tool_calls_give_the_same_reply() -> None:
+    call = {"id": "a", "function": {"name": "check", "arguments": f'{{"machine": "{KEY}"}}'}}
+    pieces = [
+        chunk(tool_calls=[{"index": 0, "id": "a", "function": {"name": "check"}}]),
+        chunk(tool_calls=[{"index": 0, "function": {"arguments": '{"machine": '}}]),
+        chunk(tool_calls=[{"index": 0, "function": {"arguments": f'"{KEY}"}}'}}]),
+    ]
+    whole = reply(None, "tool_calls", tool_calls=[call])
+    async with serving(stream(*pieces, chunk("tool_calls")), whole) as server:
+        client = client_for(server.base_url)
+        calls = [(await client.complete(ask("hi"))).tool_calls for _ in range(2)]
+        await client.aclose()
+    assert calls == 2 * [(ToolCall(id="a", name="check", arguments='{"machine": "***"}'),)]
 
 
 async def test_a_connection_is_reused_after_a_stream() -> None:

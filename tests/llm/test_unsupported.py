@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from agentflow.errors import RefusedError
 from agentflow.llm.endpoint.body import request_body
 from agentflow.llm.endpoint.faults import ErrorResponse, read_error_response
-from agentflow.llm.endpoint.unsupported import UnsupportedParameters
-from agentflow.llm.messages import JsonSchema
+from agentflow.llm.endpoint.unsupported import UnsupportedParameters, refuses_tools
+from agentflow.llm.messages import JsonSchema, NamedTool, Tool
 from tests.llm.helpers import ask, client_for
 from tests.llm.hostile import body, reply, serving
 
@@ -171,3 +172,84 @@ def test_an_endpoint_without_json_objects_may_support_schemas() -> None:
     assert "response_format" not in unsupported.adapt(FULL)
     body = request_body(ask(response_format=JsonSchema(name="x", content={})), "m")
     assert unsupported.adapt(body)["response_format"] == body["response_format"]
+
+
+TOOL = Tool(name="check", description="Check a machine.", parameters={"type": "object"})
+WITH_TOOLS = ask().model_copy(update={"tools": (TOOL,)})
+NO_TOOLS = [
+    (400, "registry.ollama.ai/library/gemma2:2b does not support tools", ""),
+    (404, "No endpoints found that support tool use. To learn more about routing, visit: x", ""),
+    (400, "Tools is not supported in this model. For a list of supported models, refer to x", ""),
+    (400, "Unsupported parameter: 'tools' is not supported with this model.", "tools"),
+    (
+        400,
+        '"auto" tool choice requires --enable-auto-tool-choice and --tool-call-parser to be set',
+        "",
+    ),
+    (500, "tools param requires --jinja flag", ""),
+    (500, "Unsupported param: tools", ""),
+    (400, "Function calling is not enabled for this model", ""),
+    (400, "m does not support Function Calling", ""),
+    (400, "This model doesn't support tool use.", ""),
+    (422, EXTRA % "tools", ""),
+    (
+        400,
+        "litellm.UnsupportedParamsError: o does not support parameters: ['tools'], for model=m",
+        "",
+    ),
+    (501, "not implemented", "tools"),
+]
+
+
+@pytest.mark.parametrize(("status", "message", "param"), NO_TOOLS)
+async def test_a_refusal_of_tools_is_one_sentence(status: int, message: str, param: str) -> None:
+    refusal = body({"error": {"message": message, "param": param or None}}, status)
+    async with serving(refusal) as server:
+        client = client_for(server.base_url)
+        with pytest.raises(RefusedError) as caught:
+            await client.complete(WITH_TOOLS)
+        await client.aclose()
+        assert len(server.asked) == 1
+    assert caught.value.exit_status == 4
+    assert str(caught.value) == (
+        f"model 'm' at {server.base_url} does not support tools ({status}: {message}); switch on "
+        "tool calling at the server, or use another model, or a workflow without tools"
+    )
+
+
+@pytest.mark.parametrize(
+    ("status", "message"),
+    [
+        (400, "Invalid schema for function 'check': 'additionalProperties' is not permitted"),
+        (400, "Invalid 'tools[0].function.name': unexpected character"),
+        (400, "This model does not support images"),
+        (429, "tools are not available at this rate"),
+    ],
+)
+def test_other_errors_are_not_taken_for_a_refusal_of_tools(status: int, message: str) -> None:
+    assert not refuses_tools(ErrorResponse(status, message))
+
+
+async def test_without_a_choice_of_tools_the_request_is_made_again() -> None:
+    refusal = body({"error": {"message": "m does not support this tool_choice"}}, 400)
+    request = WITH_TOOLS.model_copy(update={"tool_choice": NamedTool(name="check")})
+    warnings: list[str] = []
+    async with serving(refusal, reply("ok")) as server:
+        client = client_for(server.base_url, warn=warnings.append)
+        assert (await client.complete(request)).text == "ok"
+        await client.aclose()
+    assert "tool_choice" not in server.asked[1].body
+    assert server.asked[1].body["tools"] == server.asked[0].body["tools"]
+    assert warnings == [
+        "the endpoint does not support tool_choice: omitted from now on "
+        "(m does not support this tool_choice)"
+    ]
+
+
+async def test_tools_without_streaming() -> None:
+    message = "This model doesn't support tool use in streaming mode."
+    async with serving(body({"message": message}, 400), reply("ok")) as server:
+        client = client_for(server.base_url)
+        assert (await client.complete(WITH_TOOLS)).text == "ok"
+        await client.aclose()
+    assert "stream" not in server.asked[1].body

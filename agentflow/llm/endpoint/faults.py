@@ -161,6 +161,15 @@ def error_for(endpoint: Endpoint, response: ErrorResponse) -> EndpointError:
     return RefusedError(f"{where} rejected the request ({status}: {message})")
 
 
+def tools_refused(endpoint: Endpoint, response: ErrorResponse) -> RefusedError:
+    """The error for a model or a server that does not support tools."""
+    return RefusedError(
+        f"model {endpoint.model!r} at {endpoint.base_url} does not support tools "
+        f"({response.status}: {printable_excerpt(endpoint, response.message)}); switch on tool "
+        "calling at the server, or use another model, or a workflow without tools"
+    )
+
+
 def unreachable(endpoint: Endpoint, reason: str) -> TransientFault:
     """The error for a connection that failed, stalled or ended early."""
     return TransientFault(

@@ -17,7 +17,7 @@ from agentflow.llm.endpoint.body import request_body
 from agentflow.llm.endpoint.connections import ConnectionPool
 from agentflow.llm.endpoint.decoding import ACCEPTED, UndecodableError, decoded_pieces
 from agentflow.llm.endpoint.sse import EventDecoder
-from agentflow.llm.endpoint.unsupported import UnsupportedParameters
+from agentflow.llm.endpoint.unsupported import UnsupportedParameters, refuses_tools
 from agentflow.llm.messages import Reply, Request, ToolCall
 from agentflow.llm.settings import HttpSettings
 
@@ -72,8 +72,11 @@ class OpenAIClient:
             if isinstance(answer, Reply):
                 return answer
             message = faults.printable_excerpt(self._endpoint, answer.message)
-            if not self.unsupported.learn(answer, sent, message):
-                raise faults.error_for(self._endpoint, answer)
+            if self.unsupported.learn(answer, sent, message):
+                continue
+            if request.tools and refuses_tools(answer):
+                raise faults.tools_refused(self._endpoint, answer)
+            raise faults.error_for(self._endpoint, answer)
 
     async def aclose(self) -> None:
         """Close all connections."""

@@ -1,4 +1,4 @@
-"""Learn which parameters an endpoint does not support from its error messages.
+"""Learn from an endpoint's error messages which parameters it does not support.
 
 Wordings differ between vendors; the patterns here come from public bug reports.
 """
@@ -20,6 +20,7 @@ _OPTIONAL = (
     "response_format",
     "stream_options",
     "stream",
+    "tool_choice",
 )
 """Parameters that can be omitted, more specific names first."""
 _UNSUPPORTED = re.compile(
@@ -30,6 +31,11 @@ _UNSUPPORTED = re.compile(
 )
 _EITHER_OR = re.compile(r"(?i)cannot both be|only one of|use only one|not both")
 _STATUSES = (400, 415, 422, 501)
+_TOOLS = re.compile(r"(?i)\btools\b(?![\[.])|\btool (?:use|choice|call)|\bfunction call")
+"""Words for tools, but not for one of the request's tools, as in tools[0].function.name."""
+_NO_TOOLS = re.compile(r"(?i)not enabled|no endpoints found that support|requires --")
+"""How servers say that tools are unavailable, besides `_UNSUPPORTED`."""
+_TOOLS_STATUSES = (*_STATUSES, 404, 500)
 _SUBSTITUTES = {"max_tokens": "max_completion_tokens", "json_schema": "json_object"}
 """What to send instead of an unsupported parameter or response format."""
 
@@ -90,6 +96,13 @@ class UnsupportedParameters:
         return wanted
 
 
+def refuses_tools(response: ErrorResponse) -> bool:
+    """Whether an error response says that model or server do not support tools."""
+    words = f"{response.message} {response.param} {response.code}".replace("_", " ")
+    unsupported = _UNSUPPORTED.search(words) or _NO_TOOLS.search(words)
+    return bool(response.status in _TOOLS_STATUSES and unsupported and _TOOLS.search(words))
+
+
 def _format_type(form: object) -> str:
     return str(form["type"]) if isinstance(form, Mapping) else ""
 
@@ -114,5 +127,6 @@ def _unsupported_parameter(response: ErrorResponse, sent: Mapping[str, object]) 
 
 def _position(name: str, message: str) -> int:
     """Index of a parameter's name as a whole word in a message; -1 if absent."""
-    found = re.search(rf"(?<![\w-]){name}(?![\w-])", message)
+    word = "stream(?:ing)?" if name == "stream" else name
+    found = re.search(rf"(?<![\w-]){word}(?![\w-])", message)
     return found.start() if found else -1
