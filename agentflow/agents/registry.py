@@ -19,6 +19,7 @@ ROLES: Registry[type[Role[Any, Any]]] = Registry(
         "querier": "agentflow.agents.querier:Querier",
         "refiner": "agentflow.agents.refiner:Refiner",
         "placer": "agentflow.agents.placer:Placer",
+        "agent": "agentflow.agents.tool_agent.role:Agent",
     },
     subclass_of("agentflow.agents.base:Role", named_by="name"),
 )

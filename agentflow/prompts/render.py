@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cache, cached_property
 from importlib import resources
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,8 @@ _ROOM = (1.0, 0.5, 0.25, 0.0)
 """Shares of the usual space for long sections, tried in turn until a prompt fits."""
 _FACTS, _FUNCTIONS = "facts.yaml", "block_functions.yaml"
 _RETRY = "_parts/retry.j2"
+_APART = frozenset({"agent"})
+"""Roles that came later, whose templates must not change the digests of runs without them."""
 
 
 @cache
@@ -68,11 +70,17 @@ class PromptSet:
     @cached_property
     def digest(self) -> str:
         """Content hash (16 hex digits) of everything that affects the set's prompts."""
+        return self.digest_for(())
+
+    def digest_for(self, roles: Collection[str]) -> str:
+        """The digest for a run that asks these roles; templates in `_APART` count if asked."""
         shared = {name: _home().joinpath(name).read_text("utf-8") for name in (_FACTS, _FUNCTIONS)}
         files = {**self.files, **shared}
         files |= {ABOUT: str(self.fits)} if self.fits else {}
         digest = hashlib.sha256()
         for path in sorted(files):
+            if (role := path.partition("/")[0]) in _APART and role not in roles:
+                continue
             digest.update(f"{path}\0{files[path]}\0".encode())
         return digest.hexdigest()[:16]
 

@@ -223,6 +223,20 @@ class QueryEvent(RunEvent, kind="query"):
 
 
 @dataclass(frozen=True)
+class ToolEvent(RunEvent, kind="tool", needs=("call",), optional=("machine",)):
+    """An agent called a tool; the place is the stage and the number of the call in it."""
+
+    tool: str
+    arguments: Any
+    """As the agent sent them, cut to a sane length."""
+    refused: bool
+    answer: str
+    """What the agent was told, cut to a sane length."""
+    machine: str | None = None
+    """Content hash of the machine that the call was about, or that it made."""
+
+
+@dataclass(frozen=True)
 class ExpandAttempt:
     """One attempt of an expansion; `label` is relative to the search."""
 

@@ -20,6 +20,7 @@ _PARTS = {
     "node": "node",
     "try": "try_",
     "attempt": "attempt",
+    "call": "call",
 }
 """Word of a numbered part in a label -> attribute of a `Place`, in the order of labels."""
 _PLACE = re.compile(
@@ -50,6 +51,8 @@ class Place:
     """Counts from 0, the root of a search."""
     try_: int = 0
     attempt: int = 0
+    call: int = 0
+    """Number of a call of a tool in its stage."""
 
     @classmethod
     def parse(cls, label: str) -> Place:

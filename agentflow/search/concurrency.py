@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Coroutine, Iterable, Mapping
 from typing import Any, Generic, TypeVar
 
@@ -26,15 +27,23 @@ async def run_concurrently(jobs: Iterable[Coroutine[Any, Any, T]]) -> list[T]:
 
 
 class EvaluateOnce(Generic[C]):
-    """Evaluates each distinct candidate once, even when it is requested twice concurrently."""
+    """Evaluates each distinct candidate once, even when it is requested twice concurrently.
+
+    An evaluation is cancelled, and forgotten, once every request for it is cancelled.
+    """
 
     def __init__(self, evaluate: Evaluate[C], known: Mapping[C, Evaluation] | None = None) -> None:
         """Wrap `evaluate`; candidates in `known` are never evaluated."""
         self._evaluate = evaluate
         self._known = dict(known or {})
-        self._running: dict[C, asyncio.Future[Evaluation]] = {}
+        self._running: dict[C, asyncio.Task[Evaluation]] = {}
+        self._requests: Counter[C] = Counter()
         self.count = 0
-        """Evaluations started."""
+        """Evaluations started, without those cancelled."""
+
+    def find(self, candidate: C) -> Evaluation | None:
+        """A finished evaluation; None without one."""
+        return self._known.get(candidate)
 
     async def __call__(self, candidate: C, label: str) -> Evaluation:
         """The candidate's evaluation, made under the label of its first request."""
@@ -43,4 +52,15 @@ class EvaluateOnce(Generic[C]):
         if candidate not in self._running:
             self._running[candidate] = asyncio.ensure_future(self._evaluate(candidate, label))
             self.count += 1
-        return await self._running[candidate]
+        job = self._running[candidate]
+        self._requests[candidate] += 1
+        try:
+            self._known[candidate] = await asyncio.shield(job)
+            return self._known[candidate]
+        finally:
+            self._requests[candidate] -= 1
+            if not self._requests[candidate] and not job.done():
+                del self._running[candidate]
+                self.count -= 1
+                job.cancel()
+                await asyncio.gather(job, return_exceptions=True)

@@ -12,6 +12,7 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt
 from agentflow.runs.places import StageName
 from agentflow.search.node import Evaluation, SearchCost
+from agentflow.tools.world import View
 
 GREATEST: Final = "greatest score"
 """Why a search or a run ended: a machine has the greatest possible score of the task."""
@@ -49,6 +50,13 @@ class Laboratory(Protocol):
 
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine as built, as PNG data URLs; always the same bytes."""
+
+    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+        """A PNG picture with axes, scale and block ids, as built or at a time in s.
+
+        Raises:
+            UsageError: The machine's rollout has no such time.
+        """
 
 
 class Record(Protocol):

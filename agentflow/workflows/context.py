@@ -25,6 +25,7 @@ from agentflow.runs.events import (
 from agentflow.runs.places import Place, StageName
 from agentflow.search.concurrency import EvaluateOnce
 from agentflow.search.node import Evaluation
+from agentflow.tools.world import View
 from agentflow.workflows.base import (
     GREATEST,
     AskContexts,
@@ -131,8 +132,8 @@ class WorkflowContext:
 
     async def evaluate(self, machine: Machine, place: Place) -> Evaluation:
         """Simulate a machine or reuse its result, and record that at a place of a stage."""
-        self._counts[place.name].machines.add(machine)
         evaluation = await self._simulate(machine, f"machine-{machine.digest}")
+        self._counts[place.name].machines.add(machine)
         summary: SimulationSummary = evaluation.details
         self.note(
             EvaluationEvent(
@@ -148,6 +149,14 @@ class WorkflowContext:
         )
         return evaluation
 
+    def evaluation_of(self, machine: Machine) -> Evaluation | None:
+        """The finished evaluation of a machine; None without one."""
+        return self._simulate.find(machine)
+
+    def save(self, machine: Machine) -> None:
+        """Store a machine that a later event names; the same machine may come twice."""
+        self._record.save_machine(machine.digest, machine.to_text())
+
     async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
         """Answer queries on an evaluated machine, and record them at the querier's place."""
         answer = await self._laboratory.query(machine, queries)
@@ -162,6 +171,15 @@ class WorkflowContext:
     async def views(self, machine: Machine) -> tuple[str, ...]:
         """Pictures of a machine for a refiner; none if vision is switched off."""
         return await self._laboratory.views(machine) if self.settings.vision else ()
+
+    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+        """A picture of a machine as built, or at a time of its simulation, as PNG."""
+        return await self._laboratory.look(machine, view, time)
+
+    def prompts_of(self, role: Role[In, Out], given: In) -> tuple[str, str]:
+        """The system and the user prompt of a role."""
+        prompts = self._contexts(role.model_role or role.name).prompts
+        return prompts.render(role.name, role.variables(given))
 
     def begin_stage(self, name: StageName) -> None:
         """Open a stage; a second call, for another trajectory, does nothing."""
@@ -214,7 +232,7 @@ class WorkflowContext:
         return result
 
     async def _evaluate(self, machine: Machine, label: str) -> Evaluation:
-        self._record.save_machine(machine.digest, machine.to_text())
+        self.save(machine)
         evaluation = await self._laboratory.evaluate(machine, label)
         greatest, score = self.brief.greatest, evaluation.score
         reached = greatest is not None and score is not None and score >= greatest
@@ -228,7 +246,7 @@ class WorkflowContext:
         count.tokens += tokens
         machine = getattr(parsed.output, "machine", None)
         if isinstance(machine, Machine):
-            self._record.save_machine(machine.digest, machine.to_text())
+            self.save(machine)
         self.note(
             AttemptEvent(
                 Place.parse(attempt.label),

@@ -51,14 +51,22 @@ class WorkflowSettings(BaseModel):
     representation: Literal["tree", "coordinates"] = Field(
         "tree", description="how machines are written: construction tree, or absolute coordinates"
     )
-    vision: bool = Field(False, description="show refiners pictures of the machine")
+    vision: bool = Field(
+        False, description="show pictures of the machine to refiners, and to agents (tools)"
+    )
     refinement: Literal["steps", "whole_machine"] = Field(
         "steps", description="refiners write edit commands or a whole machine"
     )
     rollouts: int | None = Field(
         None,
         ge=1,
-        description="simulations of a whole run (random-dsl); default: 3 per trajectory",
+        description="simulations of a run; default: 3 per trajectory (random-dsl), 24 (tools)",
+    )
+    candidates_per_stage: int = Field(
+        8, ge=1, description="machines that an agent may submit in a stage (tools)"
+    )
+    looks: int = Field(
+        24, ge=1, description="pictures that an agent may look at in a run (tools, with vision)"
     )
     search: SearchSettings = Field(
         SearchSettings(), description="the feedback loop; 0 rounds skip it"

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.pool.spool import Rollouts
@@ -18,6 +19,7 @@ from agentflow.env.verification import Verification, verify_async
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
+from agentflow.tools.world import View
 from agentflow.workflows.base import SimulationSummary
 
 PICTURE = (960, 720)
@@ -75,6 +77,11 @@ class PhysicsLaboratory:
             drawing = asyncio.to_thread(png_url, machine, view="sheet", size=PICTURE)
             self._pictures[machine.digest] = asyncio.ensure_future(drawing)
         return (await asyncio.shield(self._pictures[machine.digest]),)
+
+    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+        """Draw a machine in a thread: as built, or at a time of its rollout."""
+        rollout = None if time is None else self.rollouts[machine.digest]
+        return await asyncio.to_thread(look_at, machine, view, rollout, time)
 
 
 def decisive_facts(machine: Machine, rollout: Rollout) -> dict[str, str]:

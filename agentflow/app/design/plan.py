@@ -108,7 +108,9 @@ class RunPlan:
         """
         origin = FAMILIES.origin(self.level.file.family)
         return {
-            "prompts": self.prompts.digest,
+            "prompts": self.prompts.digest_for(
+                WORKFLOWS[self.config.workflow].calls(self.config.settings)
+            ),
             "demands": hashlib.sha256(repr(self.task.brief).encode()).hexdigest()[:16],
             **physics_conditions(self.task.engine),
             "engine": self.engine,

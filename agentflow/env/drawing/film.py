@@ -72,7 +72,7 @@ def _frames(
         pose = Pose(trace.centre[index], trace.rotation[index], alive)
         broken = {item.block for item in rollout.broken if item.time <= time}
         solids = machine_solids.things(pose, broken)
-        others = _remove_occluders(_things_at(rollout.scene, trace, index), camera)
+        others = _remove_occluders(things_at(rollout.scene, trace, index), camera)
         picture = render_image(camera, solids, others, GRID)
         _draw_trail(picture, camera, trace.centre[:index, tracked])
         if tracked:
@@ -95,7 +95,7 @@ def _save_gif(frames: Sequence[Image.Image], path: Path, interval: float) -> Non
     )
 
 
-def _things_at(scene: Scene, trace: Trace, index: int) -> list[Thing]:
+def things_at(scene: Scene, trace: Trace, index: int) -> list[Thing]:
     """The scene's objects where they are in one sample."""
     moved = []
     for thing in scene.things:

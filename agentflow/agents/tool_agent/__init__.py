@@ -1,0 +1,1 @@
+"""The role that works with tools, and its conversation."""

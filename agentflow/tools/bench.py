@@ -1,0 +1,175 @@
+"""The bench: where an agent works in one stage, through one method, `call`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+from agentflow.machine.tree import Machine
+from agentflow.runs.events import ToolEvent
+from agentflow.runs.places import Place, StageName
+from agentflow.tools import designing, measuring
+from agentflow.tools.budget import Budget
+from agentflow.tools.desk import Call, Desk
+from agentflow.tools.machines import KnownMachines
+from agentflow.tools.results import Refused, ToolResult, ToolSpec
+from agentflow.tools.schema import Tool, ToolFunction
+from agentflow.tools.world import World
+
+_FUNCTIONS: tuple[ToolFunction, ...] = (
+    designing.brief,
+    designing.check,
+    designing.describe,
+    designing.edit,
+    measuring.simulate,
+    measuring.query,
+    measuring.look,
+    designing.history,
+    measuring.submit,
+)
+TOOLS = tuple(Tool.of(function) for function in _FUNCTIONS)
+"""All tools, in the order in which clients list them."""
+_SIMULATING = frozenset({"simulate", "query"})
+MOST_CHARACTERS = 200_000
+"""Most characters of a text from an agent; a machine of 800 blocks has 50,000."""
+DEEPEST = 8
+"""Deepest nesting of arguments; a machine in coordinates as data needs 4."""
+RECORDED = 2000
+"""Most characters of a string in the record of a call."""
+
+
+class Bench:
+    """Tools over one task, with a budget."""
+
+    def __init__(
+        self, world: World, stage: StageName, budget: Budget, machines: KnownMachines
+    ) -> None:
+        """Open it for one stage; stages of a run share `machines`."""
+        self._desk = Desk(world, stage, budget, machines)
+        self._tools = {tool.spec.name: tool for tool in TOOLS if self._offers(tool)}
+        self._calls = 0
+
+    def _offers(self, tool: Tool) -> bool:
+        budget = self._desk.budget
+        if tool.spec.name in _SIMULATING:
+            return budget.rollouts is not None
+        return tool.spec.name != measuring.look.__name__ or budget.looks is not None
+
+    @property
+    def tools(self) -> tuple[ToolSpec, ...]:
+        """The tools on offer in this stage."""
+        return tuple(tool.spec for tool in self._tools.values())
+
+    @property
+    def submitted(self) -> Sequence[Machine]:
+        """The submitted machines, in order."""
+        return tuple(self._desk.submitted)
+
+    @property
+    def budget_text(self) -> str:
+        """What is left of the budget, in one sentence."""
+        return self._desk.budget_text
+
+    @property
+    def ended(self) -> bool:
+        """Whether the stage has ended, by its last submission or by `end`."""
+        return self._desk.ended.is_set()
+
+    async def wait_ended(self) -> None:
+        """Wait until the stage has ended."""
+        await self._desk.ended.wait()
+
+    def end(self) -> None:
+        """End the stage with what has been submitted."""
+        self._desk.ended.set()
+
+    async def call(self, name: str, arguments: object) -> ToolResult:
+        """Call a tool. Cancelling this call cancels what it waits for, at no charge.
+
+        Args:
+            name: Name of the tool.
+            arguments: An object as JSON data, or its JSON text; None for none. They come from an
+                agent, so anything is allowed, and what does not fit is refused.
+        """
+        self._calls += 1
+        call = Call(self._desk, Place(self._desk.stage, call=self._calls))
+        given: Mapping[str, Any] = {}
+        try:
+            if self.ended:
+                raise Refused("this stage has ended; nothing more can be done in it")
+            given = _read_arguments(arguments)
+            result = await self._find(name)(call, given)
+        except Refused as refused:
+            result = ToolResult(str(refused), {"refused": str(refused), **refused.data}, None, True)
+        self._note(call.place, name, given, result)
+        return result
+
+    def _find(self, name: str) -> Tool:
+        if name in self._tools:
+            return self._tools[name]
+        known = any(tool.spec.name == name for tool in TOOLS)
+        why = "is not on offer in this stage" if known else "does not exist"
+        raise Refused(f"the tool {ascii(name)[:40]} {why}; the tools are {', '.join(self._tools)}")
+
+    def _note(
+        self, place: Place, name: str, arguments: Mapping[str, Any], result: ToolResult
+    ) -> None:
+        machine = None if result.refused else result.data.get("machine")
+        known = self._desk.machines.find(machine) if isinstance(machine, str) else None
+        self._desk.world.note(
+            ToolEvent(
+                place,
+                tool=_clean(str(name)[:40]),
+                arguments=_shorten(arguments),
+                refused=result.refused,
+                answer=_shorten(result.text),
+                machine=known.machine.digest if known else None,
+            )
+        )
+
+
+def _read_arguments(arguments: object) -> Mapping[str, Any]:
+    """The arguments as an object, or refuse."""
+    if isinstance(arguments, str):
+        text = _clean(arguments)
+        try:
+            arguments = json.loads(text) if text.strip() else None
+        except (ValueError, RecursionError) as error:
+            problem = f"the arguments are not JSON ({str(error)[:100]})"
+            raise Refused(f"{problem}; send a JSON object") from None
+    if arguments is None:
+        return {}
+    if not isinstance(arguments, Mapping):
+        raise Refused(f"the arguments are a {type(arguments).__name__}; send a JSON object")
+    clean: Mapping[str, Any] = _clean(arguments)
+    return clean
+
+
+def _clean(value: Any, depth: int = 0) -> Any:
+    """Data from an agent as plain JSON data that can be encoded as UTF-8."""
+    if depth > DEEPEST:
+        raise Refused(f"the arguments are nested more than {DEEPEST} deep; send flatter ones")
+    if isinstance(value, str):
+        if len(value) > MOST_CHARACTERS:
+            size = f"an argument has {len(value)} characters"
+            raise Refused(f"{size}; send at most {MOST_CHARACTERS}")
+        return value.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace")
+    if isinstance(value, Mapping):
+        return {_clean(str(key)): _clean(item, depth + 1) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_clean(item, depth + 1) for item in value]
+    plain = value is None or isinstance(value, bool | int)
+    return value if plain or (isinstance(value, float) and isfinite(value)) else str(value)
+
+
+def _shorten(value: Any) -> Any:
+    """Clean data, cut to a sane length for the record."""
+    if isinstance(value, str) and len(value) > RECORDED:
+        return f"{value[:RECORDED]}... ({len(value)} characters)"
+    if isinstance(value, Mapping):
+        return {key[:40]: _shorten(item) for key, item in list(value.items())[:20]}
+    if isinstance(value, list):
+        return [*map(_shorten, value[:20]), *(["..."] if len(value) > 20 else [])]
+    return value

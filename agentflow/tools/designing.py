@@ -1,0 +1,174 @@
+"""The tools that cost nothing: read the task, write, edit, describe and list machines."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
+
+from agentflow.machine.description.geometry_info import describe as geometry_of
+from agentflow.machine.description.geometry_info import describe_text
+from agentflow.machine.edits.script import StepVerdict, apply_script
+from agentflow.machine.formats.detect import read_for
+from agentflow.machine.problems import Problem
+from agentflow.machine.tree import Machine
+from agentflow.machine.validity import Report
+from agentflow.machine.validity import check as check_machine
+from agentflow.tools.desk import Call, Desk
+from agentflow.tools.machines import KnownMachine
+from agentflow.tools.results import Refused, ToolResult
+
+MAX_PROBLEMS = 12
+"""Most problems and verdicts in a text; the data has all."""
+MAX_WIDTH = 200
+"""Most characters of a line of a script in a text."""
+
+JsonText = Annotated[
+    str, BeforeValidator(lambda value: value if isinstance(value, str) else json.dumps(value))
+]
+"""JSON text; some models send the value itself, which is the same."""
+
+
+async def brief(call: Call) -> ToolResult:
+    """The task as designers are told it: scene, schedule, score, blocks, rules; and your budget."""
+    desk = call.desk
+    text = f"{desk.world.brief_text.rstrip()}\n\n## Budget\n{desk.budget_text}"
+    if len(desk.machines):
+        text += "\nMachines so far: " + ", ".join(known.name for known in desk.machines)
+    return ToolResult(text, {"text": desk.world.brief_text, **desk.budget_data})
+
+
+async def check(call: Call, machine: JsonText) -> ToolResult:
+    """Check a whole machine and get its name, which the other tools take, or all its problems.
+
+    Args:
+        machine: JSON text of a construction tree, such as [{"type": 0, "id": 0, "parent": -1,
+            "face_id": -1}, {"type": 1, "id": 1, "parent": 0, "face_id": 4}], or of coordinates.
+    """
+    report = check_machine(read_for(call.desk.world.brief, machine), call.desk.world.brief)
+    if report.machine is None or report.lasting_problems:
+        raise _invalid("The machine is not valid", report)
+    return _named(call.desk, report.machine, report)
+
+
+async def describe(call: Call, machine: str, short: bool = False) -> ToolResult:
+    """Describe a machine in 3D: what each block is attached to, positions, faces, balance.
+
+    Args:
+        machine: Name of the machine.
+        short: Leave out building points and the positions of free faces.
+    """
+    known = call.desk.machines.find(machine)
+    text = describe_text(known.machine, call.desk.world.brief, short=short)
+    data = {"machine": known.name, "tree": known.machine.to_json(), **geometry_of(known.machine)}
+    return ToolResult(f"Machine {known.name}\n{text}", data)
+
+
+async def edit(call: Call, machine: str, script: str) -> ToolResult:
+    """Edit a machine with Add, Remove and Move commands, all or nothing; the result is a new one.
+
+    Args:
+        machine: Name of the machine to edit, which stays as it is.
+        script: One command per line: `Add TYPE to ID in FACE`, `Remove ID`, `Move ID to ID in
+            FACE`; for two-ended blocks `Add TYPE to ID in FACE to ID in FACE`.
+    """
+    desk = call.desk
+    known = desk.machines.find(machine)
+    outcome = apply_script(known.machine, script, desk.world.brief)
+    if not outcome.success:
+        verdicts = _shorten(_verdict(step) for step in outcome.steps)
+        text = f"The script failed, and machine {known.name} is unchanged:\n{verdicts}"
+        raise Refused(text, verdicts=[step.to_json() for step in outcome.steps])
+    if outcome.machine == known.machine:
+        raise Refused(f"the script changes nothing about machine {known.name}; send commands")
+    report = check_machine(outcome.machine, desk.world.brief)
+    if report.lasting_problems:
+        raise _invalid("The edited machine is not valid, so it was not made", report)
+    made = _named(desk, outcome.machine, report, known.name, script)
+    difference, ids = _difference(known.machine, outcome.id_map)
+    data = {**made.data, "parent": known.name, "id_map": ids}
+    return ToolResult(f"{made.text}\nAgainst {known.name}: {difference}", data)
+
+
+async def history(call: Call) -> ToolResult:
+    """List all machines so far: parent, edit, score, and whether they were submitted."""
+    rows = [_history_row(call.desk, known) for known in call.desk.machines]
+    if not rows:
+        return ToolResult("No machines so far; `check` makes the first.", {"machines": []})
+    lines = ["machine | blocks | parent | edit | score | submitted in"]
+    for row in rows:
+        edit = "; ".join(str(row["edit"] or "-").split("\n"))[:MAX_WIDTH]
+        cells = row["machine"], row["blocks"], row["parent"] or "-", edit, row["score_text"]
+        lines.append(" | ".join(map(str, (*cells, row["submitted"] or "-"))))
+    return ToolResult("\n".join(lines), {"machines": rows})
+
+
+def _named(
+    desk: Desk, machine: Machine, report: Report, parent: str = "", script: str = ""
+) -> ToolResult:
+    """Name a machine whose only problems are missing blocks."""
+    known = desk.name(machine, parent, script)
+    blocks = len(machine)
+    state = "valid" if report.task_valid else "valid so far, but not complete"
+    lines = [f"Machine {known.name}: {state}, {blocks} block{'' if blocks == 1 else 's'}."]
+    lines += [f"- {problem.message}" for problem in (*report.problems, *report.warnings)]
+    lines += [f"- {note}" for note in report.notes[:MAX_PROBLEMS]]
+    data = {
+        "machine": known.name,
+        "complete": report.task_valid,
+        **desk.world.brief.budget_json(machine),
+        "size": report.size,
+        "problems": _problem_data(report.problems),
+        "warnings": _problem_data(report.warnings),
+        "notes": list(report.notes),
+    }
+    return ToolResult("\n".join(lines), data)
+
+
+def _invalid(text: str, report: Report) -> Refused:
+    problems = _shorten(problem.message for problem in report.problems)
+    return Refused(f"{text}:\n{problems}", problems=_problem_data(report.problems))
+
+
+def _problem_data(problems: Sequence[Problem]) -> list[dict[str, object]]:
+    return [problem.to_json() for problem in problems]
+
+
+def _verdict(step: StepVerdict) -> str:
+    reason = f" ({step.code}: {step.reason})" if step.code else ""
+    return f"{step.text[:MAX_WIDTH] or '(no command)'}: {step.verdict}{reason}"
+
+
+def _shorten(items: Any) -> str:
+    """A list with one item per line, cut to a sane length."""
+    lines = [f"- {item}" for item in items]
+    more = len(lines) - MAX_PROBLEMS
+    return "\n".join([*lines[:MAX_PROBLEMS], *([f"- and {more} more"] if more > 0 else [])])
+
+
+def _difference(before: Machine, ids: dict[int, int | None]) -> tuple[str, dict[str, int | None]]:
+    """Which blocks were removed and renumbered, in words and as data."""
+    gone = [str(old) for old, new in ids.items() if new is None]
+    moved = [f"{old} is now {new}" for old, new in ids.items() if new not in (None, old)]
+    kept = len(before) - len(gone)
+    parts = [f"{kept} of {len(before)} blocks kept"]
+    parts += [f"removed {', '.join(gone)}"] if gone else []
+    parts += [f"renumbered: {', '.join(moved)}"] if moved else []
+    return "; ".join(parts) + ".", {str(old): new for old, new in ids.items()}
+
+
+def _history_row(desk: Desk, known: KnownMachine) -> dict[str, object]:
+    result = desk.result_of(known.machine)
+    score = result.score if result else None
+    unscored = result.status if result else "not simulated"
+    return {
+        "machine": known.name,
+        "blocks": len(known.machine),
+        "parent": known.parent or None,
+        "edit": known.script or None,
+        "score": score,
+        "score_text": unscored if score is None else f"{score:.2f}",
+        "submitted": known.submitted,
+    }

@@ -1,0 +1,127 @@
+"""The tools that need the simulation: simulate, query, look; and submit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field
+
+from agentflow.errors import UsageError
+from agentflow.machine.tree import Machine
+from agentflow.tools.desk import Call, Desk
+from agentflow.tools.machines import KnownMachine, complete_report
+from agentflow.tools.results import Refused, ToolResult
+from agentflow.tools.world import Simulation, View
+
+
+class Query(BaseModel):
+    """What to show of a block or a moving thing of the scene."""
+
+    id: int | str
+    duration: Annotated[list[float], Field(min_length=2, max_length=2)]
+    properties: list[Literal["position", "rotation", "velocity", "length"]]
+
+
+async def simulate(call: Call, machine: str) -> ToolResult:
+    """Simulate a machine: its score, its status, and what happened; a known one costs nothing.
+
+    Args:
+        machine: Name of the machine.
+    """
+    desk = call.desk
+    known = desk.machines.find(machine)
+    before = desk.result_of(known.machine)
+    result = await _simulate(call, known.machine)
+    told = "It was known already, which cost nothing." if before else ""
+    text = f"Machine {known.name}: {_told(result)}\n{told}"
+    data = {"score": result.score, "status": result.status, "feedback": result.feedback}
+    return _counted(desk, text, {"machine": known.name, **data, "known": before is not None})
+
+
+async def query(
+    call: Call, machine: str, queries: Annotated[list[Query], Field(min_length=1, max_length=12)]
+) -> ToolResult:
+    """Show recorded states of a simulated machine as tables, with a row every 0.2 s.
+
+    Args:
+        machine: Name of the machine.
+        queries: Each names a block id or a moving thing of the scene, an interval [from, to] in
+            seconds since t = 0, and properties.
+    """
+    known = _simulated(call.desk, machine)
+    asked = [item.model_dump() for item in queries]
+    text = await call.desk.world.query(known.machine, asked, call.place)
+    return ToolResult(text, {"machine": known.name, "answers": text})
+
+
+async def look(
+    call: Call, machine: str, view: View = "iso", time: float | None = None
+) -> ToolResult:
+    """Look at a machine: a picture with axes, scale and block ids.
+
+    Args:
+        machine: Name of the machine.
+        view: front (from z+), side (from x+), top, or iso.
+        time: Seconds since t = 0 of its simulation; leave it out to see it at rest, as built.
+    """
+    desk = call.desk
+    looks = desk.budget.looks
+    if looks is None:
+        raise Refused("there are no pictures in this run; `describe` tells positions")
+    known = desk.machines.find(machine) if time is None else _simulated(desk, machine)
+    with looks.using():
+        try:
+            image = await desk.world.look(known.machine, view, time)
+        except UsageError as error:
+            raise Refused(str(error)) from None
+    when = "at rest, as built" if time is None else f"at {time:g} s"
+    data = {"machine": known.name, "view": view, "time": time}
+    told = _counted(desk, f"Machine {known.name} from the {view}, {when}.", data)
+    return ToolResult(told.text, told.data, image)
+
+
+async def submit(call: Call, machine: str) -> ToolResult:
+    """Submit a machine as an answer of this stage; the last submission ends the stage.
+
+    Args:
+        machine: Name of the machine.
+    """
+    desk = call.desk
+    known = desk.machines.find(machine)
+    if known.machine in desk.submitted:
+        raise Refused(f"machine {known.name} is already submitted; submit another one")
+    complete_report(known.machine, desk.world.brief)
+    told = ""
+    if desk.budget.rollouts is not None:
+        told = _told(await _simulate(call, known.machine), short=True)
+    desk.submit(known)
+    number = f"submission {len(desk.submitted)} of {desk.budget.submissions}"
+    text = f"Machine {known.name} is {number}. {told}"
+    text += "\nThis stage has ended." if desk.ended.is_set() else ""
+    return _counted(desk, text, {"machine": known.name, "ended": desk.ended.is_set()})
+
+
+async def _simulate(call: Call, machine: Machine) -> Simulation:
+    complete_report(machine, call.desk.world.brief)
+    return await call.desk.simulate(machine, call.place)
+
+
+def _simulated(desk: Desk, name: str) -> KnownMachine:
+    """A machine whose simulation this stage may know."""
+    known = desk.machines.find(name)
+    if desk.budget.rollouts is None:
+        raise Refused("this stage has no simulation, so there are no recorded states")
+    if desk.result_of(known.machine) is None:
+        raise Refused(f"machine {known.name} has not been simulated; `simulate` it first")
+    return known
+
+
+def _told(result: Simulation, *, short: bool = False) -> str:
+    score = "no score" if result.score is None else f"score {result.score:.2f}"
+    return f"{score} ({result.status})." + ("" if short else f"\n{result.feedback}")
+
+
+def _counted(desk: Desk, text: str, data: Mapping[str, object]) -> ToolResult:
+    """A result with what is left of the budget."""
+    return ToolResult(f"{text.rstrip()}\n{desk.budget_text}", {**data, **desk.budget_data})

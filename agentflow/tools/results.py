@@ -1,0 +1,39 @@
+"""What tools return, and what transports tell clients about a tool."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class ToolSpec:
+    """A tool as clients are told about it."""
+
+    name: str
+    description: str
+    parameters: Mapping[str, Any]
+    """JSON schema of its arguments, which are an object."""
+
+
+@dataclass(frozen=True)
+class ToolResult:
+    """The answer to one call."""
+
+    text: str
+    """What the agent reads."""
+    data: Mapping[str, Any]
+    """The same as JSON data."""
+    image: bytes | None = None
+    """A PNG picture, only of `look`."""
+    refused: bool = False
+    """Whether the call was refused; the text says what to change."""
+
+
+class Refused(Exception):
+    """A call that cannot be carried out: one sentence that says what to change, and data."""
+
+    def __init__(self, text: str, **data: Any) -> None:
+        super().__init__(text)
+        self.data = data

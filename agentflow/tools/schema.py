@@ -1,0 +1,94 @@
+"""Tools from functions: name, description and JSON schema come from signature and docstring."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+from pydantic.fields import FieldInfo
+
+from agentflow.tools.desk import Call
+from agentflow.tools.results import Refused, ToolResult, ToolSpec
+
+ToolFunction = Callable[..., Awaitable[ToolResult]]
+"""Takes a `Call` and typed arguments."""
+_ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {5,}.+)*)", re.MULTILINE)
+
+
+class _Arguments(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A tool, and how to call it."""
+
+    spec: ToolSpec
+    _function: ToolFunction
+    _arguments: type[BaseModel]
+
+    @classmethod
+    def of(cls, function: ToolFunction) -> Tool:
+        """The tool of a function whose first parameter is the `Call`.
+
+        The docstring has a description in one paragraph and, under `Args:`, one for each argument.
+        """
+        summary, _, rest = (inspect.getdoc(function) or "").partition("\n\n")
+        about = {name: " ".join(text.split()) for name, text in _ARGUMENT.findall(rest)}
+        hints = get_type_hints(function, include_extras=True)
+        _, *parameters = inspect.signature(function).parameters.values()
+        name = inspect.unwrap(function).__name__
+        fields: dict[str, Any] = {
+            item.name: (
+                hints[item.name],
+                FieldInfo(
+                    default=... if item.default is item.empty else item.default,
+                    description=about[item.name],
+                ),
+            )
+            for item in parameters
+        }
+        model = create_model(name, __base__=_Arguments, **fields)
+        schema = _plain(model.model_json_schema(), {})
+        spec = ToolSpec(name, " ".join(summary.split()), schema)
+        return cls(spec, function, model)
+
+    async def __call__(self, call: Call, arguments: Mapping[str, Any]) -> ToolResult:
+        """Call it with arguments from an agent; refuse those that do not fit the schema."""
+        try:
+            given = self._arguments.model_validate(arguments)
+        except ValidationError as error:
+            raise Refused(self._misfit(error)) from None
+        values = {name: getattr(given, name) for name in type(given).model_fields}
+        return await self._function(call, **values)
+
+    def _misfit(self, error: ValidationError) -> str:
+        """What is wrong with arguments, and what the tool takes."""
+        faults = [
+            f"{'.'.join(map(str, item['loc']))[:80]}: {item['msg']}" for item in error.errors()[:4]
+        ]
+        names = self.spec.parameters["properties"]
+        takes = ", ".join(names) if names else "no arguments"
+        return f"{self.spec.name} takes {takes}; {'; '.join(faults)}"
+
+
+def _plain(schema: Any, definitions: Mapping[str, Any]) -> Any:
+    """A schema without titles and references, which not every endpoint understands."""
+    if isinstance(schema, list):
+        return [_plain(item, definitions) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    definitions = schema.get("$defs", definitions)
+    if "$ref" in schema:
+        return _plain(definitions[schema["$ref"].rpartition("/")[2]], definitions)
+    return {
+        key: {name: _plain(item, definitions) for name, item in value.items()}
+        if key == "properties"
+        else _plain(value, definitions)
+        for key, value in schema.items()
+        if key not in ("title", "$defs")
+    }

@@ -1,0 +1,65 @@
+"""What a bench needs from the outside: simulations, pictures and a record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, Protocol
+
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
+from agentflow.runs.events import RunEvent
+from agentflow.runs.places import Place
+
+View = Literal["front", "side", "top", "iso"]
+"""Directions of pictures: from ahead (z+), from the right (x+), from above, from above at the right
+behind."""
+
+
+class Simulation(Protocol):
+    """The result of a simulation."""
+
+    @property
+    def score(self) -> float | None:
+        """None if the simulation crashed or timed out."""
+
+    @property
+    def status(self) -> str:
+        """ok, invalid, diverged, timeout, crashed."""
+
+    @property
+    def feedback(self) -> str:
+        """What happened, as text."""
+
+
+class World(Protocol):
+    """One task, where machines are simulated and everything is recorded."""
+
+    @property
+    def brief(self) -> Brief:
+        """The task as plain data."""
+
+    @property
+    def brief_text(self) -> str:
+        """The task, the blocks and the rules as designers are told them."""
+
+    def simulated(self, machine: Machine) -> Simulation | None:
+        """The result of a finished simulation; None without one."""
+
+    async def simulate(self, machine: Machine, place: Place) -> Simulation:
+        """Simulate a machine once; concurrent calls share it until the last one is cancelled."""
+
+    async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
+        """Recorded states of a simulated machine, as tables."""
+
+    async def look(self, machine: Machine, view: View, time: float | None) -> bytes:
+        """A PNG picture of a machine as built, or at a time of its simulation.
+
+        Raises:
+            UsageError: There is no such time.
+        """
+
+    def save(self, machine: Machine) -> None:
+        """Store a machine by its content hash; the same machine may come twice."""
+
+    def note(self, event: RunEvent) -> None:
+        """Record an event."""

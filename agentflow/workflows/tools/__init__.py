@@ -1,0 +1,1 @@
+"""The workflow `tools`: an agent works at a bench, stage by stage."""

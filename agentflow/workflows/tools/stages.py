@@ -1,0 +1,71 @@
+"""The stages of agents: a worker at a bench submits machines, which are then evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Sequence
+
+from agentflow.runs.events import FLAWLESS
+from agentflow.runs.places import FEEDBACK, STAGES, StageName
+from agentflow.tools.bench import Bench
+from agentflow.tools.budget import Allowance, Budget
+from agentflow.tools.machines import KnownMachines
+from agentflow.workflows.base import Candidate, WorkflowResult
+from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.stages.shared import simulate
+from agentflow.workflows.tools.world import RunWorld
+
+ROLLOUTS = 24
+"""Simulations of a run by default: as many as three stages of eight machines need."""
+UNSUBMITTED = "submitted no machine"
+Worker = Callable[[Bench, StageName], Awaitable[None]]
+"""Works at the bench of a stage; the stage ends when it returns, with what it has submitted."""
+
+
+async def work_in_stages(
+    run: WorkflowContext, worker: Worker, stages: Sequence[StageName] = STAGES
+) -> WorkflowResult:
+    """Let a worker submit machines in one stage after the other.
+
+    Only the stage with feedback has simulations; the submissions of the others are simulated when
+    the stage is over, at the charge of the same `settings.rollouts`. These stages may therefore
+    submit no more machines than leave an equal share for each stage that follows. All stages share
+    their machines. A start machine takes the place of the stages without feedback.
+    """
+    settings, machines = run.settings, KnownMachines()
+    rollouts = Allowance.of("simulation", count_rollouts(settings))
+    looks = Allowance.of("picture", settings.looks) if settings.vision else None
+    if settings.start_machine:
+        machines.add(settings.start_machine)
+        stages = (FEEDBACK,)
+    for number, stage in enumerate(stages):
+        submissions = settings.candidates_per_stage
+        if stage != FEEDBACK:
+            share = max(1, rollouts.left // (len(stages) - number))
+            submissions = min(submissions, share)
+        budget = Budget(submissions, rollouts if stage == FEEDBACK else None, looks)
+        bench = Bench(RunWorld(run), stage, budget, machines)
+        run.begin_stage(stage)
+        await worker(bench, stage)
+        bench.end()
+        closed = run.end_stage(stage, await simulate(run, stage, _candidates(run, bench)))
+        rollouts.left = rollouts.total - run.rollouts
+        run.reached_greatest = any(candidate.perfect for candidate in closed.candidates)
+        if run.spent or run.reached_greatest or not rollouts.left:
+            break
+    return run.result()
+
+
+def count_rollouts(settings: WorkflowSettings) -> int:
+    """Simulations that a run may use."""
+    return settings.rollouts or ROLLOUTS
+
+
+def _candidates(run: WorkflowContext, bench: Bench) -> list[Candidate]:
+    """One candidate for each machine that might have been submitted."""
+    made = [
+        Candidate(number, machine, first=FLAWLESS)
+        for number, machine in enumerate(bench.submitted, start=1)
+    ]
+    missing = list(run.trajectories)[len(made) :]
+    return [*made, *(Candidate(number, reason=UNSUBMITTED) for number in missing)]

@@ -1,0 +1,51 @@
+"""Benches over a real task: the workflow's world, with workers and a record in memory."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from agentflow.agents.base import AskContext
+from agentflow.app.design.laboratory import PhysicsLaboratory
+from agentflow.app.design.replay import MemoryRecord
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.tasks.registry import get_task
+from agentflow.llm.scripted import ScriptedClient
+from agentflow.prompts.render import PromptSet
+from agentflow.runs.places import FEEDBACK, StageName
+from agentflow.tools.bench import Bench
+from agentflow.tools.budget import Allowance, Budget
+from agentflow.tools.machines import KnownMachines
+from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.tools.world import RunWorld
+
+CAR = Path("examples/car.json").read_text(encoding="utf-8")
+
+
+@asynccontextmanager
+async def open_bench(
+    task: str = "movement",
+    stage: StageName = FEEDBACK,
+    *,
+    submissions: int = 2,
+    rollouts: int | None = 3,
+    looks: int | None = 2,
+) -> AsyncIterator[tuple[Bench, MemoryRecord]]:
+    """A bench on real physics with one worker, and the record of its run."""
+    level = get_task(task)
+    record = MemoryRecord()
+    contexts = AskContext(ScriptedClient([]), PromptSet())
+    async with RolloutPool(1) as pool:
+        laboratory = PhysicsLaboratory(level, pool, seed=0)
+        run = WorkflowContext(
+            "tools", level.brief, lambda _: contexts, laboratory, WorkflowSettings(), record, 0
+        )
+        run.begin_stage(stage)
+        budget = Budget(
+            submissions,
+            None if rollouts is None else Allowance.of("simulation", rollouts),
+            None if looks is None else Allowance.of("picture", looks),
+        )
+        yield Bench(RunWorld(run), stage, budget, KnownMachines()), record

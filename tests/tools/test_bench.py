@@ -1,0 +1,135 @@
+"""The nine tools on real physics: what they give, what they cost, what they refuse."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from io import BytesIO
+
+import pytest
+from PIL import Image
+
+from tests.tools.benches import CAR, open_bench
+
+
+async def test_a_whole_session() -> None:
+    async with open_bench() as (bench, record):
+        assert [tool.name for tool in bench.tools] == [
+            "brief", "check", "describe", "edit", "simulate", "query", "look", "history", "submit"
+        ]  # fmt: skip
+        told = await bench.call("brief", None)
+        assert "### Scene" in told.text
+        assert "2 of 2 submissions left, 3 of 3 simulations left, 2 of 2 pictures left" in told.text
+
+        checked = await bench.call("check", {"machine": CAR})
+        name = checked.data["machine"]
+        assert checked.text.startswith(f"Machine {name}: valid, ")
+        assert len(name) == 8
+
+        described = await bench.call("describe", {"machine": name, "short": True})
+        assert described.data["tree"] == json.loads(CAR)
+
+        simulated = await bench.call("simulate", json.dumps({"machine": name}))
+        assert simulated.data["status"] == "ok"
+        assert simulated.data["rollouts_left"] == 2
+        assert simulated.text.startswith(
+            f"Machine {name}: score {simulated.data['score']:.2f} (ok)."
+        )
+        again = await bench.call("simulate", {"machine": name})
+        assert "known already, which cost nothing" in again.text
+        assert again.data["rollouts_left"] == 2
+
+        asked = [{"id": 0, "duration": [0, 1], "properties": ["position"]}]
+        answer = await bench.call("query", {"machine": name, "queries": asked})
+        assert answer.text.startswith("Block 0 (Starting Block), 0 to 1 s:")
+
+        for time in (None, 1.0):
+            seen = await bench.call("look", {"machine": name, "view": "side", "time": time})
+            assert seen.image is not None
+            assert Image.open(BytesIO(seen.image)).size == (640, 480)
+        spent = await bench.call("look", {"machine": name})
+        assert spent.refused
+        assert spent.text.startswith("all 2 pictures are used; the other tools still work")
+
+        last = len(json.loads(CAR)) - 1
+        edited = await bench.call("edit", {"machine": name, "script": f"Remove {last}"})
+        assert edited.data["parent"] == name
+        assert f"Against {name}: {last} of {last + 1} blocks kept; removed {last}." in edited.text
+
+        table = await bench.call("history", {})
+        assert [row["machine"] for row in table.data["machines"]] == [name, edited.data["machine"]]
+        assert [row["parent"] for row in table.data["machines"]] == [None, name]
+
+        assert not (await bench.call("submit", {"machine": name})).refused
+        assert not bench.ended
+        final = await bench.call("submit", {"machine": edited.data["machine"]})
+        assert final.text.splitlines()[-2:-1] == ["This stage has ended."]
+        await asyncio.wait_for(bench.wait_ended(), 1)
+        assert [machine.digest[:8] for machine in bench.submitted] == [name, edited.data["machine"]]
+        after = await bench.call("history", {})
+        assert after.text == "this stage has ended; nothing more can be done in it"
+        tools = [key for key in record.events if key[0] == "tool"]
+        assert tools[-1] == ("tool", f"env_feedback/call-{len(tools)}")
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "words"),
+    [
+        ("simulate", {"machine": "deadbeef"}, "there is no machine 'deadbeef'; there is none yet"),
+        ("simulate", "{", "the arguments are not JSON"),
+        ("simulate", [1], "the arguments are a list; send a JSON object"),
+        ("simulate", {}, "simulate takes machine; machine: Field required"),
+        (
+            "simulate",
+            {"machine": 3},
+            "simulate takes machine; machine: Input should be a valid str",
+        ),
+        ("check", {"machine": "x" * 1_000_000}, "an argument has 1000000 characters"),
+        ("check", {"machine": "no machine"}, "The machine is not valid:\n- no JSON list found"),
+        ("fly", {}, "the tool 'fly' does not exist; the tools are brief, check"),
+        ("brief", {"a": "\ud800"}, "brief takes no arguments; a: Extra inputs"),
+    ],
+)
+async def test_refusals_say_what_to_change(tool: str, arguments: object, words: str) -> None:
+    async with open_bench() as (bench, _):
+        result = await bench.call(tool, arguments)
+    assert result.refused
+    assert words in result.text
+    assert result.data["refused"] == result.text
+
+
+async def test_concurrent_calls_cannot_overspend_and_identical_ones_cost_once() -> None:
+    async with open_bench(rollouts=2) as (bench, _):
+        name = (await bench.call("check", {"machine": CAR})).data["machine"]
+        names = [name]
+        for block in range(len(json.loads(CAR)) - 1, 2, -1):
+            made = await bench.call("edit", {"machine": names[-1], "script": f"Remove {block}"})
+            names += [made.data["machine"]] if not made.refused else []
+        assert len(names) > 3
+        wanted = [name, name, name, *names[1:4]]
+        results = await asyncio.gather(*(bench.call("simulate", {"machine": n}) for n in wanted))
+    assert [result.refused for result in results] == [False, False, False, False, True, True]
+    assert results[-1].text.startswith("all 2 simulations are used")
+
+
+async def test_a_cancelled_simulation_frees_its_worker_and_is_not_charged() -> None:
+    async with open_bench(rollouts=1) as (bench, _):
+        name = (await bench.call("check", {"machine": CAR})).data["machine"]
+        first = asyncio.ensure_future(bench.call("simulate", {"machine": name}))
+        second = asyncio.ensure_future(bench.call("simulate", {"machine": name}))
+        await asyncio.sleep(0.05)
+        for call in (first, second):
+            call.cancel()
+        done = await asyncio.gather(first, second, return_exceptions=True)
+        assert [type(item) for item in done] == [asyncio.CancelledError] * 2
+        result = await bench.call("simulate", {"machine": name})
+    assert result.data["rollouts_left"] == 0
+    assert result.data["status"] == "ok"
+
+
+async def test_blind_stages_offer_no_simulation() -> None:
+    async with open_bench(stage="initial", rollouts=None, looks=None) as (bench, _):
+        offered = {tool.name for tool in bench.tools}
+        assert offered == {"brief", "check", "describe", "edit", "history", "submit"}
+        refused = await bench.call("simulate", {"machine": "x"})
+    assert refused.text.startswith("the tool 'simulate' is not on offer in this stage")
