@@ -6,6 +6,7 @@ import ast
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -84,12 +85,18 @@ def test_every_stated_rule_is_about_a_part_that_exists() -> None:
     assert set(WITHIN_APP) == inside - {"__init__", "__pycache__"}
 
 
+def adapts_what_is_missing(path: Path) -> bool:
+    """Whether an adapter needs the library that it is named after, which is not installed here."""
+    needed = {name.split(".")[0] for name in imported(path)}
+    return part_of(path) == "integrations" and path.stem in needed and not find_spec(path.stem)
+
+
 @pytest.mark.slow
 def test_importing_everything_prints_nothing() -> None:
     modules = [
         ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
         for path in FILES
-        if path.name != "__main__.py"
+        if path.name != "__main__.py" and not adapts_what_is_missing(path)
     ]
     code = "import importlib\n" + "\n".join(
         f"importlib.import_module({name!r})" for name in modules

@@ -1,0 +1,143 @@
+"""Inspect AI, as installed: its command, its evaluation, its reader of logs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import agentflow
+from agentflow.rewards import reward
+from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
+from tests.llm.foreign import foreign_python
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+
+INSPECT = ".venv-inspect"
+READ = """
+import json, sys
+from inspect_ai.log import read_eval_log
+log = read_eval_log(sys.argv[1])
+samples = [
+    {"id": s.id, "target": s.target, "messages": [m.text for m in s.messages], "error": s.error}
+    | s.scores["simulation"].model_dump() for s in log.samples
+]
+scores = [s.model_dump() for s in log.results.scores]
+told = {"status": log.status, "task": log.eval.task}
+print(json.dumps(told | {"scores": scores, "samples": samples}))
+"""
+EVALUATE = """
+import json, sys
+from inspect_ai import eval
+from inspect_ai.model import ModelOutput, ModelUsage, get_model
+
+replies = json.loads(sys.argv[2])
+
+def answer(messages, tools, tool_choice, config):
+    for part, reply in replies.items():
+        if part in messages[-1].text:
+            output = ModelOutput.from_content("mockllm", reply)
+            output.usage = ModelUsage()
+            return output
+
+model = get_model("mockllm/model", custom_outputs=answer)
+options = {"display": "none", "log_dir": "logs", "task_args": {"engine": "mujoco"}}
+eval(sys.argv[1], model=model, **options)
+"""
+
+
+def read_log(folder: Path) -> dict[str, Any]:
+    """The only log in a folder, as Inspect's own reader reads it."""
+    [path] = (folder / "logs").glob("*.eval")
+    log: dict[str, Any] = json.loads(run_foreign(INSPECT, folder, "-c", READ, path))
+    return log
+
+
+def evaluate(folder: Path, task: str, replies: dict[str, str]) -> dict[str, Any]:
+    """The log of an evaluation of a model that answers prompts by the text that they contain."""
+    with_plugins = {"PYTHONPATH": str(PLUGINS)}
+    arguments = ("-c", EVALUATE, task, json.dumps(replies))
+    run_foreign(INSPECT, folder, *arguments, variables=with_plugins)
+    return read_log(folder)
+
+
+@pytest.fixture
+def encodings() -> dict[str, str]:
+    """Lets the mock model find the encoding with which it counts tokens, and not download it."""
+    [litellm] = foreign_python(".venv-gateway").parents[1].glob("lib/*/site-packages/litellm")
+    return {"TIKTOKEN_CACHE_DIR": str(litellm / "litellm_core_utils" / "tokenizers")}
+
+
+def test_the_documented_code_runs(tmp_path: Path, encodings: dict[str, str]) -> None:
+    code = documented_code("Inspect AI")
+    printed = run_foreign(INSPECT, tmp_path, "-c", code, variables=encodings)
+    assert "throwing/2 no JSON list found; write the whole machine" in printed
+
+
+def test_the_command_evaluates_a_family(tmp_path: Path, encodings: dict[str, str]) -> None:
+    command = foreign_python(INSPECT).with_name("inspect")
+    options = ("--model", "mockllm/model", "--limit", "2", "--display", "plain")
+    printed = run_foreign(
+        INSPECT, tmp_path, command, "eval", "agentflow/throwing", *options, variables=encodings
+    )
+    assert "throwing (2 samples): mockllm/model" in printed
+    log = read_log(tmp_path)
+    assert (log["status"], log["task"]) == ("success", "agentflow/throwing")
+    assert [sample["id"] for sample in log["samples"]] == ["throwing", "throwing/2"]
+    for sample in log["samples"]:
+        assert sample["value"] == {"score": 0.0, "valid": False}
+        assert sample["reason"] == "invalid_response_format"
+        assert [problem["code"] for problem in sample["metadata"]["problems"]] == ["not_json"]
+
+
+@pytest.mark.mujoco
+def test_scores_are_those_of_the_simulation(tmp_path: Path) -> None:
+    overlapping = CAR.replace('"face_id": 3', '"face_id": 2')
+    replies = {"Task: movement\n": f"A car:\n{CAR}", "": overlapping}
+    log = evaluate(tmp_path, "agentflow/movement", replies)
+    samples = {sample["id"]: sample for sample in log["samples"]}
+    assert list(samples) == ["movement", *(f"movement/{level}" for level in range(2, 6))]
+
+    driven, same = samples["movement"], reward("movement", CAR, engine="mujoco")
+    assert driven["value"] == {"score": same.value, "valid": True}
+    assert driven["target"] == "45.0"
+    assert driven["metadata"]["engine"] == same.rollout.engine
+    assert driven["metadata"]["digest"] == same.rollout.digest
+    assert driven["metadata"]["terms"] == dict(same.rollout.terms)
+    assert driven["metadata"]["status"] == "ok"
+    assert json.loads(driven["answer"]) == json.loads(CAR)
+    asked = agentflow.design_prompt("movement", engine="mujoco")
+    assert driven["messages"] == [
+        *(message["content"] for message in asked),
+        replies["Task: movement\n"],
+    ]
+
+    for level in range(2, 6):
+        invalid = samples[f"movement/{level}"]
+        assert invalid["value"] == {"score": 0.0, "valid": False}
+        assert invalid["reason"] is None
+        assert {problem["code"] for problem in invalid["metadata"]["problems"]} == {"overlap"}
+    metrics = {
+        (score["name"], name): metric["value"]
+        for score in log["scores"]
+        for name, metric in score["metrics"].items()
+    }
+    assert same.value is not None
+    assert metrics["score", "mean"] == pytest.approx(same.value / 5)
+    assert metrics["score", "stderr"] == pytest.approx(same.value / 5)
+    assert metrics["valid", "mean"] == pytest.approx(1 / 5)
+
+
+def test_a_crash_is_left_out_of_the_metrics_and_counted(tmp_path: Path) -> None:
+    log = evaluate(tmp_path, "agentflow/faulty", {"": CAR})
+    fine, crashed = log["samples"]
+    assert log["status"] == "success"
+    assert fine["value"]["valid"] is True
+    assert fine["value"]["score"] > 1
+    assert crashed["value"] != crashed["value"]  # not a number
+    assert (crashed["reason"], crashed["metadata"]["status"]) == ("scoring_failed", "crashed")
+    for score in log["scores"]:
+        assert (score["scored_samples"], score["unscored_samples"]) == (1, 1)
+        assert score["metrics"]["mean"]["value"] == fine["value"][score["name"]]
