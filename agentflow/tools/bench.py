@@ -63,6 +63,16 @@ class Bench:
         return tuple(tool.spec for tool in self._tools.values())
 
     @property
+    def brief_text(self) -> str:
+        """The task as designers are told it."""
+        return self._desk.world.brief_text
+
+    @property
+    def machines(self) -> KnownMachines:
+        """The machines of the run so far, by name."""
+        return self._desk.machines
+
+    @property
     def submitted(self) -> Sequence[Machine]:
         """The submitted machines, in order."""
         return tuple(self._desk.submitted)

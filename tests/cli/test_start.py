@@ -11,7 +11,7 @@ from pathlib import Path
 
 CAR = Path(__file__).parents[2] / "examples" / "car.json"
 PHYSICS = {"numpy", "pybullet", "PIL", "scipy"}
-MODELS = {"httpx", "jinja2", "tenacity", "asyncio"}
+MODELS = {"httpx", "jinja2", "tenacity", "asyncio", "mcp", "uvicorn"}
 CODE = """
 import contextlib, io, shlex, sys
 from agentflow.cli import main

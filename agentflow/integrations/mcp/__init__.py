@@ -1,0 +1,1 @@
+"""Benches over the Model Context Protocol (MCP), with the SDK `mcp`."""

@@ -1,0 +1,183 @@
+"""An MCP server whose every connection is a session at a bench."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from typing import Any, Final
+
+from mcp import types
+from mcp.server.context import CallNext, HandlerResult, ServerRequestContext
+from mcp.server.lowlevel import NotificationOptions, Server
+from mcp.server.models import InitializationOptions
+from mcp.shared.exceptions import MCPError
+from mcp.types.version import HANDSHAKE_PROTOCOL_VERSIONS, MODERN_PROTOCOL_VERSIONS
+
+from agentflow import __version__
+from agentflow.errors import AgentflowError
+from agentflow.integrations.mcp import content
+from agentflow.integrations.mcp.session import Session, Sessions, call
+from agentflow.tools import Bench, ToolResult
+
+BEAT: Final = 1.0
+"""Seconds between progress notifications."""
+LONGEST_NAME: Final = 60
+"""Characters of a client's name that are kept."""
+_SESSION: Final = "agentflow"
+Context = ServerRequestContext[Any, Any]
+
+
+def build_server(sessions: Sessions) -> Server[Any]:
+    """A server that opens a session for each connection and serves its bench."""
+    answers = _Answers(sessions)
+    server = _Server(
+        "agentflow",
+        version=__version__,
+        instructions=content.INSTRUCTIONS,
+        on_list_tools=answers.list_tools,
+        on_call_tool=answers.call_tool,
+        on_list_resources=answers.list_resources,
+        on_list_resource_templates=answers.list_templates,
+        on_read_resource=answers.read_resource,
+        on_list_prompts=answers.list_prompts,
+        on_get_prompt=answers.get_prompt,
+    )
+    server.middleware.append(_require_handshake)
+    return server
+
+
+class _Server(Server[Any]):
+    """Tells clients that it notifies them when another stage has other tools."""
+
+    def create_initialization_options(
+        self,
+        notification_options: NotificationOptions | None = None,
+        experimental_capabilities: dict[str, dict[str, Any]] | None = None,
+        extensions: dict[str, dict[str, Any]] | None = None,
+    ) -> InitializationOptions:
+        """Those of the SDK, with changes of tools."""
+        options = notification_options or NotificationOptions(tools_changed=True)
+        return super().create_initialization_options(options, experimental_capabilities, extensions)
+
+
+async def _require_handshake(ctx: Context, call_next: CallNext) -> HandlerResult:
+    """Refuse the revisions without sessions, so that clients fall back to one that has them."""
+    if ctx.protocol_version not in MODERN_PROTOCOL_VERSIONS:
+        return await call_next(ctx)
+    served = list(HANDSHAKE_PROTOCOL_VERSIONS)
+    raise MCPError(
+        types.UNSUPPORTED_PROTOCOL_VERSION,
+        f"a bench needs a session; connect with `initialize` and one of {', '.join(served)}",
+        {"supported": served, "requested": ctx.protocol_version},
+    )
+
+
+class _Answers:
+    """Handlers of requests."""
+
+    def __init__(self, sessions: Sessions) -> None:
+        self._sessions = sessions
+
+    def _session(self, ctx: Context) -> Session:
+        """The session of the connection that a request came on."""
+        connection = ctx.session._connection  # the SDK offers handlers no other way to it
+        if _SESSION not in connection.state:
+            session = self._sessions(_client_name(ctx))
+            connection.state[_SESSION] = session
+            connection.exit_stack.callback(session.leave)
+        found: Session = connection.state[_SESSION]
+        return found
+
+    async def _bench(self, ctx: Context) -> Bench:
+        """The bench of the current stage, for requests that are not tool calls."""
+        session = self._session(ctx)
+        try:
+            bench = await session.bench()
+        except AgentflowError as error:
+            raise MCPError(types.INTERNAL_ERROR, str(error)) from None
+        if bench is None:
+            raise MCPError(types.INVALID_REQUEST, session.farewell)
+        return bench
+
+    async def list_tools(
+        self, ctx: Context, _params: types.PaginatedRequestParams | None
+    ) -> types.ListToolsResult:
+        bench = await self._bench(ctx)
+        return types.ListToolsResult(tools=[content.tool(spec) for spec in bench.tools])
+
+    async def call_tool(
+        self, ctx: Context, params: types.CallToolRequestParams
+    ) -> types.CallToolResult:
+        session = self._session(ctx)
+        async with _progress(ctx):
+            try:
+                before = await session.bench()
+                result = await call(session, params.name, params.arguments or {})
+                after = await session.bench()
+            except AgentflowError as error:
+                words = str(error)
+                return content.tool_result(ToolResult(words, {"refused": words}, refused=True))
+        if before and after and before.tools != after.tools:
+            changed = types.ToolListChangedNotification()
+            await ctx.session.send_notification(changed, ctx.request_id)
+        return content.tool_result(result)
+
+    async def list_resources(
+        self, ctx: Context, _params: types.PaginatedRequestParams | None
+    ) -> types.ListResourcesResult:
+        bench = await self._bench(ctx)
+        events = self._session(ctx).events
+        return types.ListResourcesResult(resources=content.resources(bench, events))
+
+    async def list_templates(
+        self, _ctx: Context, _params: types.PaginatedRequestParams | None
+    ) -> types.ListResourceTemplatesResult:
+        return types.ListResourceTemplatesResult(resource_templates=[content.TEMPLATE])
+
+    async def read_resource(
+        self, ctx: Context, params: types.ReadResourceRequestParams
+    ) -> types.ReadResourceResult:
+        uri = str(params.uri)
+        if uri == content.EVENTS:
+            return content.text_of(uri, self._session(ctx).events)
+        bench = await self._bench(ctx)
+        return content.text_of(uri, content.read(bench, uri))
+
+    async def list_prompts(
+        self, _ctx: Context, _params: types.PaginatedRequestParams | None
+    ) -> types.ListPromptsResult:
+        return types.ListPromptsResult(prompts=list(content.PROMPTS))
+
+    async def get_prompt(
+        self, ctx: Context, params: types.GetPromptRequestParams
+    ) -> types.GetPromptResult:
+        return await content.prompt(await self._bench(ctx), params.name, params.arguments or {})
+
+
+def _client_name(ctx: Context) -> str:
+    """Name and version of the client, which it chose itself: printable, and not long."""
+    params = ctx.session.client_params
+    info = params.client_info if params else None
+    name = f"{info.name} {info.version}" if info else "unknown"
+    return " ".join("".join(c if c.isprintable() else " " for c in name).split())[:LONGEST_NAME]
+
+
+@asynccontextmanager
+async def _progress(ctx: Context) -> AsyncIterator[None]:
+    """Tell the client every second that its call is still being worked on."""
+
+    async def beat() -> None:
+        seconds = 0.0
+        while True:
+            await ctx.session.report_progress(seconds, message=f"working for {seconds:g} s")
+            await asyncio.sleep(BEAT)
+            seconds += BEAT
+
+    beating = asyncio.create_task(beat())
+    try:
+        yield
+    finally:
+        beating.cancel()
+        with suppress(asyncio.CancelledError):
+            await beating
