@@ -13,6 +13,8 @@ import pytest
 from tests.conftest import free_port, wait_for
 
 ROOT = Path(__file__).parents[2]
+KEY = "sk-gateway-4f1c77d09a"
+"""The gateway's own key."""
 
 
 def foreign_python(environment: str) -> Path:

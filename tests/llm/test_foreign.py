@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import json
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -18,49 +17,10 @@ from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.messages import JsonSchema, Usage
 from agentflow.llm.settings import EndpointSettings, HttpSettings
 from agentflow.llm.wrappers.tape import Tape
-from tests.llm.foreign import foreign
+from tests.llm.foreign import KEY
 from tests.llm.helpers import ask
 
 pytestmark = pytest.mark.slow
-
-KEY = "sk-gateway-4f1c77d09a"
-GATEWAY = {
-    "model_list": [
-        {
-            "model_name": name,
-            "litellm_params": {"model": "openai/any", "api_key": "none", "mock_response": text},
-        }
-        for name, text in {
-            "greeting": "hello from a gateway",
-            "busy": "litellm.RateLimitError",
-            "broken": "litellm.InternalServerError",
-            "long": "litellm.ContextWindowExceededError",
-        }.items()
-    ],
-    "general_settings": {"master_key": KEY},
-    "router_settings": {"num_retries": 0, "disable_cooldowns": True},
-    "litellm_settings": {"num_retries": 0, "telemetry": False},
-}
-
-
-@pytest.fixture(scope="module")
-def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """LiteLLM's proxy with mock models that need no backend."""
-    folder = tmp_path_factory.mktemp("gateway")
-    (folder / "gateway.yaml").write_text(json.dumps(GATEWAY))
-    run = "from litellm import run_server; run_server()"
-    arguments = ["-c", run, "--config", "gateway.yaml", "--host", "127.0.0.1", "--port", "{port}"]
-    local = {"LITELLM_LOCAL_MODEL_COST_MAP": "True"}  # else it fetches prices
-    with foreign(".venv-gateway", arguments, "/health/liveliness", folder, local) as url:
-        yield url
-
-
-@pytest.fixture(scope="module")
-def mock_api(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """mock-ai-api, whose models are named after what they do."""
-    arguments = ["-m", "uvicorn", "app.openai_app:app", "--host", "127.0.0.1", "--port", "{port}"]
-    with foreign(".venv-mockapi", arguments, "/health", tmp_path_factory.mktemp("mock")) as url:
-        yield url
 
 
 @asynccontextmanager
