@@ -50,6 +50,8 @@ class Bench:
         self._desk = Desk(world, stage, budget, machines)
         self._tools = {tool.spec.name: tool for tool in TOOLS if self._offers(tool)}
         self._calls = 0
+        self.reason = ""
+        """Why the stage ended before its last submission; "" if it did not."""
 
     def _offers(self, tool: Tool) -> bool:
         budget = self._desk.budget
@@ -91,8 +93,9 @@ class Bench:
         """Wait until the stage has ended."""
         await self._desk.ended.wait()
 
-    def end(self) -> None:
-        """End the stage with what has been submitted."""
+    def end(self, reason: str = "") -> None:
+        """End the stage with what has been submitted; the reason is told where machines lack."""
+        self.reason = self.reason or reason
         self._desk.ended.set()
 
     async def call(self, name: str, arguments: object) -> ToolResult:

@@ -7,9 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from agentflow.agents.base import Role, RoleAttempt, RoleOutcome, ask
+from agentflow.agents.base import AskContext, Role, RoleAttempt, RoleOutcome, ask
 from agentflow.agents.refiner import Refinement
+from agentflow.agents.tool_agent.turns import take_turn
 from agentflow.errors import BudgetSpentError
+from agentflow.llm.messages import Message, Tool
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import (
@@ -117,14 +119,32 @@ class WorkflowContext:
             model_role: Role whose model and sampling to use, if not its own.
             once: Make only one attempt, as searches do.
         """
-        own = self._contexts(model_role or role.model_role or role.name)
-        count = self._counts[stage]
-        used = replace(own, on_attempt=lambda made: self._count(made, count, own.on_attempt))
+        used = self._context(model_role or role.model_role or role.name, stage)
         try:
             return await ask(role, given, replace(used, max_retry=1) if once else used, str(place))
         except BudgetSpentError as spent:
             self.spent = spent
             return None
+
+    async def take_turn(
+        self,
+        conversation: Sequence[Message],
+        tools: Sequence[Tool],
+        place: Place,
+        *,
+        stage: StageName,
+    ) -> RoleAttempt[str] | None:
+        """Ask the agent for its next reply; None if the budget runs out before it."""
+        try:
+            return await take_turn(conversation, tools, self._context("agent", stage), str(place))
+        except BudgetSpentError as spent:
+            self.spent = spent
+            return None
+
+    def _context(self, role: str, stage: StageName) -> AskContext:
+        """How to ask a role so that its calls count for a stage."""
+        own, count = self._contexts(role), self._counts[stage]
+        return replace(own, on_attempt=lambda made: self._count(made, count, own.on_attempt))
 
     def note(self, event: RunEvent) -> None:
         """Record an event."""

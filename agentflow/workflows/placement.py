@@ -18,7 +18,7 @@ from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.shared import candidate_of, simulate
-from agentflow.workflows.workflow import Workflow, completes_machines
+from agentflow.workflows.workflow import RANDOM_EDITS, Workflow, completes_machines
 
 MOST_PLACED = 10
 """Maximum number of blocks that a random placement adds: 1.5 times the longest solution."""
@@ -80,5 +80,5 @@ RANDOM_PLACEMENT = replace(
     name="random-placement",
     stages=random_placement,
     calls=lambda _: {},
-    asks_models=False,
+    author=lambda _: RANDOM_EDITS,
 )

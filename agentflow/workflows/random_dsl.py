@@ -18,7 +18,7 @@ from agentflow.workflows.base import Candidate, Stage, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.shared import simulate
-from agentflow.workflows.workflow import Workflow
+from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
 
 MAX_REPEATS = 20
 """Attempts to find an edit that leads to a new machine before a climb gives up."""
@@ -168,6 +168,6 @@ RANDOM_DSL = Workflow(
     random_dsl,
     calls=lambda _: {},
     rollouts=_rollouts,
-    asks_models=False,
+    author=lambda _: RANDOM_EDITS,
     has_rollout_limit=True,
 )

@@ -18,6 +18,7 @@ WORKFLOWS: Registry[Workflow] = Registry(
         "single": "agentflow.workflows.single:SINGLE",
         "iterative": "agentflow.workflows.iterative:ITERATIVE",
         "hierarchical": "agentflow.workflows.hierarchical:HIERARCHICAL",
+        "tools": "agentflow.workflows.tools.workflow:TOOLS",
         "random-dsl": "agentflow.workflows.random_dsl:RANDOM_DSL",
         "placement": "agentflow.workflows.placement:PLACEMENT",
         "random-placement": "agentflow.workflows.placement:RANDOM_PLACEMENT",

@@ -10,6 +10,9 @@ from agentflow.workflows.base import AskContexts, Laboratory, Record, WorkflowRe
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 
+RANDOM_EDITS = "none (random edits)"
+"""Author of the baselines without a model."""
+
 
 def designs_machines(brief: Brief) -> bool:
     """Whether a task asks for a whole machine."""
@@ -36,11 +39,19 @@ class Workflow:
     """Whether it can be used for a task."""
     adapt: Callable[[WorkflowSettings], WorkflowSettings] = lambda settings: settings
     """Turns the configured settings into those that it uses."""
-    asks_models: bool = True
+    author: Callable[[WorkflowSettings], str] = lambda _: ""
+    """Who designs in place of models, as results name it; "" if models do."""
+    recorded: bool = True
+    """Whether the record of a run is enough to continue or to replay it."""
     has_rollout_limit: bool = False
     """Whether `settings.rollouts` limits its simulations."""
     counts_passes: bool = False
     """Whether its attempts are independent and the result counts those that pass."""
+
+    @property
+    def asks_models(self) -> bool:
+        """Whether models design."""
+        return not self.author(WorkflowSettings())
 
     async def __call__(
         self,

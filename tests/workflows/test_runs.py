@@ -37,8 +37,8 @@ def test_by_name() -> None:
     with pytest.raises(UnknownNameError) as caught:
         WORKFLOWS["hierachical"]
     assert str(caught.value) == (
-        "unknown workflow 'hierachical'; known: hierarchical, iterative, single, random-dsl, "
-        "placement, random-placement"
+        "unknown workflow 'hierachical'; known: hierarchical, iterative, single, tools, "
+        "random-dsl, placement, random-placement"
     )
 
 

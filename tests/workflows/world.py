@@ -12,7 +12,7 @@ from typing import Any
 from agentflow.agents.base import AskContext
 from agentflow.agents.replies import machine_items
 from agentflow.llm.client import Client
-from agentflow.llm.messages import Reply, Request, Usage
+from agentflow.llm.messages import Reply, Request, ToolCall, Usage
 from agentflow.llm.procedural.reading import read_listing
 from agentflow.llm.scripted import ScriptedClient
 from agentflow.llm.wrappers.budget import Budget, BudgetClient, BudgetSettings
@@ -22,6 +22,7 @@ from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
 from agentflow.search.node import Evaluation
+from agentflow.tools.world import View
 from agentflow.workflows.base import SimulationSummary, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.settings import WorkflowSettings
@@ -103,9 +104,31 @@ class Author:
     def __call__(self, request: Request) -> Reply:
         chance = random.Random(f"{self.seed}/{request.label}")
         text = NOTHING
+        if request.tools:
+            return self.agent(request, chance)
         if chance.random() >= self.refused:
             text = getattr(self, request.role)(request.messages[1].text, chance)
         return Reply(text=text, usage=Usage(prompt=100, completion=10), model="author")
+
+    def agent(self, request: Request, chance: random.Random) -> Reply:
+        """Check a machine, simulate it where that is possible, submit it, and so on."""
+        last = request.messages[-1].text
+        named = re.match(r"Machine (\w{8})(?: is|:) (\w+)", last)
+        arguments: dict[str, object] = {"machine": named[1] if named else ""}
+        if named is None or named[2] == "submission" or chance.random() < self.refused:
+            tool, arguments = "check", {"machine": json.dumps(self._tried(chance))}
+        elif named[2] == "valid" and "simulate" in {tool.name for tool in request.tools}:
+            tool = "simulate"
+        else:
+            tool = "submit"
+        call = ToolCall(id="a", name=tool, arguments=json.dumps(arguments))
+        usage = Usage(prompt=100, completion=10)
+        return Reply(text="", finish="tool_calls", usage=usage, model="author", tool_calls=(call,))
+
+    def _tried(self, chance: random.Random) -> list[dict[str, int]]:
+        """A cart with one to three blocks, some of which may overlap."""
+        blocks = [(1, parent, chance.randrange(6)) for parent in range(chance.randrange(1, 4))]
+        return steps(*blocks, (2, 0, chance.randrange(6)))
 
     def meta_designer(self, _prompt: str, _chance: random.Random) -> str:
         return fenced(BLUEPRINT)
@@ -200,6 +223,9 @@ class Shelf:
 
     async def views(self, found: Machine) -> tuple[str, ...]:
         return (f"data:image/png;base64,{found.digest}",)
+
+    async def look(self, found: Machine, view: View, time: float | None) -> bytes:
+        return f"{found.digest} {view} {time}".encode()
 
 
 class Notes:

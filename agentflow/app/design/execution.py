@@ -17,12 +17,15 @@ from agentflow.runs.events import RunStartEvent, VariedScore, VerificationEvent
 from agentflow.runs.places import Place
 from agentflow.workflows.base import Record, WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
+from agentflow.workflows.workflow import Workflow
 
 
 @dataclass(frozen=True)
 class Execution:
     """The result of a workflow, and what its machines were simulated with."""
 
+    model: str
+    """Name of the models in results, or of who designed in their place."""
     result: WorkflowResult
     laboratory: PhysicsLaboratory
     verification: Verification | None
@@ -30,7 +33,11 @@ class Execution:
 
 
 async def execute(
-    plan: RunPlan, models: Models, record: Record, pool: Simulator | None = None
+    plan: RunPlan,
+    models: Models,
+    record: Record,
+    pool: Simulator | None = None,
+    workflow: Workflow | None = None,
 ) -> Execution:
     """Run a workflow, close the models, and verify the best machine.
 
@@ -39,9 +46,11 @@ async def execute(
         models: Answer the workflow's requests.
         record: Receives every event and machine.
         pool: Simulates machines; by default a new pool of `config.workers` processes.
+        workflow: Runs in place of the configured one of the same name.
     """
     config = plan.config
-    model = model_name(config, models)
+    workflow = workflow or WORKFLOWS[config.workflow]
+    model = model_name(config, models, workflow)
     start = RunStartEvent(Place("start"), plan.task.name, config.workflow, model)
     record.event(start.kind, start.label, **start.data)
 
@@ -54,7 +63,7 @@ async def execute(
             if pool is None:
                 pool = await stack.enter_async_context(RolloutPool(config.workers))
             laboratory = PhysicsLaboratory(plan.task, pool, config.seed)
-            result = await WORKFLOWS[config.workflow](
+            result = await workflow(
                 plan.task.brief, context_for, laboratory, config.settings, record, config.seed
             )
             verification = None
@@ -64,7 +73,7 @@ async def execute(
                 record.event(event.kind, event.label, **event.data)
     finally:
         await models.aclose()
-    return Execution(result, laboratory, verification)
+    return Execution(model, result, laboratory, verification)
 
 
 def verification_event(machine: Machine, verification: Verification) -> VerificationEvent:
@@ -74,6 +83,6 @@ def verification_event(machine: Machine, verification: Verification) -> Verifica
     return VerificationEvent(Place("best"), machine.digest, **found, scores=scores)
 
 
-def model_name(config: DesignConfig, models: Models) -> str:
-    """The models' name in results."""
-    return models.name if WORKFLOWS[config.workflow].asks_models else "none (random edits)"
+def model_name(config: DesignConfig, models: Models, workflow: Workflow) -> str:
+    """The models' name in results, or that of who designs in their place."""
+    return workflow.author(config.settings) or models.name

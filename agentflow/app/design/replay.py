@@ -13,7 +13,7 @@ from agentflow.app.design.execution import execute
 from agentflow.app.design.models import replay_models
 from agentflow.app.design.notices import REMARK
 from agentflow.app.design.plan import RunPlan, level_note
-from agentflow.app.design.results import read_finished, result_json
+from agentflow.app.design.results import read_finished, require_record, result_json
 from agentflow.env.pool.pool import Simulator
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Event, Notify, read_document, read_events
@@ -26,10 +26,11 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
         None if identical, else the first difference.
 
     Raises:
-        RunError: The run is unfinished or damaged.
+        RunError: The run is unfinished or damaged, or its author is not on record.
         ReplayMissError: A request was not recorded.
     """
     document = read_document(path)
+    require_record(path, document, "replayed")
     recorded = read_finished(path)
     plan = RunPlan.of_run(path, document)
     verified = recorded.get("verified") is not None  # perhaps later, by `agentflow verify`

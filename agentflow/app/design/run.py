@@ -9,12 +9,18 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from agentflow.app.design.execution import execute, model_name
+from agentflow.app.design.execution import execute
 from agentflow.app.design.models import Models, known_prices, open_models, use_client
 from agentflow.app.design.notices import REMARK, Remarks, watch_calls
 from agentflow.app.design.plan import RunPlan, level_note
 from agentflow.app.design.rationales import with_rationales
-from agentflow.app.design.results import read_finished, result_json, save_rollouts
+from agentflow.app.design.results import (
+    AUTHOR,
+    read_finished,
+    require_record,
+    result_json,
+    save_rollouts,
+)
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import Simulator
@@ -24,6 +30,8 @@ from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.limits import Limiter
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, state_of
+from agentflow.workflows.registry import WORKFLOWS
+from agentflow.workflows.workflow import Workflow
 
 ANSWER = "answer"
 """Key of run.yaml: the name of the Python function that answers instead of a model."""
@@ -31,7 +39,7 @@ ANSWER = "answer"
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How to carry out a run. Only `client` can change the result."""
+    """How to carry out a run. Only `client` and `workflow` can change the result."""
 
     notify: Notify = lambda _line: None
     """Receives remarks for the user, one line each."""
@@ -47,6 +55,8 @@ class RunOptions:
     """Is asked about hosts and key variables that only the record of a resumed run names."""
     named: Mapping[str, Any] = field(default_factory=dict)
     """Configuration keys that the user gave; the hosts and key variables in them are allowed."""
+    workflow: Workflow | None = None
+    """Runs in place of the configured one of the same name, such as with another worker."""
 
 
 def design(
@@ -123,8 +133,11 @@ class DesignRun:
         plan = RunPlan.of(with_rationales(config))
         client = options.client
         document = plan.run_document | ({} if client is None else {ANSWER: client.name})
+        workflow = options.workflow or WORKFLOWS[config.workflow]
+        if not workflow.recorded:
+            document[AUTHOR] = workflow.author(config.settings)
         directory = RunDirectory.create(out, name or plan.run_name, document)
-        if plan.model_note and options.client is None:
+        if plan.model_note and options.client is None and workflow.asks_models:
             options.notify(plan.model_note)
         return cls(plan, directory, options)
 
@@ -132,6 +145,7 @@ class DesignRun:
     def reopen(cls, path: Path, options: RunOptions) -> DesignRun:
         """Open an unfinished run; see `resume_async`."""
         document = read_document(path)
+        require_record(path, document, "continued")
         if options.client is None and ANSWER in document:
             raise RunError(
                 f"{path} was started with the Python function {document[ANSWER]!r}, which answers "
@@ -191,12 +205,12 @@ class DesignRun:
     async def _finish(self, tape: Tape, budget: Budget, remarks: Remarks) -> dict[str, Any]:
         plan, directory = self.plan, self.directory
         models = watch_calls(self._models(tape, budget, remarks), budget, directory.notify)
-        execution = await execute(plan, models, directory, self.options.pool)
+        execution = await execute(plan, models, directory, self.options.pool, self.options.workflow)
         remarks.tell_differences()
         save_rollouts(directory.path, plan.config, execution)
         result = {
             **result_json(plan, execution),
-            "model": model_name(plan.config, models),
+            "model": execution.model,
             "engine": plan.engine,
             "calls": budget.calls,
             "tokens": budget.usage.total,

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Sequence
 
 from agentflow.runs.events import FLAWLESS
-from agentflow.runs.places import FEEDBACK, STAGES, StageName
+from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, StageName
 from agentflow.tools.bench import Bench
 from agentflow.tools.budget import Allowance, Budget
 from agentflow.tools.machines import KnownMachines
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.stages.shared import simulate
+from agentflow.workflows.stages.shared import design_machines, simulate
 from agentflow.workflows.tools.world import RunWorld
 
 ROLLOUTS = 24
@@ -36,8 +36,10 @@ async def work_in_stages(
     rollouts = Allowance.of("simulation", count_rollouts(settings))
     looks = Allowance.of("picture", settings.looks) if settings.vision else None
     if settings.start_machine:
+        run.begin_stage(INITIAL)
+        run.end_stage(INITIAL, await simulate(run, INITIAL, await design_machines(run)))
         machines.add(settings.start_machine)
-        stages = (FEEDBACK,)
+        rollouts.left, stages = rollouts.total - run.rollouts, (FEEDBACK,)
     for number, stage in enumerate(stages):
         submissions = settings.candidates_per_stage
         if stage != FEEDBACK:
@@ -68,4 +70,5 @@ def _candidates(run: WorkflowContext, bench: Bench) -> list[Candidate]:
         for number, machine in enumerate(bench.submitted, start=1)
     ]
     missing = list(run.trajectories)[len(made) :]
-    return [*made, *(Candidate(number, reason=UNSUBMITTED) for number in missing)]
+    reason = f"{UNSUBMITTED}: {bench.reason}" if bench.reason else UNSUBMITTED
+    return [*made, *(Candidate(number, reason=reason) for number in missing)]

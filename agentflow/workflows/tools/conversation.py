@@ -1,0 +1,81 @@
+"""A model as worker at a bench: a conversation with tool calls."""
+
+from __future__ import annotations
+
+import base64
+
+from agentflow.agents.tool_agent.role import Agent, AgentInput
+from agentflow.llm.messages import Message, Tool, ToolCall
+from agentflow.runs.places import Place, StageName
+from agentflow.tools.bench import Bench
+from agentflow.tools.results import ToolResult
+from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.stages.shared import UNANSWERED
+from agentflow.workflows.tools.stages import Worker
+
+MOST_CALLS = 200
+"""Most calls of tools in a stage: four times what eight machines with feedback need."""
+MOST_REFUSED = 12
+"""Refused calls in a row that end a stage."""
+MOST_SILENT = 2
+"""Replies in a row without a tool call that end a stage."""
+
+
+def converse(run: WorkflowContext) -> Worker:
+    """A worker that lets the role `agent` call the tools of each bench in a new conversation.
+
+    The calls of a reply are carried out one after the other, so that a record always replays. A
+    stage ends without its last submission when the model stops calling tools, when all its calls
+    are refused, after many calls, and when the budget of the run is spent.
+    """
+
+    async def work(bench: Bench, stage: StageName) -> None:
+        tools = [Tool(**vars(spec)) for spec in bench.tools]
+        system, _ = run.prompts_of(Agent(), AgentInput(**run.role_input))
+        told = await bench.call("brief", None)
+        messages = [Message(role="system", text=system), Message(role="user", text=told.text)]
+        calls = refused = silent = turn = 0
+        reason = ""
+        while not bench.ended and not reason:
+            turn += 1
+            place = Place(f"{Agent.name}/{stage}", attempt=turn)
+            attempt = await run.take_turn(messages, tools, place, stage=stage)
+            if attempt is None:
+                reason = UNANSWERED
+                break
+            reply = attempt.reply
+            text = reply.text.strip() or "(no text)" * (not reply.tool_calls)
+            messages.append(reply.message.model_copy(update={"text": text}))
+            for call in reply.tool_calls[: MOST_CALLS - calls]:
+                result = await bench.call(call.name, call.arguments)
+                messages.append(_answer(call, result))
+                refused = refused + 1 if result.refused else 0
+            calls += len(reply.tool_calls)
+            silent = 0 if reply.tool_calls else silent + 1
+            if silent:
+                messages.append(Message(role="user", text=_remind(attempt.parsed.problem, bench)))
+            reason = _reason_to_stop(calls, refused, silent)
+        bench.end(reason)
+
+    return work
+
+
+def _reason_to_stop(calls: int, refused: int, silent: int) -> str:
+    if silent >= MOST_SILENT:
+        return f"{silent} replies in a row called no tool"
+    if refused >= MOST_REFUSED:
+        return f"{refused} calls in a row were refused"
+    return f"{calls} calls were made" if calls >= MOST_CALLS else ""
+
+
+def _remind(problem: str, bench: Bench) -> str:
+    return (
+        f"{problem} {bench.budget_text} Call a tool; `submit` takes your machines. To end this "
+        "stage with what is submitted, reply without a tool call again."
+    )
+
+
+def _answer(call: ToolCall, result: ToolResult) -> Message:
+    image = result.image
+    urls = (f"data:image/png;base64,{base64.b64encode(image).decode()}",) if image else ()
+    return Message(role="tool", text=result.text, images=urls, tool_call_id=call.id)

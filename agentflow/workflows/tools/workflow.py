@@ -1,0 +1,36 @@
+"""The workflow `tools`: a model designs machines by calling tools."""
+
+from __future__ import annotations
+
+from agentflow.workflows.base import WorkflowResult
+from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.tools.conversation import converse
+from agentflow.workflows.tools.stages import count_rollouts, work_in_stages
+from agentflow.workflows.workflow import Workflow
+
+
+async def tools(run: WorkflowContext) -> WorkflowResult:
+    """One model works in the three stages, with up to 8 machines each and 24 simulations."""
+    return await work_in_stages(run, converse(run))
+
+
+def submit_each(settings: WorkflowSettings) -> WorkflowSettings:
+    """One trajectory per machine that may be submitted."""
+    return settings.model_copy(update={"trajectories": settings.candidates_per_stage})
+
+
+def _calls(settings: WorkflowSettings) -> dict[str, int]:
+    """Per machine: check and submit in every stage, and in the last an edit and a simulation."""
+    many = settings.candidates_per_stage
+    return {"agent": (4 if settings.start else 8) * many}
+
+
+TOOLS = Workflow(
+    "tools",
+    tools,
+    calls=_calls,
+    rollouts=count_rollouts,
+    adapt=submit_each,
+    has_rollout_limit=True,
+)

@@ -1,0 +1,62 @@
+"""A run whose workflow instance comes from the caller: any worker can design in place of models."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from agentflow.app.design.replay import replay
+from agentflow.app.design.run import RunOptions, design, resume
+from agentflow.config.run import build_config
+from agentflow.errors import RunError
+from agentflow.runs import read_document
+from agentflow.runs.events import read_typed_events
+from agentflow.runs.places import FEEDBACK, StageName
+from agentflow.runs.record import RunRecord
+from agentflow.tools.bench import Bench
+from agentflow.workflows.tools.stages import work_in_stages
+from agentflow.workflows.tools.workflow import TOOLS
+
+CAR = Path("examples/car.json").read_text(encoding="utf-8")
+
+
+async def drive(bench: Bench, stage: StageName) -> None:
+    """Submit the example car."""
+    assert stage == FEEDBACK
+    checked = await bench.call("check", {"machine": CAR})
+    await bench.call("submit", {"machine": checked.data["machine"]})
+    await asyncio.wait_for(bench.wait_ended(), 1)
+
+
+def by(name: str) -> RunOptions:
+    stages = partial(work_in_stages, worker=drive, stages=(FEEDBACK,))
+    flow = replace(TOOLS, stages=stages, author=lambda _: name, recorded=False)
+    return RunOptions(workflow=flow)
+
+
+def test_a_worker_designs_in_place_of_models(tmp_path: Path) -> None:
+    settings = {"candidates_per_stage": 1, "rollouts": 2}
+    config = build_config(
+        {"task": "movement", "workflow": "tools", "settings": settings, "verify": False}
+    )
+    result = design(config, tmp_path, by("client 1.0"), "run")
+    run = tmp_path / "run"
+    assert result["model"] == "client 1.0"
+    assert result["score"] > 40
+    assert result["calls"] == 0
+    assert [stage["name"] for stage in result["stages"]] == ["env_feedback"]
+    record = RunRecord.of(read_typed_events(run))
+    assert record.start is not None
+    assert record.start.model == "client 1.0"
+    assert read_document(run)["author"] == "client 1.0"
+    with pytest.raises(
+        RunError, match=r"run cannot be replayed, because it holds only what client"
+    ):
+        replay(run, print)
+    (run / "result.json").unlink()
+    with pytest.raises(RunError, match=r"run cannot be continued, because"):
+        resume(run)
