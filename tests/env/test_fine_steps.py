@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from agentflow.env.constants import constants
+from agentflow.env.physics.engines import default_engine
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.registry import get_task
 from tests.env.fakes import AlteredEngine, AlteredWorld
@@ -35,7 +36,11 @@ FAR, NEAR = 0.08, 0.05
 def score(name: str, rate: float | None = None, fine_rate: float = 480) -> float:
     """The score of a climbed thrower; a fine rate of 0 divides no step."""
     physics = constants().changed({"fine_rate": fine_rate, "settle_rate": fine_rate})
-    rollout = simulate(CLIMBED[name], get_task("throwing"), rate=rate, physics=physics)
+    engine = default_engine().start(physics)
+    rollout = simulate(
+        CLIMBED[name], get_task("throwing"), rate=rate, physics=physics, engine=engine
+    )
+    engine.close()
     assert rollout.score is not None
     return rollout.score
 

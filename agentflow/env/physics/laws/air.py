@@ -123,10 +123,7 @@ class WindForce:
         self._areas = extents[:, [1, 0, 0]] * extents[:, [2, 2, 1]]
 
     def __call__(self, rows: Array, strength: float = 1.0) -> list[PartForce]:
-        """Forces on all parts, then on all things, at `strength` times the mean wind; none in still
-        air."""
-        if not strength:
-            return []
+        """Forces on all parts, then on all things, at `strength` times the mean wind."""
         row, rotation = self._locations.row, matrices(rows[:, ROTATION])
         arms, motion = turn(rotation.take(row, 0), self._locations.offset), rows.take(row, 0)
         velocity = motion[:, VELOCITY] + cross(motion[:, SPIN], arms)

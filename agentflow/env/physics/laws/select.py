@@ -72,7 +72,7 @@ def wind_laws(
         np.array(swap(scene.wind)),
         drag,
     )
-    return [lambda rows: wind(np.array(rows), strength())]
+    return [lambda rows: wind(np.array(rows), share) if (share := strength()) else []]
 
 
 class LawForces:
