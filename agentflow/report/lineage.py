@@ -1,7 +1,7 @@
 """The tree of a run: which machine was made from which.
 
 It has a node for each evaluation of a machine, each refused edit of a search, and each trajectory
-that ended without a machine.
+that ended without a machine; in a run with tools, for each machine that they made or refused.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
+from agentflow.report.nodes import INVALID, REFUSED, LineageNode
+from agentflow.report.tool_nodes import ToolNodes
 from agentflow.runs import Event
 from agentflow.runs.events import (
     AttemptEvent,
@@ -18,35 +20,9 @@ from agentflow.runs.events import (
     ExpandEvent,
     NodeEvent,
     RunEvent,
+    ToolEvent,
 )
 from agentflow.runs.places import Place
-
-REFUSED, INVALID = "refused", "invalid"
-
-
-@dataclass(frozen=True)
-class LineageNode:
-    """A node of the tree."""
-
-    id: str
-    parent: str | None
-    title: str
-    kind: str
-    """Stage of the machine; `refused` for a refused edit, `invalid` for no machine."""
-    machine: str | None = None
-    """Content hash."""
-    score: float | None = None
-    valid: bool = False
-    status: str = ""
-    broken: bool = False
-    edit: str = ""
-    problem: str = ""
-    calls: tuple[str, ...] = ()
-    """Labels of the calls that made it."""
-    best: bool = False
-    """Whether it is the run's result."""
-    lead: bool = False
-    """Whether it is the result or one of its ancestors."""
 
 
 @dataclass
@@ -66,6 +42,7 @@ class Lineage:
     """Machine -> places of the calls that made it."""
     _scripts: dict[str, str] = field(default_factory=dict)
     """Label of a call -> the edits in its reply."""
+    _tools: ToolNodes = field(default_factory=ToolNodes)
 
     @classmethod
     def of(cls, events: Iterable[RunEvent | Event]) -> Lineage:
@@ -89,6 +66,8 @@ class Lineage:
             self._add_node(event)
         elif isinstance(event, EditEvent):
             self._add_edit(event)
+        elif isinstance(event, ToolEvent):
+            self._tools.add(event, self.nodes)
 
     def finish(self, machine: str | None) -> tuple[LineageNode, ...]:
         """All nodes, with the path to the result marked, or else to the best score."""
@@ -104,6 +83,7 @@ class Lineage:
         )
 
     def _add_attempt(self, event: AttemptEvent) -> None:
+        self._tools.last_call = event.label
         question = replace(event.place, name="", structure=0, attempt=0)
         self._calls.setdefault(question, []).append(event.label)
         if event.machine is not None:
@@ -114,6 +94,8 @@ class Lineage:
     def _add_evaluation(self, event: EvaluationEvent) -> None:
         """Add a machine outside a search; those in one are added by a later event."""
         self._evaluations[event.machine] = event
+        if self._tools.judge(event, self.nodes):
+            return
         if event.place == _search_of(event.place):
             self._add_machine(event.place, event.machine, self._newest_at(event.place))
             self._newest[event.place.trajectory] = event.label
@@ -121,6 +103,7 @@ class Lineage:
     def _add_candidate(self, event: CandidateEvent) -> None:
         """Add a node with the reason for a trajectory that ended without a machine."""
         place, known = event.place, event.label in self.nodes or event.place in self._roots
+        known = known or self._tools.used
         if event.machine is None and not known:
             self.nodes[event.label] = LineageNode(
                 id=event.label,

@@ -11,7 +11,8 @@ from typing import Any
 
 from agentflow.metrics.usage import Cost, bill
 from agentflow.report.film import deflate_json
-from agentflow.report.lineage import Lineage, LineageNode
+from agentflow.report.lineage import Lineage
+from agentflow.report.nodes import LineageNode
 from agentflow.runs import Event, read_calls, read_document, state_of
 from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, read_typed_events
 from agentflow.runs.record import RunRecord
@@ -198,10 +199,10 @@ def conversations(
                 "repaired": verdict is not None and verdict.repaired,
                 "problem": verdict.problem if verdict else "",
                 "messages": [
-                    (message["role"], texts.setdefault(message["text"], len(texts)))
+                    (message["role"], texts.setdefault(_text(message), len(texts)))
                     for message in request.get("messages", ())
                 ],
-                "reply": reply["text"],
+                "reply": _text(reply),
                 "reasoning": reply.get("reasoning", ""),
                 "usage": reply["usage"],
                 "latency": reply["latency_s"],
@@ -209,3 +210,9 @@ def conversations(
             }
         )
     return {"texts": list(texts), "calls": found}
+
+
+def _text(said: Mapping[str, Any]) -> str:
+    """A message or reply as text, with its calls of tools."""
+    calls = (f"{call['name']}({call['arguments']})" for call in said.get("tool_calls", ()))
+    return "\n".join(filter(None, (said["text"], *calls)))

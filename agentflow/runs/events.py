@@ -184,7 +184,7 @@ class CandidateEvent(RunEvent, kind="candidate", needs=("trajectory",)):
 
 
 @dataclass(frozen=True)
-class StageEvent(RunEvent, kind="stage"):
+class StageEvent(RunEvent, kind="stage", optional=("tools",)):
     """A stage ended: its row of the stage table; see `workflows.statistics.stage_row`."""
 
     name: str
@@ -203,6 +203,8 @@ class StageEvent(RunEvent, kind="stage"):
     expansions: int
     attempts: int
     children: int
+    tools: Mapping[str, Mapping[str, int]] | None = None
+    """Tool -> `calls`, and how many of them were `refused`; None if no tools were called."""
 
 
 @dataclass(frozen=True)

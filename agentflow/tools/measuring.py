@@ -75,7 +75,7 @@ async def look(
             image = await desk.world.look(known.machine, view, time)
         except UsageError as error:
             raise Refused(str(error)) from None
-    when = "at rest, as built" if time is None else f"at {time:g} s"
+    when = "at rest, as built" if time is None else f"the recorded state nearest to {time:g} s"
     data = {"machine": known.name, "view": view, "time": time}
     told = _counted(desk, f"Machine {known.name} from the {view}, {when}.", data)
     return ToolResult(told.text, told.data, image)

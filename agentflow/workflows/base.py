@@ -120,6 +120,8 @@ class Stage:
     """Prompt and completion tokens of this stage."""
     rollouts: int
     """Machines first simulated in this stage."""
+    tools: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    """Tool -> `calls`, and how many of them were `refused`."""
 
     @property
     def survivors(self) -> tuple[Candidate, ...]:

@@ -23,6 +23,7 @@ from agentflow.runs.events import (
     RunEvent,
     StageBeginEvent,
     StageEvent,
+    ToolEvent,
 )
 from agentflow.runs.places import Place, StageName
 from agentflow.search.concurrency import EvaluateOnce
@@ -52,6 +53,13 @@ class _Count:
     calls: int = 0
     tokens: int = 0
     machines: set[Machine] = field(default_factory=set)
+    tools: dict[str, dict[str, int]] = field(default_factory=dict)
+
+    def add_tool(self, event: ToolEvent) -> None:
+        """Count a call of a tool."""
+        row = self.tools.setdefault(event.tool, {"calls": 0, "refused": 0})
+        row["calls"] += 1
+        row["refused"] += event.refused
 
 
 class WorkflowContext:
@@ -147,7 +155,9 @@ class WorkflowContext:
         return replace(own, on_attempt=lambda made: self._count(made, count, own.on_attempt))
 
     def note(self, event: RunEvent) -> None:
-        """Record an event."""
+        """Record an event, and count calls of tools."""
+        if isinstance(event, ToolEvent):
+            self._counts[event.place.name].add_tool(event)
         self._record.event(event.kind, event.label, **event.data)
 
     async def evaluate(self, machine: Machine, place: Place) -> Evaluation:
@@ -217,7 +227,7 @@ class WorkflowContext:
             for t in self.trajectories
         )
         rollouts = len(count.machines.difference(*earlier))
-        stage = Stage(name, every, count.calls, count.tokens, rollouts)
+        stage = Stage(name, every, count.calls, count.tokens, rollouts, count.tools)
         for candidate in stage.candidates:
             place = Place(name, trajectory=candidate.trajectory)
             self.note(CandidateEvent(place, **_fields(candidate)))

@@ -17,7 +17,8 @@ def stage_row(stage: Stage) -> dict[str, Any]:
     `mean`, `max` and `std` (of the population) are over the valid machines; `mean_all` counts
     invalid ones as 0; neither includes failed simulations. They are None without machines.
     `parsed_first`, `spatial_first` and `valid_first` count first attempts (in the feedback loop,
-    the first of each search), `valid` counts machines after the retries.
+    the first of each search), `valid` counts machines after the retries. `tools` is there if
+    tools were called.
     """
     candidates = stage.candidates
     valid = [c.score for c in candidates if c.valid and c.score is not None]
@@ -39,6 +40,7 @@ def stage_row(stage: Stage) -> dict[str, Any]:
         "expansions": sum(c.search_cost.expansions for c in candidates),
         "attempts": sum(c.search_cost.attempts for c in candidates),
         "children": sum(c.search_cost.valid for c in candidates),
+        **({"tools": stage.tools} if stage.tools else {}),
     }
 
 

@@ -6,7 +6,7 @@ import json
 import random
 import shutil
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
 from types import NoneType, UnionType
@@ -39,6 +39,8 @@ def some(hint: Any, chance: random.Random) -> Any:
     if origin is tuple:
         parts = [args[0]] * chance.randrange(4) if args[-1] is Ellipsis else args
         return tuple(some(part, chance) for part in parts)
+    if origin is Mapping and args != (str, Any):
+        return {text: some(args[1], chance) for text in "ab"}
     if hint is Place:
         return Place(chance.choice(["", "initial", "refiner/blind"]), **_numbers(chance))
     if is_dataclass(hint):

@@ -189,7 +189,8 @@ def _machines_to_report(path: Path, story: RunStory, films: int) -> dict[str, Re
     """Every machine of the search tree, best first."""
     found = {}
     for rank, (digest, node) in enumerate(story.machines.items()):
-        interval = None if rank >= films else FINE if rank < BEST else COARSE
+        filmed = rank < films and node.status  # a tool may make machines that nobody simulates
+        interval = (FINE if rank < BEST else COARSE) if filmed else None
         machine = recorded_machine(path, digest)
         found[digest] = ReportedMachine.of(path, story.document, machine, node.score, interval)
     return found

@@ -29,6 +29,7 @@ from agentflow.runs.events import (
     RunStartEvent,
     StageBeginEvent,
     StageEvent,
+    ToolEvent,
     VerificationEvent,
     typed_event,
 )
@@ -88,6 +89,8 @@ class Progress:
             self.ending = "drawing pictures"
         elif isinstance(item, AttemptEvent) and not item.valid:
             self.failures.append(f"{item.label}: {_refusal(item)}")
+        elif isinstance(item, ToolEvent) and item.refused:
+            self.failures.append(f"{item.label}: {item.tool}: {item.answer.partition(chr(10))[0]}")
         elif isinstance(item, EvaluationEvent) and self.record.best is not None:
             self.curve.append(self.record.best)
 
@@ -167,6 +170,8 @@ def _line(event: RunEvent | Event) -> str:
         return f"{event.label}: {'valid' if event.valid else _refusal(event)}"
     if isinstance(event, EvaluationEvent):
         return f"{event.label}: {event.status}, score {number(event.score)}"
+    if isinstance(event, ToolEvent):
+        return f"{event.label}: {event.tool}{', refused' * event.refused}"
     if isinstance(event, StageEvent):
         return (
             f"stage {event.label}: {event.valid} of {event.trajectories} valid, "

@@ -38,6 +38,7 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
         table.add_row(row["name"], *counts, number(row["mean"]), number(row["max"]))
     console.print(table)
+    show_tools(result["stages"])
     if attempts := result.get("attempts"):
         console.print(_passes(attempts))
     cost = result.get("cost")
@@ -68,6 +69,23 @@ def _show_seeds(runs: Sequence[Data]) -> None:
     for run in runs:
         if run["failed"]:
             output().print(f"seed {run['seed']} failed: {run['failed']}")
+
+
+def show_tools(stages: Sequence[Data]) -> None:
+    """Print how often each tool was called by stage, if any was: "9 (2 refused)"."""
+    counts = [stage.get("tools") or {} for stage in stages]
+    names = dict.fromkeys(name for count in counts for name in count)
+    table = columns("tool", *(stage["name"] for stage in stages))
+    for name in names:
+        table.add_row(name, *(_uses(count.get(name)) for count in counts))
+    if names:
+        output().print(table)
+
+
+def _uses(count: Mapping[str, int] | None) -> str:
+    if count is None:
+        return "-"
+    return f"{count['calls']}" + (f" ({count['refused']} refused)" if count["refused"] else "")
 
 
 def record_text(record: Data) -> str:

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agentflow.cli.display.output import columns, output
-from agentflow.cli.display.show import VALID, Data, marginal_line, record_line, verified_line
+from agentflow.cli.display.show import (
+    VALID,
+    Data,
+    marginal_line,
+    record_line,
+    show_tools,
+    verified_line,
+)
 from agentflow.cli.display.text import block_count, number
 
 
@@ -59,6 +66,7 @@ def show_run(run: Data) -> None:
         scores = (number(row["mean"]), number(row["max"]))
         table.add_row(row["name"], *counts, *scores, str(row["calls"]), str(row["rollouts"]))
     console.print(table)
+    show_tools(run["stages"])
     table = columns("role", "calls", "tokens", "reasoning", "seconds", "cost")
     for role, spent in run["spent"].items():
         whole = (str(spent[key]) for key in ("calls", "tokens", "reasoning"))

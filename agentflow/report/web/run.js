@@ -32,6 +32,7 @@ export function runPage(data) {
       data.nodes.length ? section("Search", el("div", { class: "tall" }, tree.element), legend()) : null,
       scoreCharts(data),
       stages(data),
+      tools(data),
       failures(data),
       usage(data),
       conversations(data, calls),
@@ -109,6 +110,15 @@ function stages({ stages: rows }) {
   return section("Stages", table("Results by stage", head, rows.map((row) => [
     readable(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
     ...costs.map(([, key]) => row[key])])));
+}
+
+/** How often an agent called each tool, by stage. */
+function tools({ stages: rows }) {
+  const names = [...new Set(rows.flatMap((row) => Object.keys(row.tools ?? {})))];
+  if (!names.length) return null;
+  const uses = ({ calls, refused } = { calls: 0, refused: 0 }) => (refused ? `${calls} (${refused} refused)` : calls);
+  return section("Tools", table("Calls of tools by stage", ["Tool", ...rows.map((row) => readable(row.name))],
+    names.map((name) => [name, ...rows.map((row) => uses(row.tools?.[name]))])));
 }
 
 /** Columns that are not 0 in every row. */
