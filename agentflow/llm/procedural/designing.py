@@ -13,7 +13,7 @@ from agentflow.llm.procedural.mechanisms import (
     suitable_mechanisms,
 )
 from agentflow.llm.procedural.reading import Prompt, value_of
-from agentflow.machine import check, library
+from agentflow.machine import Machine, check, library
 
 ANY_TYPES = "Frame"  # the part that takes any types
 ATTEMPTS = 20
@@ -55,7 +55,15 @@ def _choose_types(slots: list[list[int]], prompt: Prompt, rng: random.Random) ->
 
 
 def design(prompt: Prompt, rng: random.Random) -> str:
-    """Extend the machine by one structure, or build a whole mechanism."""
+    """Answer with the machine extended by one structure, or with a whole mechanism."""
+    machine, notes = build_machine(prompt, rng)
+    return (
+        f"Dimensions in blocks: {' '.join(notes)}\n```json\n{prompt.format_machine(machine)}\n```"
+    )
+
+
+def build_machine(prompt: Prompt, rng: random.Random) -> tuple[Machine, list[str]]:
+    """Extend the machine by one structure, or build a whole mechanism; notes on its parts."""
     parts = known_mechanisms(prompt.brief)["parts"]
     shared = {name: len(prompt.types & {*part["slots"][0]}) for name, part in parts.items()}
     structure = prompt.sections["Structure to build now"]
@@ -74,8 +82,7 @@ def design(prompt: Prompt, rng: random.Random) -> str:
             notes.append(f"{name}: {', '.join(f'{key} {value}' for key, value in dims.items())}.")
         if _is_complete(builder, [parts[name]["slots"][0] for name in names], prompt):
             break
-    machine = prompt.format_machine(builder.machine)
-    return f"Dimensions in blocks: {' '.join(notes)}\n```json\n{machine}\n```"
+    return builder.machine, notes
 
 
 def _is_complete(builder: Builder, slots: list[list[int]], prompt: Prompt) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from operator import itemgetter
@@ -32,7 +32,7 @@ _COUNTS = ("no", "one", "two", "three", "four", "five", "six")
 class Prompt:
     """The content of one prompt; empty where it has none."""
 
-    sections: Mapping[str, str]  # heading -> text below it, "" for a missing heading
+    sections: defaultdict[str, str]  # heading -> text below it, "" for a missing heading
     later: str  # messages after the first reply
     brief: Brief  # as much of the task as validity checks need
     types: frozenset[int]  # allowed block types: the structure's, or all of the task's

@@ -6,7 +6,7 @@ import random
 import re
 from collections.abc import Iterable, Set
 from math import dist
-from typing import Any
+from typing import Any, NamedTuple
 
 from agentflow.llm.procedural.mechanisms import (
     WHEELS,
@@ -26,9 +26,34 @@ _ENTRY = re.compile(r"^(?:> ?)?\d{1,6}\. ", re.MULTILINE)
 _CHANGE = re.compile(r"(-?\d{1,6}\.?\d{0,6}) -> (-?\d{1,6}\.?\d{0,6})")
 
 
+class Change(NamedTuple):
+    """A change of a machine and the reasons for it."""
+
+    script: list[str]
+    """Commands; empty if no change was found."""
+    rules: list[str]
+    """Names of the rules that proposed it."""
+    seen: list[str]
+    """Symptoms that rules know."""
+
+
 def refine(prompt: Prompt, rng: random.Random) -> str:
     """Answer with one or two changes that fit the symptoms."""
-    geometry, failed, goal = place(prompt.machine), _failed_scripts(prompt), purpose(prompt.brief)
+    script, names, seen = propose_change(prompt, rng, _failed_scripts(prompt))
+    edited = apply_script(prompt.machine, "\n".join(script), prompt.brief).machine
+    whole = "whole modified machine" in prompt.sections["Your reply"]
+    return str(load_data("replies.yaml")["refinement"]).format(
+        seen=", ".join(seen) or "no known symptom",
+        names=", then ".join(names) or "no change found",
+        body=f"```json\n{prompt.format_machine(edited)}\n```"
+        if whole
+        else "\n".join(script) or "No change found.",  # not an empty script, which is accepted
+    )
+
+
+def propose_change(prompt: Prompt, rng: random.Random, failed: Set[str]) -> Change:
+    """One or two changes that fit the symptoms; `failed` are scripts not to try again."""
+    geometry, goal = place(prompt.machine), purpose(prompt.brief)
     symptoms = prompt.sections["Simulation feedback"] + prompt.sections["Critique"]
     every = load_data("refining.yaml")
     rules = [rule for rule in every if goal in rule["for"]] or every
@@ -41,16 +66,7 @@ def refine(prompt: Prompt, rng: random.Random) -> str:
         change = _propose(rule, prompt, geometry, rng) if len(names) < wanted else []
         if change and _is_usable(prompt, [*script, *change], failed):
             script, names = [*script, *change], [*names, rule["name"]]
-    edited = apply_script(prompt.machine, "\n".join(script), prompt.brief).machine
-    whole = "whole modified machine" in prompt.sections["Your reply"]
-    found = ", ".join(sorted({words for seen in matches for words in seen}))
-    return str(load_data("replies.yaml")["refinement"]).format(
-        seen=found or "no known symptom",
-        names=", then ".join(names) or "no change found",
-        body=f"```json\n{prompt.format_machine(edited)}\n```"
-        if whole
-        else "\n".join(script) or "No change found.",  # not an empty script, which is accepted
-    )
+    return Change(script, names, sorted({words for seen in matches for words in seen}))
 
 
 def _propose(rule: Any, prompt: Prompt, geometry: Geometry, rng: random.Random) -> list[str]:
@@ -89,7 +105,7 @@ def _faces_at(where: str, geometry: Geometry) -> list[Spot]:
 
 def _is_usable(prompt: Prompt, script: list[str], failed: Set[str]) -> bool:
     """Whether a script can be applied, has not failed before and locks no joint."""
-    if {_normalise(script), *(_normalise([line]) for line in script)} & failed:
+    if {normalise(script), *(normalise([line]) for line in script)} & failed:
         return False
     outcome = apply_script(prompt.machine, "\n".join(script), prompt.brief)
     if not outcome.success or outcome.machine == prompt.machine:
@@ -101,13 +117,14 @@ def _is_usable(prompt: Prompt, script: list[str], failed: Set[str]) -> bool:
 def _failed_scripts(prompt: Prompt) -> set[str]:
     """Commands marked Error, and scripts that failed or did not raise the score."""
     lines = f"{prompt.sections['Earlier attempts']}\n{prompt.later}".splitlines()
-    failed = {_normalise(_COMMAND.findall(line)[:1]) for line in lines if ": Error" in line}
+    failed = {normalise(_COMMAND.findall(line)[:1]) for line in lines if ": Error" in line}
     for entry in _ENTRY.split(prompt.sections["Edit history"]):
         change = _CHANGE.search(entry)
         if "Error" in entry or (change and float(change[2]) <= float(change[1])):
-            failed.add(_normalise(_COMMAND.findall(entry)))
+            failed.add(normalise(_COMMAND.findall(entry)))
     return failed
 
 
-def _normalise(commands: Iterable[str]) -> str:
+def normalise(commands: Iterable[str]) -> str:
+    """A script in the form in which scripts are compared."""
     return "; ".join(" ".join(re.sub(r"[\[\]]", " ", line).lower().split()) for line in commands)
