@@ -12,6 +12,7 @@
     │   ├── UnauthorisedError   401 or 403
     │   ├── ModelNotFoundError  404
     │   └── RefusedError        any other permanent failure
+    ├── NoScoreError            a simulation timed out or crashed           exit 1
     ├── ReplayMissError         a request that was not recorded               exit 1
     ├── InterruptedRunError     Ctrl-C; the run can be resumed                exit 130
     └── BudgetSpentError        call, token or cost limit reached; ends a workflow cleanly
@@ -90,6 +91,12 @@ class ModelNotFoundError(EndpointError):
 
 class RefusedError(EndpointError):
     """The endpoint answered with a permanent error or something other than a reply."""
+
+
+class NoScoreError(AgentflowError):
+    """A simulation timed out or crashed, where there is no other way to say so than an error."""
+
+    exit_status = 1
 
 
 class ReplayMissError(AgentflowError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import traceback
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cache, cached_property
 from importlib import resources
 from typing import TYPE_CHECKING, Any
@@ -109,6 +109,15 @@ class PromptSet:
             if not self.fits or CL100K * token_estimate(system + user) <= self.fits:
                 break
         return system, user
+
+    def render_parts(self, names: Iterable[str], variables: Mapping[str, object]) -> str:
+        """Render shared parts one after another, at full length.
+
+        Raises:
+            PromptError: A variable is missing; the message names template and variable.
+        """
+        given = {**variables, "room": _ROOM[0]}
+        return "\n".join(self._render(f"_parts/{name}.j2", given) for name in names)
 
     def retry(self, problem: str) -> str:
         """Render the message that rejects a reply and gives the reason."""

@@ -1,0 +1,125 @@
+"""Rewards of many replies at once, for trainers that call plain functions.
+
+Worker processes are started on first use and stay until this process ends, however it ends.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from collections.abc import Coroutine, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from threading import Lock, Thread
+from typing import Any, TypeVar
+
+from agentflow.env.physics.engines import AUTO
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.errors import ConfigError
+from agentflow.rewards import Reward, reward_async
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A reply to a task."""
+
+    task: str
+    """Level, such as "throwing/3"."""
+    text: str
+    seed: int = 0
+    knobs: Mapping[str, object] | None = None
+    engine: str = AUTO
+
+
+class Scorer:
+    """Computes rewards in worker processes, for callers without an event loop; thread-safe."""
+
+    def __init__(self, workers: int) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = Thread(target=self._loop.run_forever, name="scorer", daemon=True)
+        self._thread.start()
+        self._pool = self._wait_for(RolloutPool(workers).__aenter__())
+
+    def rewards(self, samples: Sequence[Sample]) -> list[Reward]:
+        """The reward of each sample, in their order.
+
+        Raises:
+            UsageError: A task, knob or engine does not exist.
+        """
+        return self._wait_for(self._score(samples))
+
+    def close(self) -> None:
+        """End the worker processes."""
+        self._wait_for(self._pool.__aexit__(None, None, None))
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    async def _score(self, samples: Sequence[Sample]) -> list[Reward]:
+        return await asyncio.gather(
+            *(
+                reward_async(
+                    sample.task,
+                    sample.text,
+                    self._pool,
+                    sample.seed,
+                    knobs=sample.knobs,
+                    engine=sample.engine,
+                )
+                for sample in samples
+            )
+        )
+
+    def _wait_for(self, work: Coroutine[Any, Any, T]) -> T:
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result()
+
+
+def shared_scorer(workers: int | None = None) -> Scorer:
+    """The scorer of this process with so many workers; by default one per processor.
+
+    Where a launcher such as torchrun started several processes on this computer, they share its
+    processors.
+    """
+    with _LOCK:
+        return _scorer(workers or _own_processors(), os.getpid())
+
+
+def read_knobs(value: object) -> dict[str, object]:
+    """Knobs from a column of a data set: a mapping, JSON text of one, or nothing.
+
+    Tables give every row the keys of all rows, so keys without a value are left out.
+
+    Raises:
+        ConfigError: It is something else.
+    """
+    if isinstance(value, str) and value:
+        try:
+            value = json.loads(value)
+        except ValueError:
+            value = [value]
+    if not value:
+        return {}
+    if not isinstance(value, Mapping):
+        raise ConfigError(
+            'knobs must be a mapping such as {"wind.speed": 8}, or JSON text of one, '
+            f"not {str(value)[:60]!r}"
+        )
+    return {str(name): item for name, item in value.items() if item is not None}
+
+
+_LOCK = Lock()
+
+
+@cache
+def _scorer(workers: int, process: int) -> Scorer:  # noqa: ARG001 - forks need their own
+    return Scorer(workers)
+
+
+def _own_processors() -> int:
+    """Processors for this process: its share of those that it may use."""
+    allowed = getattr(os, "sched_getaffinity", None)
+    count = len(allowed(0)) if allowed else os.cpu_count() or 1
+    return max(1, count // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))

@@ -1,0 +1,63 @@
+"""A simulation that crashes is never a score of 0."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.integrations.foreign import CAR, PLUGINS
+from tests.llm.foreign import ROOT
+
+SCRIPT = """
+import json, sys
+from agentflow.errors import NoScoreError
+from agentflow.integrations.episode import Episode
+from agentflow.integrations.scoring import Sample, Scorer
+from agentflow.integrations.trl import simulation_reward
+from agentflow.integrations.verl import compute_scores
+
+car, tasks = sys.argv[1], ["faulty", "faulty/2"]
+rewards = simulation_reward([car, car], tasks, workers=2)
+try:
+    compute_scores(["machines"] * 2, [car, car], tasks, [{}, {}], workers=2)
+except NoScoreError as error:
+    refused = str(error)
+scorer = Scorer(workers=1)
+episode = Episode(scorer, Sample("faulty/2", ""))
+before = episode.machine, episode.score, episode.state
+outcome = episode.act(car)
+unchanged = before == (episode.machine, episode.score, episode.state)
+scorer.close()
+seen = outcome.fault, outcome.status, outcome.gain, unchanged
+print(json.dumps([rewards, refused, outcome.text.split("\\n## ")[0], seen]))
+"""
+
+
+@pytest.mark.slow
+def test_a_crash_is_no_score(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, CAR],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{PLUGINS}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    [score, missing], refused, text, seen = json.loads(done.stdout)
+    assert score > 1
+    assert missing is None
+    assert refused == (
+        "a machine for faulty/2 has no score after 3 attempts (crashed): continue from the last "
+        "checkpoint, with fewer workers if this computer was overloaded"
+    )
+    assert text == (
+        "The machine is unchanged.\n"
+        "No score: the simulation was cut off, its process died 2 times.\n"
+    )
+    assert seen == [True, "crashed", 0.0, True]
