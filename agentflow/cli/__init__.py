@@ -19,6 +19,7 @@ MODULES = (
     "design",
     "engines",
     "machines",
+    "mcp",
     "prompts",
     "records",
     "reports",

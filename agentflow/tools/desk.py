@@ -60,11 +60,11 @@ class Desk:
             if not self._waiting[machine] and self.result_of(machine) is None:
                 rollouts.give_back()
 
-    def submit(self, known: KnownMachine) -> None:
+    def submit(self, known: KnownMachine, last: bool) -> None:
         """Add a submission; the last one ends the stage."""
         self.submitted.append(known.machine)
         known.submitted = known.submitted or self.stage
-        if len(self.submitted) >= self.budget.submissions:
+        if last or len(self.submitted) >= self.budget.submissions:
             self.ended.set()
 
     @property

@@ -81,11 +81,12 @@ async def look(
     return ToolResult(told.text, told.data, image)
 
 
-async def submit(call: Call, machine: str) -> ToolResult:
+async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     """Submit a machine as an answer of this stage; the last submission ends the stage.
 
     Args:
         machine: Name of the machine.
+        last: End the stage with this submission, even if more are left.
     """
     desk = call.desk
     known = desk.machines.find(machine)
@@ -95,7 +96,7 @@ async def submit(call: Call, machine: str) -> ToolResult:
     told = ""
     if desk.budget.rollouts is not None:
         told = _told(await _simulate(call, known.machine), short=True)
-    desk.submit(known)
+    desk.submit(known, last)
     number = f"submission {len(desk.submitted)} of {desk.budget.submissions}"
     text = f"Machine {known.name} is {number}. {told}"
     text += "\nThis stage has ended." if desk.ended.is_set() else ""

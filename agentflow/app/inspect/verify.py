@@ -13,7 +13,7 @@ from agentflow.app.design.execution import verification_event
 from agentflow.app.design.plan import RunPlan, task_of_run
 from agentflow.app.design.results import read_finished
 from agentflow.config.run import build_config
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.pool import RolloutPool, Simulator
 from agentflow.env.tasks.base import Task
 from agentflow.env.verification import (
     Verification,
@@ -75,6 +75,16 @@ def verify_run(path: Path, workers: int, notify: Notify) -> dict[str, Any]:
     }
 
 
+async def verify_finished(path: Path, pool: Simulator) -> dict[str, Any]:
+    """The result of a finished run, verified now if it has a valid machine; stored in the run."""
+    result = read_finished(path)
+    if not result["valid"]:
+        return result
+    plan, machine = RunPlan.of_run(path, read_document(path)), _best_machine(path, result)
+    run = partial(pool.run, machine, plan.task, seed=plan.config.seed)
+    return _store(path, result, machine, await verify_async(run))
+
+
 def _best_machine(path: Path, result: Mapping[str, Any]) -> Machine:
     machine = read_machine(result["machine"], library()).machine if result["valid"] else None
     if machine is None:
@@ -97,12 +107,14 @@ async def _simulate(
 
 def _store(
     path: Path, result: Mapping[str, Any], machine: Machine, verification: Verification
-) -> None:
+) -> dict[str, Any]:
     """Record the verification as `design` would have, so that a replay reproduces it."""
+    verified = {**result, "verified": verification.to_json()}
     run = RunDirectory.resume(path)
     try:
         event = verification_event(machine, verification)
         run.event(event.kind, event.label, **event.data)
-        run.finish({**result, "verified": verification.to_json()})
+        run.finish(verified)
     finally:
         run.close()
+    return verified

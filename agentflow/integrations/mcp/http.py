@@ -22,6 +22,8 @@ from agentflow.integrations.mcp.session import OneBench
 from agentflow.tools import Bench
 
 PATH = "/mcp"
+GRACE = 2
+"""Seconds that requests in progress have when the server ends."""
 ANY_PORT = HttpAddress("127.0.0.1", 0)
 
 
@@ -64,15 +66,16 @@ async def serve_http(server: Server[Any], address: HttpAddress, token: str) -> A
     )
     http = _HttpServer(
         uvicorn.Config(
-            app, log_config=None, access_log=False, timeout_graceful_shutdown=1, lifespan="on"
+            app, log_config=None, access_log=False, timeout_graceful_shutdown=GRACE, lifespan="off"
         )
     )
-    serving = asyncio.create_task(http.serve(sockets=[listening]))
-    try:
-        yield url
-    finally:
-        http.should_exit = True
-        await serving
+    async with server.session_manager.run():  # ends before the server, whose streams it closes
+        serving = asyncio.create_task(http.serve(sockets=[listening]))
+        try:
+            yield url
+        finally:
+            http.should_exit = True
+    await serving
 
 
 class _HttpServer(uvicorn.Server):

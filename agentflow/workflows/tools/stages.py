@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
 
+from agentflow.machine.tree import Machine
 from agentflow.runs.events import FLAWLESS
 from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, StageName
 from agentflow.tools.bench import Bench
@@ -30,7 +31,8 @@ async def work_in_stages(
     Only the stage with feedback has simulations; the submissions of the others are simulated when
     the stage is over, at the charge of the same `settings.rollouts`. These stages may therefore
     submit no more machines than leave an equal share for each stage that follows. All stages share
-    their machines. A start machine takes the place of the stages without feedback.
+    their machines. A start machine takes the place of the stages without feedback. Where nothing is
+    submitted, the best machine simulated so far counts.
     """
     settings, machines = run.settings, KnownMachines()
     rollouts = Allowance.of("simulation", count_rollouts(settings))
@@ -65,10 +67,23 @@ def count_rollouts(settings: WorkflowSettings) -> int:
 
 def _candidates(run: WorkflowContext, bench: Bench) -> list[Candidate]:
     """One candidate for each machine that might have been submitted."""
+    submitted = bench.submitted or _best_simulated(run, bench)
     made = [
         Candidate(number, machine, first=FLAWLESS)
-        for number, machine in enumerate(bench.submitted, start=1)
+        for number, machine in enumerate(submitted, start=1)
     ]
     missing = list(run.trajectories)[len(made) :]
     reason = f"{UNSUBMITTED}: {bench.reason}" if bench.reason else UNSUBMITTED
     return [*made, *(Candidate(number, reason=reason) for number in missing)]
+
+
+def _best_simulated(run: WorkflowContext, bench: Bench) -> Sequence[Machine]:
+    """The best machine of a run whose worker ended without submitting one, if there is any."""
+    tried = [
+        (evaluation.score, known.machine)
+        for known in bench.machines
+        if (evaluation := run.evaluation_of(known.machine))
+        and evaluation.valid
+        and evaluation.score is not None
+    ]
+    return [max(tried, key=lambda pair: pair[0])[1]] if tried else []

@@ -1,0 +1,168 @@
+"""Sessions that are runs of the workflow `tools`, with the client as the worker."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from shlex import quote
+from types import TracebackType
+from typing import Any
+
+from agentflow.app.design.results import trusted_score
+from agentflow.app.design.run import DesignRun, RunOptions
+from agentflow.app.inspect.verify import verify_finished
+from agentflow.config.run import DesignConfig
+from agentflow.env.pool.pool import Simulator
+from agentflow.errors import EndpointError
+from agentflow.runs import Notify
+from agentflow.runs.places import StageName
+from agentflow.runs.reading import EVENTS
+from agentflow.tools import Bench
+from agentflow.workflows.tools.stages import Worker, work_in_stages
+from agentflow.workflows.tools.workflow import TOOLS
+
+Begin = Callable[[Worker], DesignRun]
+"""Begins a run that a worker works at."""
+
+
+class RunSession:
+    """The run of one client, from its first request until its last stage or until it leaves.
+
+    The result is on disk before it is verified, because a client may end this process when it
+    leaves. A client that made no machine leaves no run behind.
+    """
+
+    def __init__(self, begin: Begin, pool: Simulator) -> None:
+        """Prepare a session; `pool` verifies its best machine."""
+        self._begin, self._pool = begin, pool
+        self._run: DesignRun | None = None
+        self._working: asyncio.Task[dict[str, Any]] | None = None
+        self._bench: Bench | None = None
+        self._opening: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        """Done when the next bench is there."""
+        self._gone = asyncio.Event()
+
+    async def bench(self) -> Bench | None:
+        """The bench of the current stage, once it is ready; None after the last stage.
+
+        Raises:
+            AgentflowError: The run cannot begin or go on.
+        """
+        if self._working is None:
+            self._run = self._begin(self._work)
+            self._working = asyncio.create_task(self._carry_out(self._run))
+        while not self._working.done():
+            if self._bench is not None and not self._bench.ended:
+                return self._bench
+            either: set[asyncio.Future[Any]] = {self._working, self._opening}
+            await asyncio.wait(either, return_when="FIRST_COMPLETED")
+        self._working.result()
+        return None
+
+    async def _carry_out(self, run: DesignRun) -> dict[str, Any]:
+        try:
+            await run.carry_out()
+        except EndpointError:  # of _work
+            return {}
+        finally:
+            self._bench = None  # with every rollout of the run
+        return await verify_finished(run.directory.path, self._pool)
+
+    async def _work(self, bench: Bench, _stage: StageName) -> None:
+        """Let the client work until the stage ends or the client leaves."""
+        opening, self._opening = self._opening, asyncio.get_running_loop().create_future()
+        self._bench = bench
+        opening.set_result(None)
+        waiting = {asyncio.create_task(bench.wait_ended()), asyncio.create_task(self._gone.wait())}
+        try:
+            await asyncio.wait(waiting, return_when="FIRST_COMPLETED")
+        finally:
+            for task in waiting:
+                task.cancel()
+        if self._gone.is_set():
+            if not len(bench.machines):
+                raise EndpointError("the client left without making a machine")
+            bench.end("the client left")
+
+    @property
+    def farewell(self) -> str:
+        """How the run ended and where it is."""
+        assert self._working is not None
+        result = self._working.result()
+        score, path = trusted_score(result), quote(result["run"])
+        told = "without a valid machine" if score is None else f"with a score of {score:.2f}"
+        return (
+            f"The design is finished, {told}. It is in {path}; `agentflow show` and `agentflow "
+            "report` tell more. Connect again to begin another one."
+        )
+
+    @property
+    def events(self) -> str:
+        """What the run has recorded so far, one JSON object per line."""
+        if self._run is None:
+            return ""
+        return (self._run.directory.path / EVENTS).read_text(encoding="utf-8")
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the client has left, and its run, if any, is complete."""
+        return self._gone.is_set() and (self._working is None or self._working.done())
+
+    def leave(self) -> None:
+        """End the run with what the client has done."""
+        self._gone.set()
+
+    async def finish(self) -> None:
+        """Leave, and wait until the run is complete."""
+        self.leave()
+        if self._working is not None:
+            await asyncio.wait({self._working})
+
+
+class ClientRuns:
+    """The sessions of all clients, which share a pool. Leaving the context completes their runs."""
+
+    def __init__(
+        self,
+        config: DesignConfig,
+        out: Path,
+        stages: Sequence[StageName],
+        pool: Simulator,
+        notify: Notify,
+    ) -> None:
+        """Prepare for clients whose runs go through `stages` and are written below `out`."""
+        self._config = config.model_copy(update={"verify": False})  # done when a run is complete
+        self._out, self._stages, self._pool, self._notify = out, stages, pool, notify
+        self._sessions: list[RunSession] = []
+
+    def open(self, client: str) -> RunSession:
+        """The session of a new client, by name and version."""
+        session = RunSession(partial(self._begin, f"MCP client {client}"), self._pool)
+        self._sessions = [*(one for one in self._sessions if not one.is_over), session]
+        return session
+
+    def _begin(self, author: str, worker: Worker) -> DesignRun:
+        workflow = replace(
+            TOOLS,
+            stages=lambda run: work_in_stages(run, worker, self._stages),
+            author=lambda _: author,
+            recorded=False,
+        )
+        options = RunOptions(self._notify, pool=self._pool, workflow=workflow)
+        run = DesignRun.create(self._config, self._out, options, "")
+        self._notify(f"{author}: {run.directory.path}")
+        return run
+
+    async def __aenter__(self) -> ClientRuns:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await asyncio.gather(*(session.finish() for session in self._sessions))

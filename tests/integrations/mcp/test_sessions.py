@@ -1,0 +1,178 @@
+"""The command `agentflow mcp`: sessions over stdio and HTTP, and the runs that they leave."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import sys
+from asyncio.subprocess import PIPE
+from pathlib import Path
+
+import pytest
+from mcp import Client, types
+
+from agentflow.app.design.results import read_finished
+from agentflow.cli import main
+from agentflow.runs import read_events, state_of
+from tests.integrations.mcp.clients import (
+    CAR,
+    ENVIRONMENT,
+    MAIN,
+    data_of,
+    http_client,
+    http_server,
+    only_run,
+    stdio_session,
+    text_of,
+)
+
+pytestmark = pytest.mark.slow
+SHORTER = "Remove 6"
+"""A wheel of the car."""
+
+
+async def design_a_car(client: Client) -> tuple[str, str]:
+    """Design a car in five calls; its name and the last words."""
+    told = await client.call_tool("brief", {})
+    assert "Task: movement" in text_of(told)
+    checked = await client.call_tool("check", {"machine": CAR})
+    name = data_of(checked)["machine"]
+    simulated = await client.call_tool("simulate", {"machine": name})
+    assert data_of(simulated)["score"] >= 40
+    asked = [{"id": 0, "duration": [0, 5], "properties": ["position"]}]
+    answer = await client.call_tool("query", {"machine": name, "queries": asked})
+    assert "Block 0" in text_of(answer)
+    return name, text_of(await client.call_tool("submit", {"machine": name}))
+
+
+async def check_run(run: Path) -> None:
+    """`show` and `report` open a run of the test's client."""
+    page = run / "report.html"
+    for arguments in (["show", str(run)], ["report", str(run), "--out", str(page)]):
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-c", MAIN, *arguments, stdout=PIPE, env=ENVIRONMENT
+        )
+        told, _ = await process.communicate()
+        assert process.returncode == 0
+        if arguments[0] == "show":
+            assert b"MCP client test 1" in told
+    assert "MCP client test 1" in page.read_text(encoding="utf-8")
+
+
+async def test_a_car_in_five_calls_over_stdio(tmp_path: Path) -> None:
+    async with stdio_session(tmp_path) as (client, log):
+        name, words = await design_a_car(client)
+        run = only_run(tmp_path)
+        result = read_finished(run)
+        assert f"with a score of {result['verified']['score']:.2f}. It is in {run};" in words
+        late = await client.call_tool("simulate", {"machine": name})
+        assert late.is_error
+        assert text_of(late).startswith("The design is finished")
+        (events,) = (await client.read_resource("run://events")).contents
+        assert isinstance(events, types.TextResourceContents)
+        assert events.text == (run / "events.jsonl").read_text(encoding="utf-8")
+    assert result["score"] >= 40
+    assert result["model"] == "MCP client test 1"
+    assert [event.data["tool"] for event in read_events(run) if event.kind == "tool"] == [
+        "brief", "check", "simulate", "query", "submit"
+    ]  # fmt: skip
+    assert log.read_text() == f"agentflow: MCP client test 1: {run}\n"
+    await check_run(run)
+
+
+async def test_a_client_that_leaves_without_an_answer_is_judged_by_its_best_simulation(
+    tmp_path: Path,
+) -> None:
+    async with stdio_session(tmp_path) as (client, _):
+        name = data_of(await client.call_tool("check", {"machine": CAR}))["machine"]
+        edit = {"machine": name, "script": SHORTER}
+        worse = data_of(await client.call_tool("edit", edit))["machine"]
+        scores = [
+            data_of(await client.call_tool("simulate", {"machine": machine}))["score"]
+            for machine in (worse, name)
+        ]
+        assert scores[0] < scores[1]
+        assert state_of(only_run(tmp_path)) == "running"
+    run = only_run(tmp_path)
+    assert read_finished(run)["score"] == scores[1]
+    await check_run(run)
+
+
+async def test_a_client_that_made_nothing_leaves_nothing(tmp_path: Path) -> None:
+    async with stdio_session(tmp_path) as (client, _):
+        await client.list_tools()
+        await client.call_tool("brief", {})
+        assert only_run(tmp_path).is_dir()
+    assert not (tmp_path / "runs").exists()
+
+
+async def test_three_stages_change_the_tools(tmp_path: Path) -> None:
+    changes = asyncio.Event()
+
+    async def note(message: object) -> None:
+        if isinstance(message, types.ToolListChangedNotification):
+            changes.set()
+
+    options = ("--stages", "--no-vision", "--rollouts", "6")
+    async with stdio_session(tmp_path, *options, message_handler=note) as (client, _):
+        tools = [tool.name for tool in (await client.list_tools()).tools]
+        assert tools == ["brief", "check", "describe", "edit", "history", "submit"]
+        name = data_of(await client.call_tool("check", {"machine": CAR}))["machine"]
+        refused = await client.call_tool("simulate", {"machine": name})
+        assert refused.is_error
+        assert "is not on offer in this stage" in text_of(refused)
+        for blind in range(2):
+            assert changes.is_set() is False
+            told = await client.call_tool("submit", {"machine": name, "last": True})
+            assert "The next stage begins. Its tools: brief, check" in text_of(told), blind
+        await asyncio.wait_for(changes.wait(), 10)
+        assert "simulate" in [tool.name for tool in (await client.list_tools()).tools]
+        again = await client.call_tool("simulate", {"machine": name})
+        assert data_of(again)["known"]
+        await client.call_tool("submit", {"machine": name, "last": True})
+    result = read_finished(only_run(tmp_path))
+    assert [stage["valid"] for stage in result["stages"]] == [1, 1, 1]
+    assert result["rollouts"] == 1
+
+
+async def test_clients_over_http_have_runs_of_their_own(tmp_path: Path) -> None:
+    async with http_server(tmp_path) as (served, _):
+        async with http_client(served.url, served.token) as one:
+            name = data_of(await one.call_tool("check", {"machine": CAR}))["machine"]
+            async with http_client(served.url, served.token) as other:
+                unknown = await other.call_tool("describe", {"machine": name})
+                assert text_of(unknown).startswith(f"there is no machine '{name}'")
+                await design_a_car(other)
+            await one.call_tool("simulate", {"machine": name})
+        runs = sorted((tmp_path / "runs").iterdir())
+        assert len(runs) == 2
+    assert [read_finished(run)["score"] >= 40 for run in runs] == [True, True]
+    calls = [sum(event.kind == "tool" for event in read_events(run)) for run in runs]
+    assert sorted(calls) == [2, 6]
+
+
+async def test_ending_the_server_completes_the_runs_of_its_clients(tmp_path: Path) -> None:
+    async with (
+        http_server(tmp_path) as (served, server),
+        http_client(served.url, served.token) as client,
+    ):
+        name = data_of(await client.call_tool("check", {"machine": CAR}))["machine"]
+        await client.call_tool("simulate", {"machine": name})
+        server.send_signal(signal.SIGINT)
+        await server.wait()
+    assert read_finished(only_run(tmp_path))["score"] >= 40
+
+
+def test_says_what_is_wrong_with_options(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    token = tmp_path / "token"
+    for options, words in (
+        (["--task", "walking"], "unknown task 'walking'"),
+        (["--http", "127.0.0.1:8000"], "--http and --token-file need each other"),
+        (["--token-file", str(token)], "--http and --token-file need each other"),
+        (["--http", "8000", "--token-file", str(token)], "--http takes HOST:PORT"),
+        (["--http", "0.0.0.0:0"], "--http and --token-file need each other"),
+    ):
+        assert main(["mcp", *options]) == 2
+        assert words in capsys.readouterr().err
