@@ -29,7 +29,9 @@ class Candidate:
     score: float | None = None
     simulated: bool = False
     feedback: str = ""
+    """What its simulation told in this conversation."""
     described: bool = False
+    """Whether `machine` has been read, as far as it can be."""
     made: bool = False
     """Whether it was made in this conversation, and is complete."""
     submitted: bool = False
@@ -60,10 +62,9 @@ class Notes:
 
     def by_score(self) -> list[str]:
         """Names of machines with a score, best first."""
-        scores = {name: known.score for name, known in self.candidates.items()}
-        return sorted(
-            (n for n, s in scores.items() if s is not None), key=lambda n: -(scores[n] or 0)
-        )
+        known = self.candidates.items()
+        scores = {name: found.score for name, found in known if found.score is not None}
+        return sorted(scores, key=scores.__getitem__, reverse=True)
 
 
 def take_notes(request: Request) -> Notes:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from agentflow.env.tasks.registry import FAMILIES
 from agentflow.llm.messages import Message, Request, Tool, ToolCall
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.runs.events import ToolEvent
@@ -55,6 +57,13 @@ async def test_without_simulations_it_submits_what_it_checks() -> None:
         called = await work(bench)
         assert len(set(bench.submitted)) == 3
     assert set(called) == {"check", "submit"}
+
+
+@pytest.mark.parametrize("family", [name for name in FAMILIES if name != "gearing"])
+async def test_it_has_valid_machines_for_every_family(family: str) -> None:
+    async with open_bench(family, INITIAL, submissions=1, rollouts=None) as (bench, _):
+        await work(bench)
+        assert len(bench.submitted) == 1
 
 
 async def test_without_simulations_it_edits_machines_of_earlier_stages() -> None:
