@@ -65,11 +65,6 @@ class Bench:
         return tuple(tool.spec for tool in self._tools.values())
 
     @property
-    def brief_text(self) -> str:
-        """The task as designers are told it."""
-        return self._desk.world.brief_text
-
-    @property
     def machines(self) -> KnownMachines:
         """The machines of the run so far, by name."""
         return self._desk.machines
@@ -78,6 +73,11 @@ class Bench:
     def submitted(self) -> Sequence[Machine]:
         """The submitted machines, in order."""
         return tuple(self._desk.submitted)
+
+    @property
+    def brief_text(self) -> str:
+        """What the tool `brief` tells; reading it is no call."""
+        return self._desk.brief_text
 
     @property
     def budget_text(self) -> str:

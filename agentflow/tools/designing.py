@@ -33,11 +33,8 @@ JsonText = Annotated[
 
 async def brief(call: Call) -> ToolResult:
     """The task as designers are told it: scene, schedule, score, blocks, rules; and your budget."""
-    desk = call.desk
-    text = f"{desk.world.brief_text.rstrip()}\n\n## Budget\n{desk.budget_text}"
-    if len(desk.machines):
-        text += "\nMachines so far: " + ", ".join(known.name for known in desk.machines)
-    return ToolResult(text, {"text": desk.world.brief_text, **desk.budget_data})
+    world = call.desk.world
+    return ToolResult(call.desk.brief_text, {"text": world.brief_text, **call.desk.budget_data})
 
 
 async def check(call: Call, machine: JsonText) -> ToolResult:

@@ -68,6 +68,13 @@ class Desk:
             self.ended.set()
 
     @property
+    def brief_text(self) -> str:
+        """The task, what is left of the budget, and the names of the machines so far."""
+        text = f"{self.world.brief_text.rstrip()}\n\n## Budget\n{self.budget_text}"
+        names = ", ".join(known.name for known in self.machines)
+        return f"{text}\nMachines so far: {names}" if names else text
+
+    @property
     def budget_text(self) -> str:
         """What is left, in one sentence."""
         budget = self.budget

@@ -32,8 +32,10 @@ def converse(run: WorkflowContext) -> Worker:
     async def work(bench: Bench, stage: StageName) -> None:
         tools = [Tool(**vars(spec)) for spec in bench.tools]
         system, _ = run.prompts_of(Agent(), AgentInput(**run.role_input))
-        told = await bench.call("brief", None)
-        messages = [Message(role="system", text=system), Message(role="user", text=told.text)]
+        messages = [
+            Message(role="system", text=system),
+            Message(role="user", text=bench.brief_text),
+        ]
         calls = refused = silent = turn = 0
         reason = ""
         while not bench.ended and not reason:
