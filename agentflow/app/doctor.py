@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
+from agentflow.agents.tool_agent.role import Agent
 from agentflow.app.design.models import choose_models
 from agentflow.config.run import DesignConfig
 from agentflow.errors import ConfigError, UnknownNameError
 from agentflow.llm.doctor import diagnose
-from agentflow.llm.messages import JsonSchema, Message, Request, Sampling
+from agentflow.llm.messages import JsonSchema, Message, Request, Sampling, Tool
 from agentflow.machine import check, library, read_machine
 
 _FORM = JsonSchema(
@@ -21,27 +22,32 @@ _FORM = JsonSchema(
         "additionalProperties": False,
     },
 )
+_TEXT = (
+    "Write a machine of three blocks as a JSON object: "
+    '{"machine": [{"type": 0, "id": 0, "parent": -1, "face_id": -1}, ...]}. Keep the first '
+    "block. Add a small wooden block (type 15, id 1) at face 0 of block 0, and a "
+    "powered wheel (type 2, id 2) at face 0 of block 1."
+)
 _QUESTION = Request(
     role="doctor",
     label="doctor",
-    messages=(
-        Message(
-            role="user",
-            text="Write a machine of three blocks as a JSON object: "
-            '{"machine": [{"type": 0, "id": 0, "parent": -1, "face_id": -1}, ...]}. Keep the first '
-            "block. Add a small wooden block (type 15, id 1) at face 0 of block 0, and a "
-            "powered wheel (type 2, id 2) at face 0 of block 1. Reply with the object only.",
-        ),
-    ),
+    messages=(Message(role="user", text=f"{_TEXT} Reply with the object only."),),
     sampling=Sampling(max_tokens=2048, seed=1, stop=("###",), response_format=_FORM),
 )
 """Uses every optional parameter, to find the unsupported ones."""
+_TOOL_QUESTION = Request(
+    role="doctor",
+    label="doctor",
+    messages=(Message(role="user", text=f"{_TEXT} Call the tool with the object."),),
+    sampling=Sampling(max_tokens=2048, seed=1),
+    tools=(Tool(name="check", description="Check a machine.", parameters=_FORM.content),),
+)
 _IDLE_S, _TOTAL_S = 60.0, 120.0
 """Time-outs for one small reply, shorter than in a run."""
 
 
 def check_endpoint(config: DesignConfig, role: str) -> dict[str, Any]:
-    """Ask the model of a role for one small machine.
+    """Ask the model of a role for one small machine; that of the agent has to call a tool.
 
     Returns:
         The fields of `Diagnosis`, with `machine` (a verdict on the machine in the reply, "" without
@@ -63,7 +69,8 @@ def check_endpoint(config: DesignConfig, role: str) -> dict[str, Any]:
     settings = http.model_copy(
         update={"idle_s": min(http.idle_s, _IDLE_S), "total_s": min(http.total_s, _TOTAL_S)}
     )
-    found = asyncio.run(diagnose(choices[role].endpoint(), settings, _QUESTION)).model_dump()
+    question = _TOOL_QUESTION if role == Agent.name else _QUESTION
+    found = asyncio.run(diagnose(choices[role].endpoint(), settings, question)).model_dump()
     reply = found.pop("reply")
     return {**found, "machine": "" if found["problem"] else _judge(reply)}
 

@@ -21,9 +21,12 @@ UNUSABLE = {
     "calling at the server, or use another model",
     "length": "the reply was cut off at {tokens} tokens: use a model that reasons less, or raise "
     "the server's limit of output tokens",
+    "no_tool_call": "the reply calls no tool, although it was told to: the server may ignore "
+    "tools; switch on tool calling at the server, or use another model, or a workflow without "
+    "tools",
     "content_filter": "the endpoint filtered the reply: use another model or endpoint",
 }
-"""Finish reason of a reply without an answer -> what it means and how to mend it."""
+"""Why a reply has no answer -> what it means and how to mend it."""
 
 
 class Diagnosis(BaseModel, frozen=True):
@@ -45,7 +48,7 @@ class Diagnosis(BaseModel, frozen=True):
     """Model name in the answer."""
     latency_s: float | None = None
     reply: str = ""
-    """Text of the reply."""
+    """Text of the reply, or the arguments of its tool call."""
     problem: str = ""
     """Why there is no usable reply, and how to mend it, in one line; empty on success."""
 
@@ -72,15 +75,18 @@ async def diagnose(endpoint: Endpoint, settings: HttpSettings, question: Request
         reasoning=bool(reply.reasoning or reply.usage.reasoning),
         answered_as=reply.model,
         latency_s=reply.latency_s,
-        reply=reply.text,
+        reply=reply.tool_calls[0].arguments if question.tools and reply.tool_calls else reply.text,
         problem=_problem_of(endpoint, reply, question),
     )
 
 
 def _problem_of(endpoint: Endpoint, reply: Reply, question: Request) -> str:
-    if reply.finish == "stop":
+    finish: str = reply.finish
+    if question.tools and finish in ("stop", "tool_calls"):
+        finish = "stop" if reply.tool_calls else "no_tool_call"
+    if finish == "stop":
         return ""
-    meaning = UNUSABLE[reply.finish].format(tokens=question.sampling.max_tokens)
+    meaning = UNUSABLE[finish].format(tokens=question.sampling.max_tokens)
     return f"{endpoint.base_url}, model {endpoint.model!r}: {meaning}"
 
 

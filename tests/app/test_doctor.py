@@ -95,6 +95,35 @@ def test_a_limited_server_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert formats == ["json_schema", "json_schema", "json_object", None]
 
 
+MACHINE = [
+    {"type": 0, "id": 0, "parent": -1, "face_id": -1},
+    {"type": 15, "id": 1, "parent": 0, "face_id": 0},
+    {"type": 2, "id": 2, "parent": 1, "face_id": 0},
+]
+
+
+def test_a_model_that_calls_tools(capsys: pytest.CaptureFixture[str]) -> None:
+    function = {"name": "check", "arguments": json.dumps({"machine": MACHINE})}
+    with threaded(reply(None, "tool_calls", tool_calls=[{"function": function}])) as server:
+        options = ["--model", "m", "--base-url", server.base_url, "--role", "agent"]
+        assert main(["doctor", *options]) == 0
+    assert "machine: valid, 3 blocks\n" in capsys.readouterr().out
+    (asked,) = server.asked
+    assert [tool["function"]["name"] for tool in asked.body["tools"]] == ["check"]
+    assert "tool_choice" not in asked.body
+
+
+def test_a_server_that_ignores_tools_ends_with_4(capsys: pytest.CaptureFixture[str]) -> None:
+    with threaded(reply(json.dumps({"machine": MACHINE}))) as server:
+        options = ["--model", "m", "--base-url", server.base_url, "--role", "agent"]
+        assert main(["doctor", *options]) == 4
+    assert capsys.readouterr().err == (
+        f"agentflow: {server.base_url}, model 'm': the reply calls no tool, although it was told "
+        "to: the server may ignore tools; switch on tool calling at the server, or use another "
+        "model, or a workflow without tools\n"
+    )
+
+
 def test_an_unusable_endpoint_ends_with_4_and_shows_no_key(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

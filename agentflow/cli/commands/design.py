@@ -164,7 +164,7 @@ def doctor(
     config: Config = None,
     settings: Settings = None,
     role: Annotated[
-        str, typer.Option(help="Check the model configured for this role.")
+        str, typer.Option(help="Check the model of this role; agent: that it calls tools.")
     ] = "designer",
     trust: Trust = False,
     as_json: Json = False,
