@@ -322,6 +322,7 @@ def design_prompt(
     knobs: Mapping[str, object] | None = None,
     engine: str = "auto",
     prompts: str = "default",
+    role: str = "designer",
 ) -> list[dict[str, str]]:
     """The prompt that asks for a whole machine in one reply, as chat messages.
 
@@ -333,15 +334,16 @@ def design_prompt(
         knobs: Knobs of the level to change.
         engine: Physics engine, which limits how large a machine may be.
         prompts: Prompt set.
+        role: Who is asked; `agent` is one that calls tools.
 
     Raises:
-        UsageError: The task, knob, engine or prompt set does not exist.
+        UsageError: The task, knob, engine, prompt set or role does not exist.
     """
     from agentflow.app.prompts import render_prompt
     from agentflow.env.tasks.registry import get_task
 
-    found = render_prompt(prompts, "designer", get_task(task, knobs, engine).brief)
-    return [{"role": role, "content": found[role]} for role in ("system", "user")]
+    found = render_prompt(prompts, role, get_task(task, knobs, engine).brief)
+    return [{"role": name, "content": found[name]} for name in ("system", "user")]
 
 
 def _config_keys(

@@ -9,6 +9,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -89,12 +90,12 @@ def wait_for(url: str, process: subprocess.Popen[bytes], seconds: float = 60.0) 
     raise AssertionError(f"nothing answers at {url}")
 
 
-@pytest.fixture(scope="session")
-def stub_url() -> Iterator[str]:
-    """Base URL of stubllm with the fixtures beside this file."""
+@contextmanager
+def stub_server(fixtures: Path) -> Iterator[str]:
+    """stubllm with a file of fixtures; its base URL."""
     port = free_port()
     command = "from stubllm.cli import cli; cli()"
-    arguments = ["serve", "--port", str(port), "--fixture-file", str(FIXTURES)]
+    arguments = ["serve", "--port", str(port), "--fixture-file", str(fixtures)]
     process = subprocess.Popen(
         [sys.executable, "-c", command, *arguments, "--log-level", "error"],
         stdout=subprocess.DEVNULL,
@@ -106,3 +107,10 @@ def stub_url() -> Iterator[str]:
     finally:
         process.terminate()
         process.wait(timeout=60)
+
+
+@pytest.fixture(scope="session")
+def stub_url() -> Iterator[str]:
+    """Base URL of stubllm with the fixtures beside this file."""
+    with stub_server(FIXTURES) as url:
+        yield url

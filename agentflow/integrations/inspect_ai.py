@@ -6,52 +6,147 @@ from other distributions are there as well.
 
 from __future__ import annotations
 
-import os
+import base64
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from inspect_ai import Task, task
-from inspect_ai.dataset import MemoryDataset, Sample
-from inspect_ai.model import ChatMessage, ChatMessageSystem, ChatMessageUser
+from inspect_ai.dataset import MemoryDataset
+from inspect_ai.dataset import Sample as LevelSample
+from inspect_ai.model import (
+    ChatMessage,
+    ChatMessageSystem,
+    ChatMessageUser,
+    Content,
+    ContentImage,
+    ContentText,
+)
 from inspect_ai.scorer import Score, Scorer, Target, mean, scorer, stderr
-from inspect_ai.solver import TaskState, generate
-from inspect_ai.util import concurrency
+from inspect_ai.solver import Generate, Solver, TaskState, generate, solver
+from inspect_ai.tool import Tool, ToolDef, ToolParams
 
 import agentflow
+from agentflow.app.design.run import DesignRun, RunOptions
+from agentflow.config.run import DesignConfig
 from agentflow.env.archive import rollout_json
-from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
-from agentflow.rewards import Reward, reward_async
+from agentflow.integrations.scoring import Sample, shared_scorer
+from agentflow.rewards import Reward
+from agentflow.runs.places import FEEDBACK, StageName
+from agentflow.tools import Bench, ToolSpec
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.tools.stages import work_in_stages
+from agentflow.workflows.tools.workflow import TOOLS
 
 
 def _register_task(family: str) -> None:
     """Register the task of a family with Inspect."""
 
     @task(name=family)
-    def design(seed: int = 0, engine: str = "auto", prompts: str = "default") -> Task:
+    def design(
+        tools: bool = False,
+        vision: bool = False,
+        rollouts: int = 24,
+        out: str = "runs",
+        seed: int = 0,
+        engine: str = "auto",
+        prompts: str = "default",
+    ) -> Task:
         """Design a machine for each level of the family.
 
         Args:
+            tools: Whether the model works with tools, in a run of its own, instead of answering
+                with a machine.
+            vision: Whether the tools include pictures.
+            rollouts: Simulations of a model with tools.
+            out: Parent folder of the runs of models with tools.
             seed: Random seed of the levels' trials.
             engine: Physics engine.
             prompts: Prompt set.
         """
         levels = [name for name in task_names() if name.partition("/")[0] == family]
+        ask = partial(
+            agentflow.design_prompt,
+            engine=engine,
+            prompts=prompts,
+            role="agent" if tools else "designer",
+        )
+        settings = WorkflowSettings(candidates_per_stage=1, rollouts=rollouts, vision=vision)
+        config = DesignConfig(
+            workflow=TOOLS.name,
+            settings=settings,
+            seed=seed,
+            engine=engine,
+            prompts=prompts,
+            verify=False,
+            workers=1,
+        )
         return Task(
-            dataset=MemoryDataset([_sample(name, engine, prompts) for name in levels], family),
-            solver=generate(),
+            dataset=MemoryDataset([_sample(name, ask(name)) for name in levels], family),
+            solver=work_at_bench(config, Path(out)) if tools else generate(),
             scorer=simulation(seed, engine),
             version=agentflow.__version__,
         )
 
 
-def _sample(name: str, engine: str, prompts: str) -> Sample:
+def _sample(name: str, prompt: list[dict[str, str]]) -> LevelSample:
     """The sample of a level; its target is a good score."""
-    system, user = agentflow.design_prompt(name, engine=engine, prompts=prompts)
+    system, user = prompt
     messages: list[ChatMessage] = [
         ChatMessageSystem(content=system["content"]),
         ChatMessageUser(content=user["content"]),
     ]
-    return Sample(id=name, input=messages, target=str(get_level(name).file.good))
+    return LevelSample(id=name, input=messages, target=str(get_level(name).file.good))
+
+
+@solver
+def work_at_bench(config: DesignConfig, out: Path) -> Solver:
+    """Let the model call tools in a run; the machine that it submits becomes its output.
+
+    Args:
+        config: Of the runs, but for the task, which is the sample's.
+        out: Parent folder of the runs.
+    """
+
+    async def solve(state: TaskState, generate: Generate) -> TaskState:
+        async def work(bench: Bench, _stage: StageName) -> None:
+            state.messages.append(ChatMessageUser(content=bench.budget_text))
+            state.tools = [_tool(bench, spec, state) for spec in bench.tools]
+            await generate(state)
+            for machine in bench.submitted:
+                state.output.completion = machine.to_text()
+
+        workflow = replace(
+            TOOLS,
+            stages=lambda run: work_in_stages(run, work, (FEEDBACK,)),
+            author=lambda _: f"Inspect AI {state.model}",
+            recorded=False,
+        )
+        level = config.model_copy(update={"task": str(state.sample_id)})
+        run = DesignRun.create(level, out, RunOptions(workflow=workflow), "")
+        state.metadata["run"] = str(run.directory.path)
+        await run.carry_out()
+        return state
+
+    return solve
+
+
+def _tool(bench: Bench, spec: ToolSpec, state: TaskState) -> Tool:
+    """A tool of a bench; the one that ends the stage completes the sample."""
+
+    async def call(**kwargs: Any) -> list[Content]:
+        result = await bench.call(spec.name, kwargs)
+        state.completed = bench.ended
+        told: list[Content] = [ContentText(text=result.text)]
+        if result.image:
+            data = base64.b64encode(result.image).decode()
+            told.append(ContentImage(image=f"data:image/png;base64,{data}"))
+        return told
+
+    parameters = ToolParams.model_validate(spec.parameters)
+    return ToolDef(call, spec.name, spec.description, parameters, max_output=0).as_tool()
 
 
 @scorer(metrics={"score": [mean(), stderr()], "valid": [mean()]})
@@ -67,11 +162,8 @@ def simulation(seed: int = 0, engine: str = "auto") -> Scorer:
     """
 
     async def score(state: TaskState, target: Target) -> Score:  # noqa: ARG001
-        async with concurrency("simulations", os.cpu_count() or 1), RolloutPool(1) as pool:
-            found = await reward_async(
-                str(state.sample_id), state.output.completion, pool, seed, engine=engine
-            )
-        return _score(found)
+        level, reply = str(state.sample_id), state.output.completion
+        return _score(await shared_scorer().reward(Sample(level, reply, seed, engine=engine)))
 
     return score
 

@@ -35,7 +35,7 @@ class Sample:
 
 
 class Scorer:
-    """Computes rewards in worker processes, for callers without an event loop; thread-safe."""
+    """Computes rewards in worker processes, with or without an event loop; thread-safe."""
 
     def __init__(self, workers: int) -> None:
         self._loop = asyncio.new_event_loop()
@@ -50,6 +50,16 @@ class Scorer:
             UsageError: A task, knob or engine does not exist.
         """
         return self._wait_for(self._score(samples))
+
+    async def reward(self, sample: Sample) -> Reward:
+        """The reward of a sample, for callers with an event loop of their own.
+
+        Raises:
+            UsageError: A task, knob or engine does not exist.
+        """
+        work = asyncio.run_coroutine_threadsafe(self._score([sample]), self._loop)
+        [found] = await asyncio.wrap_future(work)
+        return found
 
     def close(self) -> None:
         """End the worker processes."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import pytest
 
 import agentflow
 from agentflow.rewards import reward
+from agentflow.runs import read_result
+from agentflow.tools.bench import TOOLS
 from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
 from tests.llm.foreign import foreign_python
 
@@ -21,7 +24,8 @@ import json, sys
 from inspect_ai.log import read_eval_log
 log = read_eval_log(sys.argv[1])
 samples = [
-    {"id": s.id, "target": s.target, "messages": [m.text for m in s.messages], "error": s.error}
+    {"id": s.id, "target": s.target, "error": s.error, "run": s.metadata.get("run")}
+    | {"messages": [message.text for message in s.messages]}
     | s.scores["simulation"].model_dump() for s in log.samples
 ]
 scores = [s.model_dump() for s in log.results.scores]
@@ -33,18 +37,25 @@ import json, sys
 from inspect_ai import eval
 from inspect_ai.model import ModelOutput, ModelUsage, get_model
 
-replies = json.loads(sys.argv[2])
+replies, task_args = json.loads(sys.argv[2]), json.loads(sys.argv[3])
+offered = []
 
 def answer(messages, tools, tool_choice, config):
+    offered[:] = [tool.model_dump(exclude_none=True) for tool in tools]
     for part, reply in replies.items():
-        if part in messages[-1].text:
-            output = ModelOutput.from_content("mockllm", reply)
+        if part in messages[-2].text + messages[-1].text:
+            if isinstance(reply, str):
+                output = ModelOutput.from_content("mockllm", reply)
+            else:
+                output = ModelOutput.for_tool_call("mockllm", *reply)
             output.usage = ModelUsage()
             return output
 
 model = get_model("mockllm/model", custom_outputs=answer)
-options = {"display": "none", "log_dir": "logs", "task_args": {"engine": "mujoco"}}
-eval(sys.argv[1], model=model, **options)
+options = {"display": "none", "log_dir": "logs", "message_limit": 20}
+options["limit"] = task_args.pop("limit", None)
+eval(sys.argv[1], model=model, task_args={"engine": "mujoco", **task_args}, **options)
+print(json.dumps(offered))
 """
 
 
@@ -55,12 +66,18 @@ def read_log(folder: Path) -> dict[str, Any]:
     return log
 
 
-def evaluate(folder: Path, task: str, replies: dict[str, str]) -> dict[str, Any]:
-    """The log of an evaluation of a model that answers prompts by the text that they contain."""
+def evaluate(
+    folder: Path, task: str, replies: Mapping[str, object], **task_args: object
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Evaluate a model that answers messages by the text that they contain.
+
+    Returns:
+        The log, and the tools that the model was offered last.
+    """
     with_plugins = {"PYTHONPATH": str(PLUGINS)}
-    arguments = ("-c", EVALUATE, task, json.dumps(replies))
-    run_foreign(INSPECT, folder, *arguments, variables=with_plugins)
-    return read_log(folder)
+    arguments = ("-c", EVALUATE, task, json.dumps(replies), json.dumps(task_args))
+    printed = run_foreign(INSPECT, folder, *arguments, variables=with_plugins)
+    return read_log(folder), json.loads(printed)
 
 
 @pytest.fixture
@@ -96,7 +113,7 @@ def test_the_command_evaluates_a_family(tmp_path: Path, encodings: dict[str, str
 def test_scores_are_those_of_the_simulation(tmp_path: Path) -> None:
     overlapping = CAR.replace('"face_id": 3', '"face_id": 2')
     replies = {"Task: movement\n": f"A car:\n{CAR}", "": overlapping}
-    log = evaluate(tmp_path, "agentflow/movement", replies)
+    log, _ = evaluate(tmp_path, "agentflow/movement", replies)
     samples = {sample["id"]: sample for sample in log["samples"]}
     assert list(samples) == ["movement", *(f"movement/{level}" for level in range(2, 6))]
 
@@ -131,7 +148,7 @@ def test_scores_are_those_of_the_simulation(tmp_path: Path) -> None:
 
 
 def test_a_crash_is_left_out_of_the_metrics_and_counted(tmp_path: Path) -> None:
-    log = evaluate(tmp_path, "agentflow/faulty", {"": CAR})
+    log, _ = evaluate(tmp_path, "agentflow/faulty", {"": CAR})
     fine, crashed = log["samples"]
     assert log["status"] == "success"
     assert fine["value"]["valid"] is True
@@ -141,3 +158,29 @@ def test_a_crash_is_left_out_of_the_metrics_and_counted(tmp_path: Path) -> None:
     for score in log["scores"]:
         assert (score["scored_samples"], score["unscored_samples"]) == (1, 1)
         assert score["metrics"]["mean"]["value"] == fine["value"][score["name"]]
+
+
+@pytest.mark.mujoco
+def test_a_model_works_with_tools_in_a_run(tmp_path: Path) -> None:
+    name = agentflow.check(json.loads(CAR)).machine.digest[:8]
+    replies = {
+        f"Machine {name} from the iso": ["submit", {"machine": name}],
+        f"Machine {name}: score": ["look", {"machine": name}],
+        f"Machine {name}: valid, 7 blocks": ["simulate", {"machine": name}],
+        "1 of 1 submissions left": ["check", {"machine": CAR}],
+    }
+    options = {"tools": True, "vision": True, "limit": 1}
+    log, offered = evaluate(tmp_path, "agentflow/movement", replies, **options)
+    assert [tool["name"] for tool in offered] == [tool.spec.name for tool in TOOLS]
+    [sample] = log["samples"]
+    same = reward("movement", CAR, engine="mujoco")
+    assert sample["value"] == {"score": same.value, "valid": True}
+    assert sample["metadata"]["digest"] == same.rollout.digest
+    system, user, budget, *_ = sample["messages"]
+    asked = agentflow.design_prompt("movement", engine="mujoco", role="agent")
+    assert [system, user] == [message["content"] for message in asked]
+    assert "24 of 24 simulations left" in budget
+    assert f"Machine {name} is submission 1 of 1." in sample["messages"][-1]
+    run = read_result(tmp_path / sample["run"])
+    assert (run["model"], run["score"]) == ("Inspect AI mockllm/model", same.value)
+    assert (tmp_path / sample["run"]).parent.name == "runs"

@@ -1,0 +1,111 @@
+"""verifiers, as installed: its loaders, its rollouts, its command."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import agentflow
+from agentflow.rewards import reward
+from tests.conftest import stub_server
+from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
+from tests.llm.foreign import foreign_python
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+
+VERIFIERS = ".venv-verifiers"
+KEY = {"STUB_KEY": "none"}
+PLAY = """
+import asyncio, json, sys
+import verifiers.v1 as vf
+from agentflow.integrations.verifiers import load_environment
+
+async def play(url, task, options):
+    env = load_environment(task, **options)
+    client = vf.EvalClientConfig(base_url=url, api_key_var="STUB_KEY")
+    context = vf.ModelContext(client=client, model="stub", sampling=vf.SamplingConfig())
+    async with env.serving():
+        for task in env.taskset:
+            episode = await env.run_episode(task, context)
+            print(json.dumps([trace.model_dump(mode="json") for trace in episode.traces]))
+
+asyncio.run(play(*map(json.loads, sys.argv[1:])))
+"""
+
+
+@pytest.fixture(scope="module")
+def car_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A server whose model answers with a car, except on movement's second level."""
+    fixtures = tmp_path_factory.mktemp("stub") / "fixtures.json"
+    level_2 = {"messages": [{"content": {"contains": "Task: movement/2\n"}}]}
+    replies = [
+        {"name": "car", "match": {}, "response": {"content": f"A car:\n{CAR}"}},
+        {"name": "words", "match": level_2, "response": {"content": "I cannot."}},
+    ]
+    fixtures.write_text(json.dumps({"fixtures": replies}))
+    with stub_server(fixtures) as url:
+        yield url
+
+
+def play(folder: Path, url: str, task: str, **options: object) -> list[dict[str, Any]]:
+    """The traces of an environment's tasks, one rollout each."""
+    arguments = map(json.dumps, (url, task, {"engine": "mujoco", **options}))
+    variables = {**KEY, "PYTHONPATH": str(PLUGINS)}
+    printed = run_foreign(VERIFIERS, folder, "-c", PLAY, *arguments, variables=variables)
+    return [trace for line in printed.splitlines() for trace in json.loads(line)]
+
+
+@pytest.mark.mujoco
+def test_rewards_are_those_of_the_simulation(tmp_path: Path, car_url: str) -> None:
+    traces = play(tmp_path, car_url, "movement", seeds=2)
+    told = [(trace["task"]["data"]["level"], trace["task"]["data"]["seed"]) for trace in traces]
+    levels = ["movement", *(f"movement/{number}" for number in range(2, 6))]
+    assert told == [(level, seed) for level in levels for seed in (0, 1)]
+    assert all(trace["ok"] and trace["stop_condition"] == "agent_completed" for trace in traces)
+
+    car, _, words, *_ = traces
+    same = reward("movement", CAR, engine="mujoco")
+    assert car["rewards"] == {"simulated_score": {"score": same.value, "weight": 1.0}}
+    assert car["metrics"] == {"parsed": 1.0, "spatial": 1.0, "valid": 1.0}
+    assert car["info"]["simulation"]["digest"] == same.rollout.digest
+    asked = [node["message"] for node in car["nodes"][:2]]
+    told = [{key: message[key] for key in ("role", "content")} for message in asked]
+    assert told == agentflow.design_prompt("movement", engine="mujoco")
+
+    assert words["rewards"] == {"simulated_score": {"score": 0.0, "weight": 1.0}}
+    assert words["metrics"] == {"parsed": 0.0, "spatial": 0.0, "valid": 0.0}
+    [problem] = words["info"]["simulation"]["problems"]
+    assert problem["code"] == "not_json"
+
+
+def test_a_crash_is_an_error_and_no_reward(tmp_path: Path, car_url: str) -> None:
+    fine, crashed = play(tmp_path, car_url, "faulty")
+    assert fine["ok"]
+    assert fine["rewards"]["simulated_score"]["score"] > 1
+    assert not crashed["ok"]
+    assert crashed["rewards"] == {"simulated_score": None}
+    assert crashed["info"]["simulation"]["status"] == "crashed"
+    [error] = crashed["errors"]
+    assert error["type"] == "TaskError"
+
+
+def test_the_command_finds_the_environment(tmp_path: Path, car_url: str) -> None:
+    command = foreign_python(VERIFIERS).with_name("vf-eval")
+    here = ("--env.taskset.tasks", "movement/2", "--env.agent.runtime.type", "subprocess")
+    client = ("--client.base-url", car_url, "--client.api-key-var", "STUB_KEY", "-m", "stub")
+    options = (*here, *client, "--no-push", "--no-rich")
+    run_foreign(VERIFIERS, tmp_path, command, "agentflow-verifiers", *options, variables=KEY)
+    [traces] = tmp_path.glob("outputs/*/traces.jsonl")
+    [episode] = map(json.loads, traces.read_text().splitlines())
+    [trace] = episode["traces"]
+    assert trace["rewards"]["simulated_score"]["score"] == 0.0
+
+
+def test_the_documented_code_runs(tmp_path: Path, car_url: str) -> None:
+    endpoint = {"OPENAI_BASE_URL": car_url, "OPENAI_API_KEY": "none"}
+    code = documented_code("verifiers")
+    assert run_foreign(VERIFIERS, tmp_path, "-c", code, variables=endpoint).count("valid: ") == 2
