@@ -23,6 +23,7 @@ ORDER = (
     "hierarchical_stages",
     "iterative_stages",
     "no_model_baseline",
+    "coding_agent",
     "meta_designer",
     "inspector",
     "feedback_content",

@@ -8,9 +8,10 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
+from agentflow.machine.blocks.library import library
 from agentflow.machine.description.geometry_info import describe as geometry_of
 from agentflow.machine.description.geometry_info import describe_text
-from agentflow.machine.edits.script import StepVerdict, apply_script
+from agentflow.machine.edits.script import EditOutcome, StepVerdict, apply_script
 from agentflow.machine.formats.detect import read_for
 from agentflow.machine.problems import Problem
 from agentflow.machine.tree import Machine
@@ -84,9 +85,13 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
     if report.lasting_problems:
         raise _invalid("The edited machine is not valid, so it was not made", report)
     made = _named(desk, outcome.machine, report, known.name, script)
-    difference, ids = _difference(known.machine, outcome.id_map)
-    data = {**made.data, "parent": known.name, "id_map": ids}
-    return ToolResult(f"{made.text}\nAgainst {known.name}: {difference}", data)
+    data = {
+        **made.data,
+        "parent": known.name,
+        "id_map": {str(old): new for old, new in outcome.id_map.items()},
+        "names": outcome.names,
+    }
+    return ToolResult(f"{made.text}\nAgainst {known.name}: {_difference(outcome)}", data)
 
 
 async def history(call: Call) -> ToolResult:
@@ -145,15 +150,20 @@ def _shorten(items: Any) -> str:
     return "\n".join([*lines[:MAX_PROBLEMS], *([f"- and {more} more"] if more > 0 else [])])
 
 
-def _difference(before: Machine, ids: dict[int, int | None]) -> tuple[str, dict[str, int | None]]:
-    """Which blocks were removed and renumbered, in words and as data."""
-    gone = [str(old) for old, new in ids.items() if new is None]
-    moved = [f"{old} is now {new}" for old, new in ids.items() if new not in (None, old)]
-    kept = len(before) - len(gone)
-    parts = [f"{kept} of {len(before)} blocks kept"]
+def _difference(outcome: EditOutcome) -> str:
+    """Which blocks an edit added, removed and renumbered."""
+    names = {block: name for name, block in outcome.names.items()}
+    kept = {new for new in outcome.id_map.values() if new is not None}
+    added = [step for step in outcome.machine if step.id not in kept]
+    gone = [str(old) for old, new in outcome.id_map.items() if new is None]
+    moved = [f"{old} is now {new}" for old, new in outcome.id_map.items() if new not in (None, old)]
+    parts = [f"{len(kept)} of {len(outcome.id_map)} blocks kept"]
+    if added:
+        told = (f"{step.id} {names.get(step.id, library()[step.type].name)}" for step in added)
+        parts.append(f"added {', '.join(told)}")
     parts += [f"removed {', '.join(gone)}"] if gone else []
     parts += [f"renumbered: {', '.join(moved)}"] if moved else []
-    return "; ".join(parts) + ".", {str(old): new for old, new in ids.items()}
+    return "; ".join(parts) + "."
 
 
 def _history_row(desk: Desk, known: KnownMachine) -> dict[str, object]:
