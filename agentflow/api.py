@@ -91,8 +91,8 @@ def design(
         seed: Random seed.
         out: Parent folder of the run directory.
         workers: Worker processes for simulation.
-        trust: Send prompts and keys where the file in `config` says, even to hosts that are not
-            named in the call or the environment.
+        trust: Send prompts and keys where the file in `config` says, and run the program that it
+            says, even if neither the call nor the environment names them.
         say: Receives messages, one line each; by default they are printed to stderr.
         listener: Receives every event.
 
@@ -150,8 +150,8 @@ def resume(
     Args:
         run: The run directory.
         answer: Your function, if the run was started with one.
-        trust: Send prompts and keys where the run says, even to hosts that the environment does
-            not name.
+        trust: Send prompts and keys where the run says, and run the program that it says, even if
+            the environment does not name them.
         say: Receives messages; by default they are printed to stderr.
         listener: Receives every event.
 
@@ -390,7 +390,7 @@ def _configure(
     if answer is None:
         found = complete_config(document)
         if isinstance(config, Path):
-            require_trust(config, [found.model], named, lambda _sentence: trust)
+            require_trust(config, [found], named, lambda _sentence: trust)
         return found, None
     built = build_config(document)
     if built.model.name == PROCEDURAL or built.model.roles:

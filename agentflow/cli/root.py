@@ -61,8 +61,8 @@ Trust = Annotated[
     bool,
     typer.Option(
         "--trust",
-        help="Send prompts and keys where the given file or directory says, even to hosts that "
-        "you have not named.",
+        help="Send prompts and keys where the given file or directory says, and run the program "
+        "that it says, even if you have not named them.",
     ),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Suppress progress and notices.")]

@@ -239,6 +239,39 @@ class ToolEvent(RunEvent, kind="tool", needs=("call",), optional=("machine",)):
 
 
 @dataclass(frozen=True)
+class ProgramEvent(RunEvent, kind="program"):
+    """The program that worked at a stage has ended."""
+
+    status: int
+    """Exit status; the negative number of the signal that killed it."""
+    timed_out: bool
+    """Whether it was stopped at its time limit."""
+
+
+@dataclass(frozen=True)
+class FileVerdict:
+    """What became of a file that a program left."""
+
+    file: str
+    """Name of the file."""
+    machine: str | None
+    """Name of the machine in it; None if there is none that is valid."""
+    problem: str
+    """Why the machine does not count; empty if it does."""
+
+
+@dataclass(frozen=True)
+class FilesEvent(RunEvent, kind="files"):
+    """The machine files that a program left at the end of a stage were judged."""
+
+    files: tuple[FileVerdict, ...]
+    more: int
+    """Number of files that were not looked at."""
+    problem: str
+    """Why there are none, if their folder cannot be read; else empty."""
+
+
+@dataclass(frozen=True)
 class ExpandAttempt:
     """One attempt of an expansion; `label` is relative to the search."""
 
@@ -401,6 +434,12 @@ def read_typed_events(path: Path) -> Iterator[RunEvent | Event]:
             yield typed_event(event)
         except ValueError as error:
             raise RunError(f"{path / EVENTS} is damaged in line {event.line}: {error}") from None
+
+
+def read_stage(path: Path, stage: str) -> list[RunEvent]:
+    """The recorded events of a stage, in order."""
+    events = read_typed_events(path)
+    return [e for e in events if isinstance(e, RunEvent) and e.place.name == stage]
 
 
 def _plain(value: Any) -> Any:

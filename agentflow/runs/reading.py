@@ -14,6 +14,7 @@ from agentflow.files import lock_file, parse_object, whole_lines
 from agentflow.runs.document import FILE_NAME
 
 EVENTS, CALLS, RESULT = "events.jsonl", "calls.jsonl", "result.json"
+MACHINES = "machines"
 AGAIN = b'{"again": true, '
 """Start of the line of an event that replaces an earlier one with the same kind and label."""
 State = Literal["done", "running", "stopped"]
@@ -51,6 +52,18 @@ def read_events(path: Path) -> Iterator[Event]:
         event = _parse_event(line, path, number)
         if replaced.get((event.kind, event.label), 0) <= number:
             yield event
+
+
+def read_machine_text(path: Path, digest: str) -> str:
+    """The text of a machine of a run, by its content hash.
+
+    Raises:
+        RunError: It cannot be read.
+    """
+    try:
+        return (path / MACHINES / f"{digest}.json").read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise RunError(f"{path} is damaged: it has no readable {MACHINES}/{digest}.json") from None
 
 
 def read_result(path: Path) -> dict[str, Any]:

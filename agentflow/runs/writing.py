@@ -20,9 +20,19 @@ from agentflow.files import (
     write_output,
 )
 from agentflow.runs.document import FILE_NAME, document_text, read_document
-from agentflow.runs.reading import AGAIN, CALLS, EVENTS, RESULT, Event, read_events
+from agentflow.runs.events import RunEvent, read_stage
+from agentflow.runs.reading import (
+    AGAIN,
+    CALLS,
+    EVENTS,
+    MACHINES,
+    RESULT,
+    Event,
+    read_events,
+    read_machine_text,
+)
 
-MACHINES, ROLLOUTS = "machines", "rollouts"
+ROLLOUTS, LOG = "rollouts", "log.txt"
 ATTEMPTS, PAUSE = 50, 0.01
 """Lock attempts, and seconds between them: `state_of` locks a run for a moment."""
 Listener = Callable[[Event], None]
@@ -35,8 +45,9 @@ class RunDirectory:
     """One run on disk, locked by this process.
 
     Files: run.yaml (written first), calls.jsonl (written by the tape), events.jsonl, machines/,
-    rollouts/, result.json (written last). Events are on disk when `event` returns, and other files
-    are replaced atomically, so a killed process loses at most what it was writing.
+    rollouts/, log.txt (what programs print), result.json (written last). Events are on disk when
+    `event` returns, and other files are replaced atomically, so a killed process loses at most what
+    it was writing.
     """
 
     def __init__(self, path: Path, lock: IO[str]) -> None:
@@ -154,6 +165,23 @@ class RunDirectory:
         path = self.path / MACHINES / f"{digest}.json"
         if not path.exists():
             _write(path, text + "\n")
+
+    def log(self, text: bytes) -> None:
+        """Append what a program has printed."""
+        file = self.path / LOG
+        try:
+            with file.open("ab") as log:
+                log.write(text)
+        except OSError as error:
+            raise RunError(f"cannot write {file}: {error.strerror}") from None
+
+    def earlier(self, stage: str) -> Sequence[RunEvent]:
+        """What an earlier process recorded in a stage."""
+        return read_stage(self.path, stage) if self.resumed else ()
+
+    def load_machine(self, digest: str) -> str:
+        """The text of a stored machine."""
+        return read_machine_text(self.path, digest)
 
     def finish(self, result: Mapping[str, Any]) -> None:
         """Write result.json, which completes the run."""

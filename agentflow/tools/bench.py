@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
 from agentflow.machine.tree import Machine
-from agentflow.runs.events import ToolEvent
+from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEvent
 from agentflow.runs.places import Place, StageName
 from agentflow.tools import designing, measuring
 from agentflow.tools.budget import Budget
@@ -118,6 +118,37 @@ class Bench:
             result = ToolResult(str(refused), {"refused": str(refused), **refused.data}, None, True)
         self._note(call.place, name, given, result)
         return result
+
+    async def repeat(self, event: RunEvent, load: Callable[[str], Machine]) -> None:
+        """Do again what an earlier process recorded of a call of this stage.
+
+        Its simulation is made again and charged; its answer is copied.
+
+        Args:
+            event: An event of the call; others are ignored.
+            load: Content hash -> machine.
+        """
+        self._calls = max(self._calls, event.place.call)
+        desk, place = self._desk, event.place
+        if isinstance(event, EvaluationEvent) and place.call:
+            await desk.simulate(load(event.machine), place)
+        elif isinstance(event, QueryEvent):
+            await desk.world.query(load(event.machine), event.queries, place)
+        elif isinstance(event, ToolEvent):
+            if event.machine:
+                self._take_over(event, load(event.machine))
+            desk.world.note(event)
+
+    def _take_over(self, event: ToolEvent, machine: Machine) -> None:
+        """What a successful call has left on the desk."""
+        given = event.arguments
+        edited = event.tool == designing.edit.__name__
+        origin = (given["machine"], given["script"]) if edited else ()
+        known = self._desk.name(machine, *origin)
+        if event.tool == measuring.submit.__name__:
+            self._desk.submit(known, given.get("last") is True)
+        elif event.tool == measuring.look.__name__ and self._desk.budget.looks:
+            self._desk.budget.looks.take()
 
     def _find(self, name: str) -> Tool:
         if name in self._tools:

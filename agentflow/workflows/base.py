@@ -9,7 +9,7 @@ from typing import Any, Final, Literal, Protocol
 from agentflow.agents.base import AskContext
 from agentflow.agents.history import EditRecord
 from agentflow.machine.tree import Machine
-from agentflow.runs.events import FirstAttempt
+from agentflow.runs.events import FirstAttempt, RunEvent
 from agentflow.runs.places import StageName
 from agentflow.search.node import Evaluation, SearchCost
 from agentflow.tools.world import View
@@ -60,7 +60,7 @@ class Laboratory(Protocol):
 
 
 class Record(Protocol):
-    """Receives everything that happens in a run.
+    """Receives everything that happens in a run, and knows what an earlier process recorded.
 
     `(kind, label)` is unique in a run. Data is JSON without timings; concurrency changes only the
     order of events.
@@ -71,6 +71,15 @@ class Record(Protocol):
 
     def save_machine(self, digest: str, text: str) -> None:
         """Store a valid machine by its content hash; the same machine may come twice."""
+
+    def log(self, text: bytes) -> None:
+        """Keep what a program has printed."""
+
+    def earlier(self, stage: StageName) -> Sequence[RunEvent]:
+        """What an earlier process recorded in a stage of this run; nothing in a new run."""
+
+    def load_machine(self, digest: str) -> str:
+        """The text of a machine that an earlier process stored."""
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,11 @@ from typing import Any, TypeVar
 from agentflow.agents.base import AskContext, Role, RoleAttempt, RoleOutcome, ask
 from agentflow.agents.refiner import Refinement
 from agentflow.agents.tool_agent.turns import take_turn
-from agentflow.errors import BudgetSpentError
+from agentflow.errors import BudgetSpentError, RunError
 from agentflow.llm.messages import Message, Tool
+from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import (
     AttemptEvent,
@@ -186,6 +188,21 @@ class WorkflowContext:
     def save(self, machine: Machine) -> None:
         """Store a machine that a later event names; the same machine may come twice."""
         self._record.save_machine(machine.digest, machine.to_text())
+
+    def log(self, text: bytes) -> None:
+        """Keep what a program has printed."""
+        self._record.log(text)
+
+    def earlier(self, stage: StageName) -> Sequence[RunEvent]:
+        """What an earlier process recorded in a stage; nothing in a new run."""
+        return self._record.earlier(stage)
+
+    def load_machine(self, digest: str) -> Machine:
+        """A machine that an earlier process stored."""
+        machine = read_machine(self._record.load_machine(digest), tuple(library())).machine
+        if machine is None or machine.digest != digest:
+            raise RunError(f"machines/{digest}.json of the run is damaged: restore it")
+        return machine
 
     async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
         """Answer queries on an evaluated machine, and record them at the querier's place."""

@@ -12,6 +12,32 @@ from agentflow.machine.tree import Machine
 from agentflow.search.settings import SearchSettings
 
 
+class ExternalSettings(BaseModel, frozen=True, extra="forbid"):
+    """The agent program of the workflow `external`, which each stage runs once."""
+
+    command: str | tuple[str, ...] = Field(
+        "", description="program and arguments: a list, or one line, split at blanks as in a shell"
+    )
+    shell: bool = Field(
+        False, description="have a shell carry out the command, which is one line then"
+    )
+    limit_s: float = Field(
+        1800.0, gt=0, allow_inf_nan=False, description="seconds until the program is stopped"
+    )
+    variables: tuple[str, ...] = Field(
+        (), description="environment variables that it gets besides the harmless ones: keys"
+    )
+
+    @field_validator("command", mode="before")
+    @classmethod
+    def _line_or_words(cls, value: object) -> object:
+        """Refuse what is neither; YAML reads an empty command as nothing."""
+        words = value if isinstance(value, list | tuple) else [value or ""]
+        if not all(isinstance(word, str) for word in words):
+            raise ValueError(f"expected one line, or a list of words, not {value!r}")
+        return value or ""
+
+
 class WorkflowSettings(BaseModel):
     """Switches of a workflow; all workflows share these keys, so that sweeps can compare them."""
 
@@ -67,6 +93,9 @@ class WorkflowSettings(BaseModel):
     )
     looks: int = Field(
         24, ge=1, description="pictures that an agent may look at in a run (tools, with vision)"
+    )
+    external: ExternalSettings = Field(
+        ExternalSettings(), description="the agent program (external)"
     )
     search: SearchSettings = Field(
         SearchSettings(), description="the feedback loop; 0 rounds skip it"

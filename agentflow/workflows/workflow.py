@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 
+from agentflow.errors import ConfigError
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.workflows.base import AskContexts, Laboratory, Record, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
@@ -22,6 +23,15 @@ def designs_machines(brief: Brief) -> bool:
 def completes_machines(brief: Brief) -> bool:
     """Whether a task gives a structure to complete."""
     return brief.given != LONE_ROOT
+
+
+def refuse_program(settings: WorkflowSettings) -> None:
+    """Raise ConfigError if the settings name a program, which most workflows do not run."""
+    if settings.external.command:
+        raise ConfigError(
+            "external.command names a program, but only the workflow external runs one; add "
+            "--workflow external, or remove external.command"
+        )
 
 
 @dataclass(frozen=True)
@@ -43,6 +53,8 @@ class Workflow:
     """Who designs in place of models, as results name it; "" if models do."""
     recorded: bool = True
     """Whether the record of a run is enough to continue or to replay it."""
+    require: Callable[[WorkflowSettings], None] = refuse_program
+    """Raises ConfigError unless a run with these settings can begin here and now."""
     has_rollout_limit: bool = False
     """Whether `settings.rollouts` limits its simulations."""
     counts_passes: bool = False

@@ -30,6 +30,8 @@ from tests.workflows.world import (
 )
 
 ASKING = [name for name, flow in WORKFLOWS.items() if flow.asks_models and flow.fits(BRIEF)]
+WITHOUT_PROGRAM = [n for n, flow in WORKFLOWS.items() if flow.fits(BRIEF) and n != "external"]
+"""Workflows for this task that need no agent program."""
 MEDIUM = {"trajectories": 4, "search": {"rounds": 3, "width": 2, "waves": 2}}
 
 
@@ -38,7 +40,7 @@ def test_by_name() -> None:
         WORKFLOWS["hierachical"]
     assert str(caught.value) == (
         "unknown workflow 'hierachical'; known: hierarchical, iterative, single, tools, "
-        "random-dsl, placement, random-placement"
+        "random-dsl, external, placement, random-placement"
     )
 
 
@@ -71,7 +73,7 @@ async def test_every_workflow_with_every_strategy(name: str, strategy: str) -> N
     assert len(run.shelf.tried) == sum(stage.rollouts for stage in result.stages)
 
 
-@pytest.mark.parametrize("name", [name for name, flow in WORKFLOWS.items() if flow.fits(BRIEF)])
+@pytest.mark.parametrize("name", WITHOUT_PROGRAM)
 async def test_every_workflow_improves_a_start_machine(name: str) -> None:
     start = machine((2, 0, 2))
     flow, settings = WORKFLOWS[name], {**MEDIUM, "start": start.to_json()}

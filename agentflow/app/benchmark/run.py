@@ -68,7 +68,7 @@ def run_benchmark(
     if runs.endpoint and not runs.done:
         raise EndpointError(
             "no run could use its endpoint, so there is no scorecard; when it answers, continue "
-            f"with: agentflow benchmark {quote(str(folder))} --resume{trust_option(plan.models)}"
+            f"with: agentflow benchmark {quote(str(folder))} --resume{trust_option(plan.configs)}"
         )
     card, file = make_card(read_sweep_result(folder)), folder / NAME
     write_card(file, card)

@@ -33,14 +33,14 @@ def load_config(
         path: The YAML file, if any.
         settings: Strings `a.b=value`.
         options: Dotted configuration keys; None means not given.
-        approve: Is asked about hosts and key variables that only the file names.
+        approve: Is asked about hosts, key variables and programs that only the file names.
     """
     settings = list(settings)
     named = set_options({}, settings, options)
     if path is None:
         return complete_config(named)
     config = complete_config(set_options(load_document(path), settings, options))
-    require_trust(path, [config.model], named, approve)
+    require_trust(path, [config], named, approve)
     return config
 
 

@@ -99,6 +99,10 @@ class RunPlan:
         config = build_config(document.get("config")).model_copy(update={"engine": engine})
         return cls.of(config, level_of_run(path, document))
 
+    def require_workflow(self) -> None:
+        """Raise ConfigError unless the workflow can begin here: perhaps it needs a program."""
+        WORKFLOWS[self.config.workflow].require(self.config.settings)
+
     @property
     def conditions(self) -> dict[str, str]:
         """Everything besides configuration and replies that decides results, for run.yaml.

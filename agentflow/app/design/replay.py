@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,8 @@ from agentflow.app.design.results import read_finished, require_record, result_j
 from agentflow.env.pool.pool import Simulator
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Event, Notify, read_document, read_events
+from agentflow.runs.events import RunEvent, read_stage
+from agentflow.runs.reading import read_machine_text
 
 
 def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | None:
@@ -41,7 +43,7 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
         notify(f"{path}: {note}")
     if note := level_note(path, document):
         notify(note)
-    memory = MemoryRecord()
+    memory = MemoryRecord(path)
     with Tape(path / "calls.jsonl", notify, writable=False) as tape:
         models = replay_models(plan.config, tape, budget_spent=recorded["stopped"] == "budget")
         execution = asyncio.run(execute(plan, models, memory, pool))
@@ -52,8 +54,10 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
 
 @dataclass
 class MemoryRecord:
-    """A run's record in memory."""
+    """The record, in memory, of a run that is repeated."""
 
+    path: Path | None = None
+    """The run directory; None for a new run."""
     events: dict[tuple[str, str], Mapping[str, Any]] = field(default_factory=dict)
 
     def event(self, kind: str, label: str, **data: Any) -> None:
@@ -62,6 +66,18 @@ class MemoryRecord:
 
     def save_machine(self, digest: str, text: str) -> None:
         """Does nothing: events hold the digest, which is enough to compare."""
+
+    def log(self, text: bytes) -> None:
+        """Does nothing: no program runs in a replay."""
+
+    def earlier(self, stage: str) -> Sequence[RunEvent]:
+        """What the run recorded in a stage."""
+        return read_stage(self.path, stage) if self.path else ()
+
+    def load_machine(self, digest: str) -> str:
+        """The text of a machine of the run."""
+        assert self.path is not None
+        return read_machine_text(self.path, digest)
 
 
 def first_difference(

@@ -52,7 +52,7 @@ class RunOptions:
     limiters: dict[str, Limiter] = field(default_factory=dict)
     """Rate limiters by base URL, to share with other runs."""
     approve: Approve = refuse
-    """Is asked about hosts and key variables that only the record of a resumed run names."""
+    """Is asked about hosts, key variables and programs that only a resumed run's record names."""
     named: Mapping[str, Any] = field(default_factory=dict)
     """Configuration keys that the user gave; the hosts and key variables in them are allowed."""
     workflow: Workflow | None = None
@@ -131,6 +131,7 @@ class DesignRun:
     def create(cls, config: DesignConfig, out: Path, options: RunOptions, name: str) -> DesignRun:
         """Start a new run; see `design_async`."""
         plan = RunPlan.of(with_rationales(config))
+        plan.require_workflow()
         client = options.client
         document = plan.run_document | ({} if client is None else {ANSWER: client.name})
         workflow = options.workflow or WORKFLOWS[config.workflow]
@@ -159,6 +160,7 @@ class DesignRun:
                 f"{path} was started with different {changes}, so its record cannot be "
                 "continued; resume it with the version that started it"
             )
+        plan.require_workflow()
         if note := plan.engine_note(document):
             options.notify(f"{path}: {note}")
         if note := level_note(path, document):
@@ -245,7 +247,7 @@ class DesignRun:
         path = self.directory.path
         if self.options.client is not None:
             return f"continue in Python: {_resume_call(path)}"
-        trust = trust_option([self.plan.config.model])
+        trust = trust_option([self.plan.config])
         return f"continue with: agentflow design --resume {quote(str(path))}{trust}"
 
 

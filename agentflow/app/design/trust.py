@@ -1,18 +1,19 @@
-"""Refuses hosts and key variables that only a file names: the file may be somebody else's.
+"""Refuses hosts, key variables and programs that only a file names: it may be somebody else's.
 
-A run directory, a sweep or a configuration file decides where prompts are sent and which
-environment variable is sent along as the key.
+A run directory, a sweep or a configuration file decides where prompts are sent, which environment
+variable is sent along as the key, and which program the workflow `external` runs.
 """
 
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from agentflow.app.design.models import ModelChoice, choose_models
-from agentflow.config.run import KEY_VARIABLE, ModelConfig, build_config
+from agentflow.config.run import KEY_VARIABLE, DesignConfig, ModelConfig, build_config
 from agentflow.errors import ConfigError
 from agentflow.llm.endpoint.address import DEFAULT_BASE_URL, Endpoint
 from agentflow.runs import read_document
@@ -27,23 +28,27 @@ def refuse(_sentence: str) -> bool:
 
 
 def require_trust(
-    source: Path, models: Iterable[ModelConfig], named: Mapping[str, Any], approve: Approve
+    source: Path, configs: Iterable[DesignConfig], named: Mapping[str, Any], approve: Approve
 ) -> None:
-    """Refuse hosts and key variables that neither the user nor `approve` allows.
+    """Refuse hosts, key variables and programs that neither the user nor `approve` allows.
 
     Args:
-        source: The file or directory that the models come from.
-        models: Their configurations.
+        source: The file or directory that the configurations come from.
+        configs: The configurations.
         named: Configuration keys that the user gave; the environment counts as well.
         approve: Is asked once, about everything else.
 
     Raises:
         ConfigError: It does not allow it.
     """
-    foreign = list(dict.fromkeys(place for model in models for place in unnamed(model, named)))
-    if not foreign:
+    configs = list(configs)
+    hosts = dict.fromkeys(host for config in configs for host in unnamed(config.model, named))
+    programs = dict.fromkeys(text for config in configs for text in _programs(config, named))
+    parts = [f"sends prompts to {' and to '.join(hosts)}"] if hosts else []
+    parts += [f"runs {' and '.join(programs)}"] if programs else []
+    if not parts:
         return
-    sentence = f"{source} sends prompts to {' and to '.join(foreign)}"
+    sentence = f"{source} {' and '.join(parts)}"
     if not approve(sentence):
         raise ConfigError(
             f"{sentence}, which you have not named on the command line or in the environment; "
@@ -53,8 +58,8 @@ def require_trust(
 
 def require_trusted_run(path: Path, approve: Approve, named: Mapping[str, Any]) -> None:
     """`require_trust` for an unfinished run."""
-    model = build_config(read_document(path).get("config")).model
-    require_trust(path, [model], named, approve)
+    config = build_config(read_document(path).get("config"))
+    require_trust(path, [config], named, approve)
 
 
 def unnamed(model: ModelConfig, named: Mapping[str, Any]) -> Iterator[str]:
@@ -73,9 +78,24 @@ def unnamed(model: ModelConfig, named: Mapping[str, Any]) -> Iterator[str]:
             yield f"{origin} with {key}"
 
 
-def trust_option(models: Iterable[ModelConfig]) -> str:
+def trust_option(configs: Iterable[DesignConfig]) -> str:
     """What commands that continue the user's own work need: " --trust" or ""."""
-    return " --trust" if any(any(unnamed(model, {})) for model in models) else ""
+    foreign = (any(unnamed(c.model, {})) or any(_programs(c, {})) for c in configs)
+    return " --trust" if any(foreign) else ""
+
+
+def _programs(config: DesignConfig, named: Mapping[str, Any]) -> Iterator[str]:
+    """The program of a configuration, with its variables, unless the user has named them all."""
+    external = config.settings.external
+    settings = named.get("settings")
+    group = settings.get("external") if isinstance(settings, Mapping) else None
+    given = group if isinstance(group, Mapping) else {}
+    risks = (name for name in ("command", "shell", "variables") if getattr(external, name))
+    if external.command and any(name not in given for name in risks):
+        command = external.command
+        line = command if isinstance(command, str) else shlex.join(command)
+        keys = f" with the variables {', '.join(external.variables)}" if external.variables else ""
+        yield f"the program {line!r}{keys}"
 
 
 def _origin(choice: ModelChoice) -> str:

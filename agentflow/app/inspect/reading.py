@@ -7,17 +7,14 @@ from pathlib import Path
 from agentflow.errors import RunError
 from agentflow.machine import Brief, Machine, check, library, read_machine
 from agentflow.machine.problems import LATER_RULES
+from agentflow.runs.reading import MACHINES, read_machine_text
 
 
 def recorded_machine(path: Path, digest: str) -> Machine:
     """Read a machine of a run by its content hash."""
-    file = path / "machines" / f"{digest}.json"
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        raise RunError(f"{path} is damaged: it has no readable machines/{digest}.json") from None
-    machine = read_machine(text, tuple(library())).machine
+    machine = read_machine(read_machine_text(path, digest), tuple(library())).machine
     if machine is None or machine.digest != digest:
+        file = path / MACHINES / f"{digest}.json"
         raise RunError(f"{file} is damaged: its machine does not match its name")
     return machine
 

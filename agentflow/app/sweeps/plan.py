@@ -18,7 +18,7 @@ from agentflow.app.design.config import (
 from agentflow.app.design.plan import RunPlan
 from agentflow.app.design.trust import Approve, refuse, require_trust
 from agentflow.app.sweeps.folder import folder_name, is_sweep, read_folder
-from agentflow.config.run import ModelConfig, build_config, load_document
+from agentflow.config.run import DesignConfig, build_config, load_document
 from agentflow.config.sweep import SweepConfig, SweepRun, axis_of_key, list_runs, read_sweep
 from agentflow.env.physics.engines import choose_engine
 from agentflow.errors import ConfigError, UsageError
@@ -43,9 +43,9 @@ class SweepPlan:
         return list_runs(self.sweep)
 
     @property
-    def models(self) -> list[ModelConfig]:
-        """The models of `firsts`."""
-        return [first.config.model for first in self.firsts]
+    def configs(self) -> list[DesignConfig]:
+        """The configurations of `firsts`."""
+        return [first.config for first in self.firsts]
 
     def plan_of(self, run: SweepRun) -> RunPlan:
         """The plan of a run, except for its seed."""
@@ -107,7 +107,7 @@ def plan_sweep(
             )
         document, sweep = read_folder(path)
         plan = SweepPlan.of(document["name"], sweep)
-        require_trust(path, plan.models, {}, approve)
+        require_trust(path, plan.configs, {}, approve)
         return plan
     sweep = adapt(read_sweep(load_document(path), str(path)))
     if "seed" in sweep.base:
@@ -124,9 +124,10 @@ def plan_sweep(
     if seeds is not None:
         changed["seeds"] = tuple(range(seeds))
     plan = SweepPlan.of(path.stem, sweep.model_copy(update=changed))
-    for run in plan.firsts:
+    for run, first in zip(plan.firsts, plan.plans, strict=True):
         require_model_name(run.config.model)
-    require_trust(path, plan.models, set_options({}, settings, given), approve)
+        first.require_workflow()
+    require_trust(path, plan.configs, set_options({}, settings, given), approve)
     return plan
 
 

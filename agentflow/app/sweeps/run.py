@@ -92,7 +92,7 @@ def run_sweep(
             raise InterruptedRunError(
                 f"interrupted; {len(work.done)} of {len(plan.runs)} runs are done; continue "
                 f"with: agentflow {plan.sweep.command} {quote(str(folder))} --resume"
-                f"{trust_option(plan.models)}"
+                f"{trust_option(plan.configs)}"
             ) from None
     order = [run.name for run in plan.runs]
     return SweepOutcome(

@@ -103,7 +103,7 @@ def benchmark(
         print(f"scorecard: {outcome.file}")
     if not outcome.card.complete:
         if not as_json:
-            again = f"agentflow benchmark {quote(str(folder))} --resume{trust_option(plan.models)}"
+            again = f"agentflow benchmark {quote(str(folder))} --resume{trust_option(plan.configs)}"
             print(f"do the missing runs with: {again}")
         raise typer.Exit(PARTLY)
 

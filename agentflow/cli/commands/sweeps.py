@@ -91,7 +91,7 @@ def sweep(
         done, failed = list(outcome.done), dict(outcome.failed)
         print_json({"sweep": str(outcome.path), "done": done, "failed": failed})
     else:
-        print(escape_controls(_outcome_text(outcome, trust_option(plan.models)), "\n"))
+        print(escape_controls(_outcome_text(outcome, trust_option(plan.configs)), "\n"))
     if outcome.failed:
         raise typer.Exit(NO_ENDPOINT if outcome.endpoint and not outcome.done else PARTLY)
 

@@ -69,13 +69,18 @@ async def serve_http(server: Server[Any], address: HttpAddress, token: str) -> A
             app, log_config=None, access_log=False, timeout_graceful_shutdown=GRACE, lifespan="off"
         )
     )
+    failure: Exception | None = None
     async with server.session_manager.run():  # ends before the server, whose streams it closes
         serving = asyncio.create_task(http.serve(sockets=[listening]))
         try:
             yield url
+        except Exception as error:  # noqa: BLE001  # the manager would raise a group with it
+            failure = error
         finally:
             http.should_exit = True
     await serving
+    if failure is not None:
+        raise failure
 
 
 class _HttpServer(uvicorn.Server):

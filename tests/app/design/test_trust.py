@@ -13,9 +13,9 @@ import yaml
 
 import agentflow
 from agentflow.app.design.plan import RunPlan
-from agentflow.app.design.trust import require_trust
+from agentflow.app.design.trust import refuse, require_trust
 from agentflow.cli import main
-from agentflow.config.run import ModelConfig, build_config
+from agentflow.config.run import DesignConfig, ModelConfig, build_config
 from agentflow.errors import ConfigError, RefusedError
 from agentflow.runs import RunDirectory
 from tests.app.test_doctor import threaded
@@ -123,10 +123,41 @@ def test_what_the_user_names_is_allowed(
         asked.append(sentence)
         return True
 
-    config = ModelConfig.model_validate({"name": "m", **model})
+    config = DesignConfig(model=ModelConfig.model_validate({"name": "m", **model}))
     require_trust(Path("file"), [config], {"model": named}, approve)
     assert len(asked) == bool(refused)
     assert all(sentence.startswith(f"file sends prompts to {refused}") for sentence in asked)
+
+
+@pytest.mark.parametrize(
+    ("external", "named", "refused"),
+    [
+        ({"limit_s": 5}, {}, ""),
+        ({"command": "rm -r x"}, {}, "the program 'rm -r x'"),
+        ({"command": ["rm", "a b"]}, {}, "the program \"rm 'a b'\""),
+        ({"command": "a", "variables": ["K", "L"]}, {}, "the program 'a' with the variables K, L"),
+        ({"command": "a"}, {"command": "a"}, ""),
+        ({"command": "a", "limit_s": 5}, {"command": "a"}, ""),
+        (
+            {"command": "a", "variables": ["K"]},
+            {"command": "a"},
+            "the program 'a' with the variables K",
+        ),
+        ({"command": "a", "shell": True}, {"command": "a"}, "the program 'a'"),
+        ({"command": "a", "shell": True}, {"command": "a", "shell": True}, ""),
+    ],
+)
+def test_a_program_that_only_a_file_names_is_refused(
+    external: dict[str, object], named: dict[str, object], refused: str
+) -> None:
+    config = build_config({"settings": {"external": external}})
+    given = {"settings": {"external": named}}
+    if not refused:
+        require_trust(Path("file"), [config], given, refuse)
+        return
+    with pytest.raises(ConfigError) as caught:
+        require_trust(Path("file"), [config, config], given, refuse)
+    assert str(caught.value).startswith(f"file runs {refused}, which you have not named on the")
 
 
 @pytest.mark.slow

@@ -1,0 +1,169 @@
+"""Runs a program for a limited time, keeps its output, and kills it with all its children."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from agentflow.errors import AgentflowError
+from agentflow.integrations.external.output import BoundedOutput
+
+GRACE = 5.0
+"""Seconds that a program gets to end by itself once it has been asked to."""
+REST = 1.0
+"""Seconds to wait for the rest of an output once everything known has been killed."""
+KILL_ROUNDS = 20
+"""Most attempts to kill everything: a child may start another one between two looks."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """What to run, for how long, and with which environment."""
+
+    words: Sequence[str]
+    environment: Mapping[str, str]
+    """All variables that the program gets."""
+    mark: str
+    """Name of one of them, whose value no other program has: it marks all its children."""
+    limit: float
+    """Seconds after which it is stopped."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a program ended."""
+
+    status: int
+    """Exit status; the negative number of the signal that killed it."""
+    timed_out: bool
+    """Whether it was stopped at its limit."""
+
+
+async def run_program(
+    command: Command, folder: Path, given: Path, write: Callable[[bytes], None]
+) -> Ending:
+    """Run a program in a folder until it ends or its limit is reached, then kill what is left.
+
+    Args:
+        command: What to run.
+        folder: Its working directory.
+        given: A file that it gets as its standard input.
+        write: Receives its standard output and standard error, as `BoundedOutput` bounds them.
+
+    Raises:
+        OSError: It cannot be started.
+        AgentflowError: `write` raised it.
+    """
+    output = BoundedOutput(write)
+    with given.open("rb") as opened:
+        transport, program = await asyncio.get_running_loop().subprocess_exec(
+            lambda: _Program(output),
+            *command.words,
+            cwd=folder,
+            env=dict(command.environment),
+            stdin=opened,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    mark = f"{command.mark}={command.environment[command.mark]}"
+    try:
+        timed_out = not await _is_done(program.exited, command.limit)
+    finally:
+        await _stop(transport.get_pid(), mark, program.exited)
+        await _is_done(program.closed, REST)  # a child that escaped may keep the pipe open
+        transport.close()
+        output.close()
+    program.exited.result()
+    status = transport.get_returncode()
+    assert status is not None
+    return Ending(status, timed_out)
+
+
+class _Program(asyncio.SubprocessProtocol):
+    """A running program, whose output goes to `output`."""
+
+    def __init__(self, output: BoundedOutput) -> None:
+        loop = asyncio.get_running_loop()
+        self._output = output
+        self.exited: asyncio.Future[None] = loop.create_future()
+        """Done once the program has ended, whether or not its children have."""
+        self.closed: asyncio.Future[None] = loop.create_future()
+        """Done once nobody can write to its output any more."""
+
+    def pipe_data_received(self, fd: int, data: bytes) -> None:  # noqa: ARG002
+        try:
+            self._output.add(data)
+        except AgentflowError as error:
+            if not self.exited.done():
+                self.exited.set_exception(error)
+
+    def pipe_connection_lost(self, fd: int, exc: Exception | None) -> None:  # noqa: ARG002
+        if not self.closed.done():
+            self.closed.set_result(None)
+
+    def process_exited(self) -> None:
+        if not self.exited.done():
+            self.exited.set_result(None)
+
+
+async def _is_done(future: asyncio.Future[None], seconds: float) -> bool:
+    """Whether something happens within some seconds; waits for it without consuming it."""
+    await asyncio.wait([future], timeout=seconds)
+    return future.done()
+
+
+async def _stop(leader: int, mark: str, exited: asyncio.Future[None]) -> None:
+    """Ask a program and its children to end, and kill those that do not, or at once if cancelled.
+
+    Its children are its session and, on Linux, all processes that carry its mark: those that
+    have left the session keep their environment.
+    """
+    clock = asyncio.get_running_loop().time
+    deadline = clock() + GRACE
+    try:
+        _signal_all(leader, mark, signal.SIGTERM)
+        while clock() < deadline and not (exited.done() and not any(_marked(mark))):
+            await asyncio.sleep(0.05)
+    finally:
+        for _ in range(KILL_ROUNDS):
+            _signal_all(leader, mark, KILL)
+            if not any(_marked(mark)):
+                break
+    await _is_done(exited, GRACE)
+
+
+if sys.platform == "win32":
+    KILL = signal.SIGTERM
+
+    def _signal_all(leader: int, mark: str, number: int) -> None:  # noqa: ARG001
+        """Kill a process tree: Windows has no signals that ask a program to end."""
+        subprocess.run(
+            ["taskkill", "/T", "/F", "/PID", str(leader)], capture_output=True, check=False
+        )
+
+else:
+    KILL = signal.SIGKILL
+
+    def _signal_all(leader: int, mark: str, number: int) -> None:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(leader, number)
+        for pid in _marked(mark):
+            with suppress(ProcessLookupError, PermissionError):
+                os.kill(pid, number)
+
+
+def _marked(mark: str) -> Iterator[int]:
+    """The processes whose environment holds `NAME=value`; none on systems without /proc."""
+    sought = b"\0" + os.fsencode(mark) + b"\0"
+    for folder in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # another user's, or it has ended
+            if sought in b"\0" + (folder / "environ").read_bytes():
+                yield int(folder.name)

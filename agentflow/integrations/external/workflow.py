@@ -1,0 +1,182 @@
+"""The workflow `external`: in each stage, a program works at the bench and in a folder."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from agentflow.errors import ConfigError, RunError
+from agentflow.integrations.external.command import command_words, program_environment
+from agentflow.integrations.external.files import MachineFile, read_machine_files
+from agentflow.integrations.external.folder import (
+    MACHINES,
+    TASK,
+    TOKEN,
+    URL,
+    Assignment,
+    write_folder,
+)
+from agentflow.integrations.external.process import Command, Ending, run_program
+from agentflow.runs.events import FilesEvent, FileVerdict, ProgramEvent
+from agentflow.runs.places import Place, StageName
+from agentflow.tools import Bench
+from agentflow.workflows.base import WorkflowResult
+from agentflow.workflows.context import WorkflowContext
+from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.tools.stages import count_rollouts, work_in_stages
+from agentflow.workflows.tools.workflow import submit_each
+from agentflow.workflows.workflow import Workflow
+
+LONGEST = 300
+"""Most characters of a problem in the record."""
+
+
+async def external(run: WorkflowContext) -> WorkflowResult:
+    """Run the program once in each stage."""
+    return await work_in_stages(run, partial(work, run))
+
+
+async def work(run: WorkflowContext, bench: Bench, stage: StageName) -> None:
+    """Run the program for a stage, then hand in the machines that it left in files.
+
+    What an earlier process has recorded of the stage is done again from the record; the program
+    runs only if the stage was not over.
+    """
+    judged = await _repeat(run, bench, stage)
+    if judged is None and not bench.ended:
+        judged = await _work(run, bench, stage)
+    for event in judged or ():
+        run.note(event)
+    bench.end(_summary(*judged) if judged else "")
+
+
+async def _repeat(
+    run: WorkflowContext, bench: Bench, stage: StageName
+) -> tuple[ProgramEvent, FilesEvent] | None:
+    """Do again what is recorded of a stage; how its program ended, if its files were judged."""
+    earlier = run.earlier(stage)
+    for event in earlier:
+        await bench.repeat(event, run.load_machine)
+    programs = [event for event in earlier if isinstance(event, ProgramEvent)]
+    judged = [event for event in earlier if isinstance(event, FilesEvent)]
+    return (programs[-1], judged[-1]) if programs and judged else None
+
+
+async def _work(
+    run: WorkflowContext, bench: Bench, stage: StageName
+) -> tuple[ProgramEvent, FilesEvent]:
+    with _folder(stage) as folder:
+        ending = await _run(run, bench, stage, folder)
+        found = read_machine_files(folder / MACHINES)
+    verdicts = []
+    for file in found.read:
+        if bench.ended:
+            break
+        verdicts.append(await _hand_in(bench, file))
+    more = len(found.read) - len(verdicts) + found.more
+    program = ProgramEvent(Place(stage), ending.status, ending.timed_out)
+    return program, FilesEvent(Place(stage), tuple(verdicts), more, found.problem)
+
+
+def _summary(program: ProgramEvent, files: FilesEvent) -> str:
+    """Why a stage may have too few machines."""
+    told = "was stopped at its limit" if program.timed_out else "ended"
+    problems = [f"{MACHINES}: {files.problem}"] if files.problem else []
+    problems += [f"{MACHINES}/{file.file}: {file.problem}" for file in files.files if file.problem]
+    return "; ".join([f"the program {told} with status {program.status}", *problems[:1]])
+
+
+@contextmanager
+def _folder(stage: StageName) -> Iterator[Path]:
+    """An empty folder for a stage, outside the run, which is gone afterwards."""
+    temporary = TemporaryDirectory(prefix="agentflow-", ignore_cleanup_errors=True)
+    folder = Path(os.path.realpath(temporary.name)) / stage
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        with suppress(RecursionError):  # folders in folders, a thousand deep
+            temporary.cleanup()
+
+
+async def _run(run: WorkflowContext, bench: Bench, stage: StageName, folder: Path) -> Ending:
+    """Serve the bench while the program runs in its folder."""
+    from agentflow.integrations.mcp.http import serve_bench
+
+    settings = run.settings.external
+    words = command_words(settings)
+    async with serve_bench(bench) as served:
+        variables = {URL: served.url, TOKEN: served.token}
+        environment = program_environment(settings, os.environ, variables)
+        write_folder(folder, _assignment(run, bench, stage), served.url, served.token)
+        command = Command(words, environment, TOKEN, settings.limit_s)
+        run.log(f"=== {stage}: {shlex.join(words)}\n".encode())
+        try:
+            ending = await run_program(command, folder, folder / TASK, run.log)
+        except OSError as error:
+            kind = RunError if run.rollouts else ConfigError  # which leaves no run behind
+            raise kind(f"external.command: cannot run {words[0]}: {error.strerror}") from None
+    told = "stopped at its limit" if ending.timed_out else "ended"
+    run.log(f"\n=== {stage}: {told} with status {ending.status}\n".encode())
+    return ending
+
+
+def _assignment(run: WorkflowContext, bench: Bench, stage: StageName) -> Assignment:
+    settings = run.settings
+    return Assignment(
+        stage=stage,
+        task=bench.brief_text,
+        budget=bench.budget_text,
+        tools=bench.tools,
+        minutes=settings.external.limit_s / 60,
+        before={known.name: known.machine for known in bench.machines},
+    )
+
+
+async def _hand_in(bench: Bench, file: MachineFile) -> FileVerdict:
+    """Check and submit the machine in a file."""
+    if file.text is None:
+        return FileVerdict(file.name, None, file.problem)
+    checked = await bench.call("check", {"machine": file.text})
+    if checked.refused:
+        return FileVerdict(file.name, None, checked.text[:LONGEST])
+    name = checked.data["machine"]
+    submitted = await bench.call("submit", {"machine": name})
+    return FileVerdict(file.name, name, submitted.text[:LONGEST] if submitted.refused else "")
+
+
+def require_program(settings: WorkflowSettings) -> None:
+    """Raise ConfigError unless the program can be run and the tools can be served to it."""
+    command_words(settings.external)
+    program_environment(settings.external, os.environ, {})
+    try:
+        import agentflow.integrations.mcp.http  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"{error.name} is not installed; install it with: pip install 'agentflow[mcp]'"
+        ) from None
+
+
+def _author(settings: WorkflowSettings) -> str:
+    """The program with its subcommand or script, if it has one: "program codex exec"."""
+    command = settings.external.command
+    words = command.split() if isinstance(command, str) else command
+    named = [Path(word).name for word in words[:2] if not word.startswith("-")]
+    return " ".join(["program", *named])
+
+
+EXTERNAL = Workflow(
+    "external",
+    external,
+    calls=lambda _: {},
+    rollouts=count_rollouts,
+    adapt=submit_each,
+    author=_author,
+    require=require_program,
+    has_rollout_limit=True,
+)
