@@ -15,6 +15,7 @@ from agentflow.runs.events import (
     ExpandEvent,
     FirstAttempt,
     RunEvent,
+    ToolEvent,
     read_typed_events,
 )
 from agentflow.runs.places import Place
@@ -145,3 +146,34 @@ def test_a_machine_whose_evaluation_is_lost_has_no_score() -> None:
     place = Place("env_feedback", trajectory=1, round=1)
     (node,) = Lineage.of([EditEvent(place, None, "a", kept=True)]).finish(None)
     assert (node.machine, node.score, node.valid, node.status) == ("a", None, False, "")
+
+
+def test_machines_that_tools_made() -> None:
+    def call(number: int, tool: str, made: str | None, **arguments: str) -> ToolEvent:
+        place = Place("env_feedback", call=number)
+        refused = made is None
+        return ToolEvent(place, tool, arguments, refused, "no" if refused else "yes", made)
+
+    first, second = "aaaaaaaa11111111", "bbbbbbbb22222222"
+    events: list[RunEvent] = [
+        asked("agent/env_feedback/attempt-1"),
+        call(1, "check", first, machine="[...]"),
+        call(2, "simulate", first, machine=first[:8]),
+        tried("env_feedback/traj-1/call-2", first, 1.0),
+        call(3, "edit", second, machine=first[:8], script="Remove 3"),
+        call(4, "edit", None, machine=second[:8], script="Remove 99"),
+        tried("env_feedback/traj-1/call-5", second, 2.0),
+        tried("env_feedback/traj-1", second, 2.0),
+        CandidateEvent(
+            Place("env_feedback", trajectory=2), 2, None, False, None, FirstAttempt(), "none"
+        ),
+    ]
+    nodes = Lineage.of(events).finish(second)
+    assert outline(nodes) == [
+        ("env_feedback/call-1", None, "check, call 1", 1.0, True),
+        ("env_feedback/call-3", "env_feedback/call-1", "edit, call 3", 2.0, True),
+        ("env_feedback/call-4", "env_feedback/call-3", "edit, call 4", None, False),
+    ]
+    assert [node.kind for node in nodes] == ["env_feedback", "env_feedback", "refused"]
+    assert nodes[1].edit == "Remove 3"
+    assert {node.calls for node in nodes} == {("agent/env_feedback/attempt-1",)}

@@ -51,3 +51,30 @@ async def test_each_candidate_is_evaluated_once() -> None:
     assert [result.score for result in results] == [1.0, 2.0, 1.0, 9.0]
     assert await once("bb", "later") is results[1]
     assert once.count == 2
+
+
+async def test_an_evaluation_lasts_until_its_last_request_is_cancelled() -> None:
+    log: list[str] = []
+    go = asyncio.Event()
+
+    async def evaluate(candidate: str, _label: str) -> Evaluation:
+        log.append(f"{candidate} begins")
+        try:
+            await go.wait()
+        except asyncio.CancelledError:
+            log.append(f"{candidate} is cancelled")
+            raise
+        return Evaluation(True, 1.0)
+
+    once = EvaluateOnce(evaluate)
+    first, second = (asyncio.ensure_future(once("a", "")) for _ in range(2))
+    await asyncio.sleep(0)
+    first.cancel()
+    await asyncio.gather(first, return_exceptions=True)
+    assert (log, once.count) == (["a begins"], 1)
+    second.cancel()
+    await asyncio.gather(second, return_exceptions=True)
+    assert (log, once.count, once.find("a")) == (["a begins", "a is cancelled"], 0, None)
+    go.set()
+    found = await once("a", "")
+    assert (once.find("a"), once.count) == (found, 1)

@@ -48,11 +48,12 @@ def converse(run: WorkflowContext) -> Worker:
             reply = attempt.reply
             text = reply.text.strip() or "(no text)" * (not reply.tool_calls)
             messages.append(reply.message.model_copy(update={"text": text}))
-            for call in reply.tool_calls[: MOST_CALLS - calls]:
+            carried_out = reply.tool_calls[: MOST_CALLS - calls]
+            for call in carried_out:
                 result = await bench.call(call.name, call.arguments)
                 messages.append(_answer(call, result))
                 refused = refused + 1 if result.refused else 0
-            calls += len(reply.tool_calls)
+            calls += len(carried_out)
             silent = 0 if reply.tool_calls else silent + 1
             if silent:
                 messages.append(Message(role="user", text=_remind(attempt.parsed.problem, bench)))
