@@ -21,6 +21,8 @@ from agentflow.config.run import build_config, load_document
 from agentflow.errors import RunError
 from agentflow.runs import read_events, read_result
 from agentflow.runs.document import document_text
+from tests.app.test_doctor import threaded
+from tests.llm.hostile import body
 
 ROOT = Path(__file__).parents[3]
 SMALL = ROOT / "configs" / "small.yaml"
@@ -287,3 +289,19 @@ def test_an_unknown_model_is_named(
     assert main(["design", "--model", "nonesuch", "--base-url", stub_url, "--quiet"]) == 4
     assert "nonesuch" in capsys.readouterr().err
     assert os.listdir(tmp_path) == []
+
+
+def test_an_endpoint_without_tools_is_refused_in_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    refusal = {"error": {"message": "registry.ollama.ai/library/m does not support tools"}}
+    with threaded(body(refusal, 400)) as server:
+        model = ["--model", "m", "--base-url", server.base_url]
+        assert main(["design", "--workflow", "tools", *model, "--quiet"]) == 4
+        assert len(server.asked) == 1
+    assert capsys.readouterr().err == (
+        f"agentflow: model 'm' at {server.base_url} does not support tools (400: "
+        "registry.ollama.ai/library/m does not support tools); switch on tool calling at the "
+        "server, or use another model, or a workflow without tools\n"
+    )
