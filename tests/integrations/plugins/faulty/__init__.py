@@ -1,4 +1,4 @@
-"""A family from outside the package; its second level kills who simulates more than a root."""
+"""A family from outside the package; its second level kills who simulates a car of 7 blocks."""
 
 from __future__ import annotations
 
@@ -19,6 +19,6 @@ class Faulty(Movement):
     family: ClassVar[str] = "faulty"
 
     def scene(self, machine: Machine | None = None) -> Scene:
-        if self.level == 2 and machine and len(machine) > 1:
+        if self.level == 2 and machine and len(machine) > 6:
             os.kill(os.getpid(), signal.SIGKILL)
         return super().scene(machine)
