@@ -35,9 +35,9 @@ class RunSession:
     leaves. A client that made no machine leaves no run behind.
     """
 
-    def __init__(self, begin: Begin, pool: Simulator) -> None:
-        """Prepare a session; `pool` verifies its best machine."""
-        self._begin, self._pool = begin, pool
+    def __init__(self, begin: Begin, verifier: Simulator | None) -> None:
+        """Prepare a session; `verifier` verifies its best machine."""
+        self._begin, self._verifier = begin, verifier
         self._run: DesignRun | None = None
         self._working: asyncio.Task[dict[str, Any]] | None = None
         self._bench: Bench | None = None
@@ -64,12 +64,14 @@ class RunSession:
 
     async def _carry_out(self, run: DesignRun) -> dict[str, Any]:
         try:
-            await run.carry_out()
+            result = await run.carry_out()
         except EndpointError:  # of _work
             return {}
         finally:
             self._bench = None  # with every rollout of the run
-        return await verify_finished(run.directory.path, self._pool)
+        if self._verifier is None:
+            return result
+        return await verify_finished(run.directory.path, self._verifier)
 
     async def _work(self, bench: Bench, _stage: StageName) -> None:
         """Let the client work until the stage ends or the client leaves."""
@@ -134,13 +136,14 @@ class ClientRuns:
         notify: Notify,
     ) -> None:
         """Prepare for clients whose runs go through `stages` and are written below `out`."""
-        self._config = config.model_copy(update={"verify": False})  # done when a run is complete
+        self._config = config.model_copy(update={"verify": False})  # done once a run is complete
+        self._verifier = pool if config.verify else None
         self._out, self._stages, self._pool, self._notify = out, stages, pool, notify
         self._sessions: list[RunSession] = []
 
     def open(self, client: str) -> RunSession:
         """The session of a new client, by name and version."""
-        session = RunSession(partial(self._begin, f"MCP client {client}"), self._pool)
+        session = RunSession(partial(self._begin, f"MCP client {client}"), self._verifier)
         self._sessions = [*(one for one in self._sessions if not one.is_over), session]
         return session
 

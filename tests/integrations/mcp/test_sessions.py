@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 import sys
-from asyncio.subprocess import PIPE
+from asyncio.subprocess import PIPE, STDOUT
 from pathlib import Path
 
 import pytest
@@ -45,17 +45,21 @@ async def design_a_car(client: Client) -> tuple[str, str]:
     return name, text_of(await client.call_tool("submit", {"machine": name}))
 
 
+async def carry_out(*arguments: str, status: int = 0) -> str:
+    """What a command prints, which ends with a given status."""
+    process = await asyncio.create_subprocess_exec(
+        sys.executable, "-c", MAIN, *arguments, stdout=PIPE, stderr=STDOUT, env=ENVIRONMENT
+    )
+    told, _ = await process.communicate()
+    assert process.returncode == status, told.decode()
+    return told.decode()
+
+
 async def check_run(run: Path) -> None:
     """`show` and `report` open a run of the test's client."""
+    assert "MCP client test 1" in await carry_out("show", str(run))
     page = run / "report.html"
-    for arguments in (["show", str(run)], ["report", str(run), "--out", str(page)]):
-        process = await asyncio.create_subprocess_exec(
-            sys.executable, "-c", MAIN, *arguments, stdout=PIPE, env=ENVIRONMENT
-        )
-        told, _ = await process.communicate()
-        assert process.returncode == 0
-        if arguments[0] == "show":
-            assert b"MCP client test 1" in told
+    await carry_out("report", str(run), "--out", str(page))
     assert "MCP client test 1" in page.read_text(encoding="utf-8")
 
 
@@ -161,6 +165,30 @@ async def test_ending_the_server_completes_the_runs_of_its_clients(tmp_path: Pat
         server.send_signal(signal.SIGINT)
         await server.wait()
     assert read_finished(only_run(tmp_path))["score"] >= 40
+
+
+async def test_a_killed_server_and_a_hostile_name_leave_a_run_that_can_be_read(
+    tmp_path: Path,
+) -> None:
+    hostile = types.Implementation(name="<script>1</script>\x1b[31m\n../../x", version="9" * 999)
+    async with (
+        http_server(tmp_path) as (served, server),
+        http_client(served.url, served.token, client_info=hostile) as client,
+    ):
+        name = data_of(await client.call_tool("check", {"machine": CAR}))["machine"]
+        await client.call_tool("simulate", {"machine": name})
+        server.kill()
+        await server.wait()
+    run = only_run(tmp_path)
+    assert state_of(run) == "stopped"
+    author = "MCP client <script>1</script> [31m ../../x 999"
+    told = await carry_out("show", str(run))
+    assert author in told
+    page = run / "report.html"
+    await carry_out("report", str(run), "--out", str(page))
+    assert "<script>1</script>" not in page.read_text(encoding="utf-8")
+    refused = await carry_out("design", "--resume", str(run), status=2)
+    assert f"cannot be continued, because it holds only what {author}" in refused
 
 
 def test_says_what_is_wrong_with_options(
