@@ -19,7 +19,12 @@ from agentflow.metrics.failure_kinds import (
     FailureKind,
 )
 from agentflow.runs import Event
-from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent
+from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, ToolEvent
+
+AGENT = "agent"
+"""Role that works with tools."""
+MAKING = frozenset({"check", "edit"})
+"""Tools that make machines."""
 
 
 @dataclass
@@ -27,7 +32,7 @@ class Failures:
     """Counts of failures in one run or several."""
 
     replies: int = 0
-    """Answered calls."""
+    """Answered calls; of an agent, its calls of tools that make machines."""
     refused: int = 0
     machines: int = 0
     """Machines simulated."""
@@ -35,6 +40,14 @@ class Failures:
     """Name of a kind -> replies or machines."""
     codes: Counter[str] = field(default_factory=Counter)
     """Code of refused replies -> count; `unparsable` for replies without a code."""
+
+    def add(self, kind: FailureKind | None, code: str) -> None:
+        """Count a reply, refused if it has a kind of failure."""
+        self.replies += 1
+        if kind is not None:
+            self.refused += 1
+            self.kinds[kind.name] += 1
+            self.codes[code or "unparsable"] += 1
 
     def __add__(self, other: Failures) -> Failures:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
@@ -60,12 +73,11 @@ def failures(
     seen: set[str] = set()
     for event in events:
         if isinstance(event, AttemptEvent):
-            found.replies += 1
             found.kinds[RATIONALE.name] += event.label in unfollowed
-            if not event.valid:
-                found.refused += 1
-                found.kinds[kind_of(event).name] += 1
-                found.codes[event.code or "unparsable"] += 1
+            if event.role != AGENT or not event.valid:  # what an agent sends, its calls show
+                found.add(None if event.valid else kind_of(event), event.code)
+        elif isinstance(event, ToolEvent) and event.tool in MAKING:
+            found.add(kind_of_call(event) if event.refused else None, event.code)
         elif isinstance(event, EvaluationEvent) and event.machine not in seen:
             seen.add(event.machine)
             found.machines += 1
@@ -74,6 +86,12 @@ def failures(
             found.kinds[BREAKAGE.name] += bool(event.broken)
             found.kinds[FACING.name] += faces_wrong_way(event.machine)
     return found
+
+
+def kind_of_call(call: ToolEvent) -> FailureKind:
+    """The kind of failure of a refused call of a tool that makes machines."""
+    known = (kind for kind in KINDS if call.code in kind.codes)
+    return next(known, EDIT if call.tool == "edit" else UNPARSABLE)
 
 
 def kind_of(attempt: AttemptEvent) -> FailureKind:

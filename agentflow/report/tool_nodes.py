@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from agentflow.metrics.failures import MAKING
 from agentflow.report.nodes import REFUSED, LineageNode
 from agentflow.runs.events import EvaluationEvent, ToolEvent
-
-MAKING = frozenset({"check", "edit"})
-"""Tools that make machines."""
 
 
 @dataclass

@@ -234,6 +234,8 @@ class ToolEvent(RunEvent, kind="tool", needs=("call",), optional=("machine",)):
     refused: bool
     answer: str
     """What the agent was told, cut to a sane length."""
+    code: str = ""
+    """Kind of the first problem of a refused machine or edit, as in `AttemptEvent`."""
     machine: str | None = None
     """Content hash of the machine that the call was about, or that it made."""
 

@@ -109,14 +109,16 @@ class Bench:
         self._calls += 1
         call = Call(self._desk, Place(self._desk.stage, call=self._calls))
         given: Mapping[str, Any] = {}
+        code = ""
         try:
             if self.ended:
                 raise Refused("this stage has ended; nothing more can be done in it")
             given = _read_arguments(arguments)
             result = await self._find(name)(call, given)
         except Refused as refused:
+            code = refused.code
             result = ToolResult(str(refused), {"refused": str(refused), **refused.data}, None, True)
-        self._note(call.place, name, given, result)
+        self._note(call.place, name, given, result, code)
         return result
 
     async def repeat(self, event: RunEvent, load: Callable[[str], Machine]) -> None:
@@ -158,7 +160,12 @@ class Bench:
         raise Refused(f"the tool {ascii(name)[:40]} {why}; the tools are {', '.join(self._tools)}")
 
     def _note(
-        self, place: Place, name: str, arguments: Mapping[str, Any], result: ToolResult
+        self,
+        place: Place,
+        name: str,
+        arguments: Mapping[str, Any],
+        result: ToolResult,
+        code: str,
     ) -> None:
         machine = None if result.refused else result.data.get("machine")
         known = self._desk.machines.find(machine) if isinstance(machine, str) else None
@@ -168,6 +175,7 @@ class Bench:
                 tool=_clean(str(name)[:40]),
                 arguments=_shorten(arguments),
                 refused=result.refused,
+                code=code,
                 answer=_shorten(result.text),
                 machine=known.machine.digest if known else None,
             )

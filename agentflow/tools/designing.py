@@ -78,7 +78,8 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
     if not outcome.success:
         verdicts = _shorten(_verdict(step) for step in outcome.steps)
         text = f"The script failed, and machine {known.name} is unchanged:\n{verdicts}"
-        raise Refused(text, verdicts=[step.to_json() for step in outcome.steps])
+        code = next(step.code for step in outcome.steps if step.verdict == "Error")
+        raise Refused(text, code, verdicts=[step.to_json() for step in outcome.steps])
     if outcome.machine == known.machine:
         raise Refused(f"the script changes nothing about machine {known.name}; send commands")
     report = check_machine(outcome.machine, desk.world.brief)
@@ -131,7 +132,8 @@ def _named(
 
 def _invalid(text: str, report: Report) -> Refused:
     problems = _shorten(problem.message for problem in report.problems)
-    return Refused(f"{text}:\n{problems}", problems=_problem_data(report.problems))
+    code = report.problems[0].code
+    return Refused(f"{text}:\n{problems}", code, problems=_problem_data(report.problems))
 
 
 def _problem_data(problems: Sequence[Problem]) -> list[dict[str, object]]:

@@ -72,5 +72,6 @@ def complete_report(machine: Machine, brief: Brief) -> Report:
     """The validity of a machine, or refuse one that cannot be simulated as it is."""
     report = check(machine, brief)
     if not report.task_valid:
-        raise Refused(f"this machine is not complete: {report.problems[0].message}; `edit` it")
+        problem = report.problems[0]
+        raise Refused(f"this machine is not complete: {problem.message}; `edit` it", problem.code)
     return report

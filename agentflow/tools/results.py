@@ -32,8 +32,9 @@ class ToolResult:
 
 
 class Refused(Exception):
-    """A call that cannot be carried out: one sentence that says what to change, and data."""
+    """A call that cannot be carried out: words that say what to change, and data."""
 
-    def __init__(self, text: str, **data: Any) -> None:
+    def __init__(self, text: str, code: str = "", **data: Any) -> None:
+        """`code` is the kind of the first problem of a machine or an edit, for counting."""
         super().__init__(text)
-        self.data = data
+        self.code, self.data = code, data

@@ -10,7 +10,7 @@ from agentflow.cli import main
 from agentflow.metrics.failure_kinds import KINDS, STILL
 from agentflow.metrics.failures import Failures, failures, kind_of
 from agentflow.runs import Event
-from agentflow.runs.events import AttemptEvent, EvaluationEvent, StageBeginEvent
+from agentflow.runs.events import AttemptEvent, EvaluationEvent, StageBeginEvent, ToolEvent
 from agentflow.runs.places import Place
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import evaluation as evaluated
@@ -57,6 +57,28 @@ def test_a_refused_reply_is_of_one_kind(event: AttemptEvent, name: str) -> None:
     found = failures([event], lambda _digest: False)
     assert {kind: count for kind, count in found.kinds.items() if count} == {name: 1}
     assert (found.replies, found.refused, found.machines) == (1, 1, 0)
+
+
+def test_what_an_agent_sends_counts_by_its_calls_of_tools() -> None:
+    def call(number: int, tool: str, code: str = "") -> ToolEvent:
+        place = Place("initial", call=number)
+        return ToolEvent(place, tool, {}, refused=bool(code), answer="", code=code)
+
+    found = failures(
+        [
+            answered("agent/initial/attempt-1", role="agent"),
+            call(1, "check", "overlap"),
+            call(2, "check", "missing_field"),
+            call(3, "check"),
+            call(4, "edit", "block_not_found"),
+            call(5, "submit", "required_count"),
+            attempt("no_tool_call", "agent", parsed=False),
+        ],
+        lambda _: False,
+    )
+    assert (found.replies, found.refused) == (5, 4)
+    counts = {name: count for name, count in found.kinds.items() if count}
+    assert counts == {"overlap": 1, "unparsable": 2, "refused edit": 1}
 
 
 def test_machines_count_once_and_may_be_of_several_kinds() -> None:

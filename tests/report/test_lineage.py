@@ -152,7 +152,8 @@ def test_machines_that_tools_made() -> None:
     def call(number: int, tool: str, made: str | None, **arguments: str) -> ToolEvent:
         place = Place("env_feedback", call=number)
         refused = made is None
-        return ToolEvent(place, tool, arguments, refused, "no" if refused else "yes", made)
+        answer = "no" if refused else "yes"
+        return ToolEvent(place, tool, arguments, refused, answer, machine=made)
 
     first, second = "aaaaaaaa11111111", "bbbbbbbb22222222"
     events: list[RunEvent] = [

@@ -139,3 +139,26 @@ async def test_the_greatest_possible_score_ends_the_run() -> None:
     result = await run("tools")
     assert result.stopped == "greatest score"
     assert [stage.name for stage in result.stages] == ["initial"]
+
+
+async def test_a_simulated_machine_counts_where_nothing_is_submitted() -> None:
+    def answer(turn: int, stage: str) -> Calls:
+        if stage == "env_feedback" and turn == 1:
+            return ("check", {"machine": CART}), ("simulate", {"machine": NAME})
+        return ()
+
+    run = Run(saying(answer), {"candidates_per_stage": 2})
+    result = await run("tools")
+    assert [c.machine is not None for c in result.stages[-1].candidates] == [True, False]
+    assert result.best is not None
+    assert result.best_stage == "env_feedback"
+    assert run.notes.of("tool")["env_feedback/call-2"]["tool"] == "simulate"
+
+
+async def test_a_machine_of_an_earlier_stage_does_not_count_again() -> None:
+    run = Run(
+        saying(lambda turn, stage: submit_cart(turn, stage) if stage == "initial" else ()),
+        {"candidates_per_stage": 2},
+    )
+    result = await run("tools")
+    assert [sum(c.valid for c in stage.candidates) for stage in result.stages] == [1, 0, 0]

@@ -32,7 +32,7 @@ async def work_in_stages(
     the stage is over, at the charge of the same `settings.rollouts`. These stages may therefore
     submit no more machines than leave an equal share for each stage that follows. All stages share
     their machines. A start machine takes the place of the stages without feedback. Where nothing is
-    submitted, the best machine simulated so far counts.
+    submitted, the best machine that was simulated in the stage counts.
     """
     settings, machines = run.settings, KnownMachines()
     rollouts = Allowance.of("simulation", count_rollouts(settings))
@@ -40,7 +40,7 @@ async def work_in_stages(
     if settings.start_machine:
         run.begin_stage(INITIAL)
         run.end_stage(INITIAL, await simulate(run, INITIAL, await design_machines(run)))
-        machines.add(settings.start_machine)
+        machines.add(settings.start_machine).submitted = INITIAL
         rollouts.left, stages = rollouts.total - run.rollouts, (FEEDBACK,)
     for number, stage in enumerate(stages):
         submissions = settings.candidates_per_stage
@@ -78,11 +78,12 @@ def _candidates(run: WorkflowContext, bench: Bench) -> list[Candidate]:
 
 
 def _best_simulated(run: WorkflowContext, bench: Bench) -> Sequence[Machine]:
-    """The best machine of a run whose worker ended without submitting one, if there is any."""
+    """The best machine that was simulated but never submitted, if there is any."""
     tried = [
         (evaluation.score, known.machine)
         for known in bench.machines
-        if (evaluation := run.evaluation_of(known.machine))
+        if known.submitted is None
+        and (evaluation := run.evaluation_of(known.machine))
         and evaluation.valid
         and evaluation.score is not None
     ]
