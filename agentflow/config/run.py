@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -153,9 +154,10 @@ def set_key(document: Mapping[str, Any], path: str, value: Any) -> dict[str, Any
     """
     result = group = dict(document)
     *groups, last = _keys_of(path)
-    for key in groups:
+    plain = _plain_keys(DesignConfig)
+    for depth, key in enumerate(groups, start=1):
         below = group.get(key, {})
-        if not isinstance(below, Mapping):
+        if not isinstance(below, Mapping) or ".".join(groups[:depth]) in plain:
             raise ConfigError(f"--set {path}: {key} is a single value, not a group of keys")
         group[key] = dict(below)
         group = group[key]
@@ -185,6 +187,19 @@ def _keys_in(kind: type[BaseModel], above: str = "") -> Iterator[str]:
         inner = field.annotation
         if isinstance(inner, type) and issubclass(inner, BaseModel):
             yield from _keys_in(inner, f"{above}{name}.")
+
+
+@cache
+def _plain_keys(kind: type[BaseModel], above: str = "") -> frozenset[str]:
+    """Every dotted key that holds one value: neither a group of keys nor a mapping."""
+    found = set[str]()
+    for name, field in kind.model_fields.items():
+        inner = field.annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            found |= _plain_keys(inner, f"{above}{name}.")
+        elif get_origin(inner) is not dict:
+            found.add(above + name)
+    return frozenset(found)
 
 
 def build_config(document: object) -> DesignConfig:

@@ -87,6 +87,7 @@ def test_wrong_configuration_names_the_key(document: dict[str, object], message:
     [
         ("seed", "--set takes name=value, not 'seed'"),
         ("seed.x=1", "--set seed.x: seed is a single value, not a group of keys"),
+        ("workflow.x=1", "--set workflow.x: workflow is a single value, not a group of keys"),
         ("seed=[", "--set seed: '[' is not a YAML value: line 1: expected the node"),
         (
             "search={width: 1, width: 2}",
