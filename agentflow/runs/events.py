@@ -229,6 +229,7 @@ class ToolEvent(RunEvent, kind="tool", needs=("call",), optional=("machine",)):
     """An agent called a tool; the place is the stage and the number of the call in it."""
 
     tool: str
+    """Its name; `unknown` if there is no such tool."""
     arguments: Any
     """As the agent sent them, cut to a sane length."""
     refused: bool

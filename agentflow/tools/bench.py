@@ -31,6 +31,9 @@ _FUNCTIONS: tuple[ToolFunction, ...] = (
 )
 TOOLS = tuple(Tool.of(function) for function in _FUNCTIONS)
 """All tools, in the order in which clients list them."""
+TOOL_NAMES = frozenset(tool.spec.name for tool in TOOLS)
+UNKNOWN = "unknown"
+"""Name in the record of tools that do not exist, of which agents may call any number."""
 _SIMULATING = frozenset({"simulate", "query"})
 MOST_CHARACTERS = 200_000
 """Most characters of a text from an agent; a machine of 800 blocks has 50,000."""
@@ -155,8 +158,7 @@ class Bench:
     def _find(self, name: str) -> Tool:
         if name in self._tools:
             return self._tools[name]
-        known = any(tool.spec.name == name for tool in TOOLS)
-        why = "is not on offer in this stage" if known else "does not exist"
+        why = "is not on offer in this stage" if name in TOOL_NAMES else "does not exist"
         raise Refused(f"the tool {ascii(name)[:40]} {why}; the tools are {', '.join(self._tools)}")
 
     def _note(
@@ -172,7 +174,7 @@ class Bench:
         self._desk.world.note(
             ToolEvent(
                 place,
-                tool=_clean(str(name)[:40]),
+                tool=name if name in TOOL_NAMES else UNKNOWN,
                 arguments=_shorten(arguments),
                 refused=result.refused,
                 code=code,

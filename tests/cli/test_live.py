@@ -11,7 +11,7 @@ from rich.console import Console
 
 from agentflow.cli.display.live import Progress, sparkline, watch
 from agentflow.runs import Event
-from agentflow.runs.events import DrawingEvent, StageEvent
+from agentflow.runs.events import DrawingEvent, StageEvent, ToolEvent
 from agentflow.runs.places import Place
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import candidate, evaluation
@@ -53,6 +53,11 @@ EVENTS = (
     evaluation("initial/traj-2", None, status="timeout").to_event(),
     candidate("initial", 1, 12.5).to_event(),
     STAGE.to_event(),
+)
+
+
+REFUSED = ToolEvent(
+    Place("initial", call=7), "check", {}, refused=True, answer="Not valid:\n- [bold]overlap"
 )
 
 
@@ -188,3 +193,13 @@ def test_progress_gives_the_reason_of_a_refused_reply_in_words_for_people(
     assert "Send" not in line
     assert "Put" not in line
     assert "write" not in line
+
+
+def test_calls_of_tools_in_a_pipe_and_on_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    with watch(quiet=False) as (listener, _):
+        assert listener is not None
+        listener(REFUSED.to_event())
+    assert capsys.readouterr().err == "initial/call-7: check, refused\n"
+    progress = Progress()
+    progress.note(REFUSED.to_event())
+    assert "initial/call-7: check: Not valid:" in "\n".join(seen(progress, 80))

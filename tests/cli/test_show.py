@@ -6,7 +6,13 @@ from typing import Any
 
 import pytest
 
-from agentflow.cli.display.show import ending_of, marginal_line, show_result, show_rollout
+from agentflow.cli.display.show import (
+    ending_of,
+    marginal_line,
+    show_result,
+    show_rollout,
+    show_tools,
+)
 
 
 def _stage(name: str, valid: int, attempts: int = 0, children: int = 0) -> dict[str, Any]:
@@ -83,3 +89,20 @@ def test_the_marginal_connections_nearest_to_their_strength_are_named() -> None:
         "(103 % of its strength, -0.10 s); block 9 off block 8 nearly broke "
         "(97 % of its strength, 0.52 s); and 1 more"
     )
+
+
+def test_calls_of_tools_are_shown_by_stage(capsys: pytest.CaptureFixture[str]) -> None:
+    check, edit = {"calls": 9, "refused": 2}, {"calls": 3, "refused": 0}
+    show_tools(
+        [
+            {"name": "initial", "tools": {"check": check}},
+            {"name": "env_feedback", "tools": {"check": edit, "edit": edit}},
+        ]
+    )
+    assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == [
+        "tool   initial        env_feedback",
+        "check  9 (2 refused)  3",
+        "edit   -              3",
+    ]
+    show_tools([{"name": "initial"}])
+    assert capsys.readouterr().out == ""

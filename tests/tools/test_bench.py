@@ -98,6 +98,24 @@ async def test_refusals_say_what_to_change(tool: str, arguments: object, words: 
     assert result.data["refused"] == result.text
 
 
+async def test_what_an_agent_sends_is_recorded_as_data() -> None:
+    name = "<script>" * 20
+    async with open_bench() as (bench, record):
+        await bench.call(name, {"a": "x" * 5000, "b": [1] * 50, "\ud800": float("nan")})
+        await bench.call("edit", {"machine": "x", "script": "y"})
+        made = await bench.call("check", {"machine": json.loads(CAR)})
+        await bench.call("edit", {"machine": made.data["machine"], "script": "Remove 99"})
+    unknown = record.events["tool", "env_feedback/call-1"]
+    assert unknown["tool"] == "unknown"
+    assert unknown["arguments"] == {
+        "a": "x" * 2000 + "... (5000 characters)",
+        "b": [*[1] * 20, "..."],
+        "\ufffd": "nan",
+    }
+    codes = [record.events["tool", f"env_feedback/call-{n}"]["code"] for n in (2, 3, 4)]
+    assert codes == ["", "", "block_not_found"]
+
+
 async def test_concurrent_calls_cannot_overspend_and_identical_ones_cost_once() -> None:
     async with open_bench(rollouts=2) as (bench, _):
         name = (await bench.call("check", {"machine": CAR})).data["machine"]
