@@ -250,6 +250,10 @@ class ProgramEvent(RunEvent, kind="program"):
     timed_out: bool
     """Whether it was stopped at its time limit."""
 
+    def __str__(self) -> str:
+        told = "was stopped at its limit" if self.timed_out else "ended"
+        return f"the program {told} with status {self.status}"
+
 
 @dataclass(frozen=True)
 class FileVerdict:
@@ -272,6 +276,18 @@ class FilesEvent(RunEvent, kind="files"):
     """Number of files that were not looked at."""
     problem: str
     """Why there are none, if their folder cannot be read; else empty."""
+
+    def __str__(self) -> str:
+        """How many files do not count, and why the first does not; "" if all count."""
+        if self.problem:
+            return f"the folder machines cannot be read: {self.problem}"
+        refused = [f"machines/{item.file}: {item.problem}" for item in self.files if item.problem]
+        count = len(refused) + self.more
+        if not count:
+            return ""
+        number = "1 file does" if count == 1 else f"{count} files do"
+        first = f", such as {refused[0]}" if refused else ": others came first"
+        return f"{number} not count{first}"
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,9 @@ from agentflow.runs.events import (
     EditEvent,
     EvaluationEvent,
     ExpandEvent,
+    FilesEvent,
     NodeEvent,
+    ProgramEvent,
     RemarkEvent,
     RunEvent,
     RunStartEvent,
@@ -85,6 +87,10 @@ class RunRecord:
             self.verification = event
         elif isinstance(event, RemarkEvent):
             self.remarks.append(event.text)
+        elif isinstance(event, ProgramEvent) and (event.status or event.timed_out):
+            self.remarks.append(f"{event.label}: {event}; log.txt has its output")
+        elif isinstance(event, FilesEvent) and str(event):
+            self.remarks.append(f"{event.label}: {event}")
 
     def of_stage(self, name: str) -> list[CandidateEvent]:
         """The candidates of one stage, by trajectory."""

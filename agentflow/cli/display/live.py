@@ -24,6 +24,7 @@ from agentflow.runs.events import (
     ConstructionEndEvent,
     DrawingEvent,
     EvaluationEvent,
+    ProgramEvent,
     ResultEvent,
     RunEvent,
     RunStartEvent,
@@ -172,6 +173,8 @@ def _line(event: RunEvent | Event) -> str:
         return f"{event.label}: {event.status}, score {number(event.score)}"
     if isinstance(event, ToolEvent):
         return f"{event.label}: {event.tool}{', refused' * event.refused}"
+    if isinstance(event, ProgramEvent):
+        return f"{event.label}: {event}"
     if isinstance(event, StageEvent):
         return (
             f"stage {event.label}: {event.valid} of {event.trajectories} valid, "

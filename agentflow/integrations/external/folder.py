@@ -28,9 +28,7 @@ class Assignment:
 
     stage: StageName
     task: str
-    """The task, the blocks and the rules as designers are told them."""
-    budget: str
-    """What may be spent, in one sentence."""
+    """The task, the blocks, the rules and the budget as the tool `brief` tells them."""
     tools: Sequence[ToolSpec]
     minutes: float
     """Time until the program is stopped."""
@@ -81,10 +79,6 @@ files, in the order of the files' names.
 and its bearer token in {TOKEN}. Its tools:
 
 {tools}
-
-# Budget
-
-{assignment.budget}
 
 {assignment.task.strip()}
 """

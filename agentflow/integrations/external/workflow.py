@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from agentflow.integrations.external.folder import (
     write_folder,
 )
 from agentflow.integrations.external.process import Command, Ending, run_program
-from agentflow.runs.events import FilesEvent, FileVerdict, ProgramEvent
+from agentflow.runs.events import FilesEvent, FileVerdict, ProgramEvent, RunEvent
 from agentflow.runs.places import Place, StageName
 from agentflow.tools import Bench
 from agentflow.workflows.base import WorkflowResult
@@ -47,31 +47,31 @@ async def work(run: WorkflowContext, bench: Bench, stage: StageName) -> None:
     What an earlier process has recorded of the stage is done again from the record; the program
     runs only if the stage was not over.
     """
-    judged = await _repeat(run, bench, stage)
-    if judged is None and not bench.ended:
-        judged = await _work(run, bench, stage)
-    for event in judged or ():
-        run.note(event)
-    bench.end(_summary(*judged) if judged else "")
+    told = await _repeat(run, bench, stage)
+    if not told and not bench.ended:
+        told = await _work(run, bench, stage)
+    bench.end("; ".join(filter(None, map(str, told))))
 
 
-async def _repeat(
-    run: WorkflowContext, bench: Bench, stage: StageName
-) -> tuple[ProgramEvent, FilesEvent] | None:
-    """Do again what is recorded of a stage; how its program ended, if its files were judged."""
+async def _repeat(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequence[RunEvent]:
+    """Do again what is recorded of a stage; how it ended, or nothing if it did not."""
     earlier = run.earlier(stage)
     for event in earlier:
         await bench.repeat(event, run.load_machine)
-    programs = [event for event in earlier if isinstance(event, ProgramEvent)]
-    judged = [event for event in earlier if isinstance(event, FilesEvent)]
-    return (programs[-1], judged[-1]) if programs and judged else None
+    if not any(isinstance(event, FilesEvent) for event in earlier):
+        return []
+    told = [event for event in earlier if isinstance(event, ProgramEvent | FilesEvent)]
+    for event in told:
+        run.note(event)
+    return told
 
 
-async def _work(
-    run: WorkflowContext, bench: Bench, stage: StageName
-) -> tuple[ProgramEvent, FilesEvent]:
+async def _work(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequence[RunEvent]:
+    """Run the program and hand in its files; how it ended."""
     with _folder(stage) as folder:
         ending = await _run(run, bench, stage, folder)
+        program = ProgramEvent(Place(stage), ending.status, ending.timed_out)
+        run.note(program)
         found = read_machine_files(folder / MACHINES)
     verdicts = []
     for file in found.read:
@@ -79,16 +79,9 @@ async def _work(
             break
         verdicts.append(await _hand_in(bench, file))
     more = len(found.read) - len(verdicts) + found.more
-    program = ProgramEvent(Place(stage), ending.status, ending.timed_out)
-    return program, FilesEvent(Place(stage), tuple(verdicts), more, found.problem)
-
-
-def _summary(program: ProgramEvent, files: FilesEvent) -> str:
-    """Why a stage may have too few machines."""
-    told = "was stopped at its limit" if program.timed_out else "ended"
-    problems = [f"{MACHINES}: {files.problem}"] if files.problem else []
-    problems += [f"{MACHINES}/{file.file}: {file.problem}" for file in files.files if file.problem]
-    return "; ".join([f"the program {told} with status {program.status}", *problems[:1]])
+    files = FilesEvent(Place(stage), tuple(verdicts), more, found.problem)
+    run.note(files)
+    return [program, files]
 
 
 @contextmanager
@@ -131,7 +124,6 @@ def _assignment(run: WorkflowContext, bench: Bench, stage: StageName) -> Assignm
     return Assignment(
         stage=stage,
         task=bench.brief_text,
-        budget=bench.budget_text,
         tools=bench.tools,
         minutes=settings.external.limit_s / 60,
         before={known.name: known.machine for known in bench.machines},

@@ -20,8 +20,14 @@ from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import ConfigError
 from agentflow.integrations.external import output, process
-from agentflow.runs.events import FilesEvent, ProgramEvent, ToolEvent, read_stage
-from agentflow.runs.places import FEEDBACK, INITIAL, STAGES
+from agentflow.runs.events import (
+    FilesEvent,
+    FileVerdict,
+    ProgramEvent,
+    ToolEvent,
+    read_stage,
+)
+from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, Place
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sessions and signals")
 ROOT = Path(__file__).parents[3]
@@ -106,7 +112,7 @@ print(sorted(os.listdir("machines/before")))
     assert replay(run, lambda line: pytest.fail(line)) is None
 
 
-def test_a_program_that_leaves_nothing(tmp_path: Path) -> None:
+def test_a_program_that_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = carry_out("sys.exit(3)", tmp_path)
     assert endings(run) == [(3, False)] * 3
     result = result_of(run)
@@ -114,6 +120,9 @@ def test_a_program_that_leaves_nothing(tmp_path: Path) -> None:
     assert result["reason"] == (
         "no valid machine: submitted no machine: the program ended with status 3"
     )
+    assert main(["show", str(run)]) == 0
+    told = "notice: initial: the program ended with status 3; log.txt has its output\n"
+    assert told in capsys.readouterr().out
     assert replay(run, lambda line: pytest.fail(line)) is None
 
 
@@ -141,6 +150,18 @@ shutil.copy({str(CAR)!r}, "z.json")
 def test_a_folder_of_machines_that_is_gone_or_a_link(tmp_path: Path) -> None:
     run = carry_out("shutil.rmtree('machines'); os.symlink('/etc', 'machines')", tmp_path)
     assert [event.problem for event in files(run)] == ["it is not a folder; leave it as it is"]
+
+
+def test_which_files_do_not_count_is_told() -> None:
+    good, bad = FileVerdict("a.json", "1234abcd", ""), FileVerdict("b.json", None, "no JSON")
+    place = Place(INITIAL)
+    assert str(FilesEvent(place, (good,), 0, "")) == ""
+    assert str(FilesEvent(place, (good, bad), 0, "")) == (
+        "1 file does not count, such as machines/b.json: no JSON"
+    )
+    assert str(FilesEvent(place, (bad,), 2, "")).startswith("3 files do not count, such as ")
+    assert str(FilesEvent(place, (good,), 2, "")) == "2 files do not count: others came first"
+    assert str(FilesEvent(place, (), 0, "gone")) == "the folder machines cannot be read: gone"
 
 
 @pytest.mark.slow
