@@ -14,7 +14,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PARTS = ("agentflow", "pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE")
+PARTS = (
+    *("agentflow", "agentflow_verifiers.py", "pyproject.toml", "setup.py", "MANIFEST.in"),
+    *("README.md", "LICENSE"),
+)
 BUNDLE = {f"agentflow/report/bundle/{name}" for name in ("player.css", "player.js", "stamp.txt")}
 WEB = "agentflow/report/web/"
 METADATA = ("METADATA", "RECORD", "WHEEL", "entry_points.txt", "top_level.txt", "licenses/LICENSE")
@@ -74,6 +77,7 @@ def test_a_release_installs_without_node_and_designs_a_machine(tmp_path: Path) -
     assert content == {
         *(name for name in ours if not name.startswith(WEB)),
         *BUNDLE,
+        "agentflow_verifiers.py",
         *(f"{release}.dist-info/{name}" for name in METADATA),
     }
 
