@@ -1,5 +1,6 @@
-"""Where verifiers finds agentflow's task set and its harness: the id `agentflow-verifiers`."""
+"""Where verifiers finds the task set `agentflow-verifiers` and its harness."""
 
-from agentflow.integrations.verifiers import DesignTaskset, ReplyHarness
+from agentflow.integrations.verifiers.harness import ReplyHarness
+from agentflow.integrations.verifiers.tasks import DesignTaskset, load_environment
 
-__all__ = ["DesignTaskset", "ReplyHarness"]
+__all__ = ["DesignTaskset", "ReplyHarness", "load_environment"]

@@ -87,8 +87,12 @@ def test_every_stated_rule_is_about_a_part_that_exists() -> None:
 
 def adapts_what_is_missing(path: Path) -> bool:
     """Whether an adapter needs the library that it is named after, which is not installed here."""
-    needed = {name.split(".")[0] for name in imported(path)}
-    return part_of(path) == "integrations" and path.stem in needed and not find_spec(path.stem)
+    if part_of(path) != "integrations":
+        return False
+    name = path.relative_to(PACKAGE / "integrations").parts[0].removesuffix(".py")
+    own = [file for file in FILES if name in (file.stem, file.parent.name)]
+    needed = {module.split(".")[0] for file in own for module in imported(file)}
+    return name in needed and not find_spec(name)
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ from other distributions are there as well.
 from __future__ import annotations
 
 import base64
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,8 +36,7 @@ from agentflow.rewards import Reward
 from agentflow.runs.places import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolSpec
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.stages import work_in_stages
-from agentflow.workflows.tools.workflow import TOOLS
+from agentflow.workflows.tools.workflow import TOOLS, workflow_of
 
 
 def _register_task(family: str) -> None:
@@ -118,12 +116,7 @@ def work_at_bench(config: DesignConfig, out: Path) -> Solver:
             for machine in bench.submitted:
                 state.output.completion = machine.to_text()
 
-        workflow = replace(
-            TOOLS,
-            stages=lambda run: work_in_stages(run, work, (FEEDBACK,)),
-            author=lambda _: f"Inspect AI {state.model}",
-            recorded=False,
-        )
+        workflow = workflow_of(work, f"Inspect AI {state.model}", (FEEDBACK,))
         level = config.model_copy(update={"task": str(state.sample_id)})
         run = DesignRun.create(level, out, RunOptions(workflow=workflow), "")
         state.metadata["run"] = str(run.directory.path)

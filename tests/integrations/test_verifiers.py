@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import agentflow
+from agentflow.machine import read_machine
 from agentflow.rewards import reward
+from agentflow.runs import read_result
+from agentflow.tools.bench import TOOLS
 from tests.conftest import stub_server
 from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
 from tests.llm.foreign import foreign_python
+from tests.llm.hostile import Answer, serving, stream
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 VERIFIERS = ".venv-verifiers"
 KEY = {"STUB_KEY": "none"}
+NAME = read_machine(CAR).machine.digest[:8]
+"""What the tools call the car."""
 PLAY = """
 import asyncio, json, sys
 import verifiers.v1 as vf
-from agentflow.integrations.verifiers import load_environment
+from agentflow.integrations.verifiers.bench import BenchConfig
+from agentflow_verifiers import load_environment
 
 async def play(url, task, options):
+    if "bench" in options:
+        options["bench"] = BenchConfig(**options["bench"])
     env = load_environment(task, **options)
     client = vf.EvalClientConfig(base_url=url, api_key_var="STUB_KEY")
     context = vf.ModelContext(client=client, model="stub", sampling=vf.SamplingConfig())
@@ -51,10 +62,42 @@ def car_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         yield url
 
 
-def play(folder: Path, url: str, task: str, **options: object) -> list[dict[str, Any]]:
+def call_tool(name: str, **arguments: object) -> Answer:
+    """A reply that calls a tool."""
+    function = {"name": name, "arguments": json.dumps(arguments)}
+    call = {"index": 0, "id": f"call-{name}", "type": "function", "function": function}
+    head = {"id": "reply", "object": "chat.completion.chunk", "created": 0, "model": "stub"}
+    deltas = (({"role": "assistant", "tool_calls": [call]}, None), ({}, "tool_calls"))
+    return stream(
+        *(
+            {**head, "choices": [{"index": 0, "delta": delta, "finish_reason": finish}]}
+            for delta, finish in deltas
+        )
+    )
+
+
+@pytest.fixture
+def uv(tmp_path: Path) -> dict[str, str]:
+    """In place of uv, which would download what verifiers' chat program needs: it is here."""
+    program = tmp_path / "bin" / "uv"
+    program.parent.mkdir()
+    script = f"""#!/bin/sh
+case "$*" in
+    *--help) echo --script ;;
+    "python find"*) echo {foreign_python(VERIFIERS)} ;;
+esac
+"""
+    program.write_text(script)
+    program.chmod(0o755)
+    return {"PATH": f"{program.parent}{os.pathsep}{os.defpath}"}
+
+
+def play(
+    folder: Path, url: str, task: str, variables: Mapping[str, str] | None = None, **options: object
+) -> list[dict[str, Any]]:
     """The traces of an environment's tasks, one rollout each."""
     arguments = map(json.dumps, (url, task, {"engine": "mujoco", **options}))
-    variables = {**KEY, "PYTHONPATH": str(PLUGINS)}
+    variables = {**KEY, "PYTHONPATH": str(PLUGINS), **(variables or {})}
     printed = run_foreign(VERIFIERS, folder, "-c", PLAY, *arguments, variables=variables)
     return [trace for line in printed.splitlines() for trace in json.loads(line)]
 
@@ -109,3 +152,40 @@ def test_the_documented_code_runs(tmp_path: Path, car_url: str) -> None:
     endpoint = {"OPENAI_BASE_URL": car_url, "OPENAI_API_KEY": "none"}
     code = documented_code("verifiers")
     assert run_foreign(VERIFIERS, tmp_path, "-c", code, variables=endpoint).count("valid: ") == 2
+
+
+@pytest.mark.mujoco
+async def test_a_model_works_with_tools_in_a_run(tmp_path: Path, uv: dict[str, str]) -> None:
+    bench = {"rollouts": 3, "out": str(tmp_path / "runs")}
+    steps = (call_tool("check", machine=CAR), call_tool("simulate", machine=NAME))
+    async with serving(*steps, call_tool("submit", machine=NAME)) as server:
+        [trace] = await asyncio.to_thread(
+            play, tmp_path, server.base_url, "movement/1", uv, tools=True, bench=bench
+        )
+    assert trace["ok"], trace["errors"]
+    assert trace["stop_condition"] == "submitted"
+    same = reward("movement", CAR, engine="mujoco")
+    assert trace["rewards"]["simulated_score"]["score"] == same.value
+
+    assert len(server.asked) == 3
+    offered = {tool["function"]["name"]: tool["function"] for tool in server.asked[0].body["tools"]}
+    specs = {tool.spec.name: tool.spec for tool in TOOLS if tool.spec.name != "look"}
+    assert {name: tool["description"] for name, tool in offered.items()} == {
+        name: spec.description for name, spec in specs.items()
+    }
+    for name, spec in specs.items():
+        schema = offered[name]["parameters"]
+        for parameter in schema["properties"].values():
+            del parameter["title"]
+        assert schema["properties"] == spec.parameters["properties"]
+        assert schema.get("required") == spec.parameters.get("required")
+    system, user = server.asked[0].body["messages"]
+    asked = agentflow.design_prompt("movement", engine="mujoco", role="agent")
+    assert system == asked[0]
+    assert (
+        user["content"] == f"{asked[1]['content']}\nSubmit one machine. You have 3 simulations.\n"
+    )
+    assert "2 of 3 simulations left" in server.asked[2].body["messages"][-1]["content"]
+
+    [run] = (tmp_path / "runs").iterdir()
+    assert read_result(run)["score"] == same.value

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from shlex import quote
@@ -21,8 +20,8 @@ from agentflow.runs import Notify
 from agentflow.runs.places import StageName
 from agentflow.runs.reading import EVENTS
 from agentflow.tools import Bench
-from agentflow.workflows.tools.stages import Worker, work_in_stages
-from agentflow.workflows.tools.workflow import TOOLS
+from agentflow.workflows.tools.stages import Worker
+from agentflow.workflows.tools.workflow import workflow_of
 
 Begin = Callable[[Worker], DesignRun]
 """Begins a run that a worker works at."""
@@ -148,12 +147,7 @@ class ClientRuns:
         return session
 
     def _begin(self, author: str, worker: Worker) -> DesignRun:
-        workflow = replace(
-            TOOLS,
-            stages=lambda run: work_in_stages(run, worker, self._stages),
-            author=lambda _: author,
-            recorded=False,
-        )
+        workflow = workflow_of(worker, author, self._stages)
         options = RunOptions(self._notify, pool=self._pool, workflow=workflow)
         run = DesignRun.create(self._config, self._out, options, "")
         self._notify(f"{author}: {run.directory.path}")

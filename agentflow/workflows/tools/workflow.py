@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
+from agentflow.runs.places import STAGES, StageName
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.tools.conversation import converse
-from agentflow.workflows.tools.stages import count_rollouts, work_in_stages
+from agentflow.workflows.tools.stages import Worker, count_rollouts, work_in_stages
 from agentflow.workflows.workflow import Workflow
 
 
@@ -34,3 +38,19 @@ TOOLS = Workflow(
     adapt=submit_each,
     has_rollout_limit=True,
 )
+
+
+def workflow_of(worker: Worker, author: str, stages: Sequence[StageName] = STAGES) -> Workflow:
+    """The workflow with somebody else as worker, whose requests to models are not recorded.
+
+    Args:
+        worker: Works at the bench of each stage.
+        author: Who it is, as results name it.
+        stages: The stages, in order.
+    """
+    return replace(
+        TOOLS,
+        stages=lambda run: work_in_stages(run, worker, stages),
+        author=lambda _: author,
+        recorded=False,
+    )

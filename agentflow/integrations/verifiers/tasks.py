@@ -1,37 +1,42 @@
-"""verifiers: environments over the levels of a family, for training and evaluation.
-
-The package `agentflow_verifiers`, where verifiers looks for the task set, exports what is here.
-"""
+"""The task set: every level of a family with every seed, and the score as reward."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import verifiers.v1 as vf
-from openai import AsyncOpenAI
-from verifiers.v1.dialects.chat import message_to_wire
 
 import agentflow
 from agentflow.env.archive import rollout_json
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
 from agentflow.errors import NoScoreError
 from agentflow.integrations.scoring import Sample, shared_scorer
+from agentflow.integrations.verifiers.bench import BenchConfig, BenchTools, DesignData, DesignState
 
 ID = "agentflow-verifiers"
 """Name of the task set, which verifiers imports as a top-level module."""
 
 
-class DesignData(vf.TaskData):
-    """What to design a machine for."""
+class DesignTaskConfig(vf.TaskConfig):
+    """How models design."""
 
-    level: str
-    seed: int
-    engine: str
+    tools: bool = False
+    """Whether they work with tools, and submit a machine, instead of answering with one."""
+    bench: BenchConfig = BenchConfig()
 
 
-class DesignTask(vf.Task[DesignData]):
-    """A level with one seed of its trials; the model answers with a whole machine."""
+class DesignTask(vf.Task[DesignData, DesignState, DesignTaskConfig]):
+    """A level with one seed of its trials."""
+
+    @classmethod
+    def toolsets(cls, config: DesignTaskConfig) -> list[vf.Toolset]:
+        """The bench, if there are tools."""
+        return [BenchTools(config.bench)] if config.tools else []
+
+    @vf.stop
+    async def submitted(self, trace: vf.Trace) -> bool:
+        """Whether a machine is submitted, which ends the rollout."""
+        return bool(trace.state.machine)
 
     @vf.reward
     async def simulated_score(self, trace: vf.Trace) -> float:
@@ -40,11 +45,12 @@ class DesignTask(vf.Task[DesignData]):
         Raises:
             NoScoreError: The simulation timed out or crashed, so that the rollout has no reward.
         """
-        sample = Sample(self.data.level, trace.last_reply, self.data.seed, engine=self.data.engine)
+        data, reply = self.data, trace.state.machine or trace.last_reply
+        sample = Sample(data.level, reply, data.seed, engine=data.engine)
         found = await shared_scorer().reward(sample)
         trace.info["simulation"] = rollout_json(found.rollout)
         if found.value is None:
-            raise NoScoreError(f"{self.data.level} has no score: the simulation {found.status}")
+            raise NoScoreError(f"{data.level} has no score: the simulation {found.status}")
         trace.record_metrics(
             {
                 "parsed": float(found.parsed),
@@ -55,35 +61,10 @@ class DesignTask(vf.Task[DesignData]):
         return found.value
 
 
-class ReplyHarness(vf.Harness[vf.HarnessConfig]):
-    """Asks the model once, in this process: a reply needs no program and no sandbox."""
-
-    APPENDS_SYSTEM_PROMPT = True
-    EXECUTES_CODE = False
-    NEEDS_CONTAINER = False
-
-    async def launch(
-        self,
-        ctx: vf.ModelContext,
-        trace: vf.Trace,  # noqa: ARG002
-        runtime: vf.Runtime,  # noqa: ARG002
-        endpoint: str,
-        secret: str,
-        mcp_urls: dict[str, str],  # noqa: ARG002
-        data: vf.TaskData,
-    ) -> vf.ProgramResult:
-        """Send the prompt to verifiers' endpoint, which records and forwards it."""
-        system, prompt = self.resolve_text_prompt(data)
-        told = [vf.SystemMessage(content=system or ""), vf.UserMessage(content=prompt or "")]
-        messages: Any = [message_to_wire(message) for message in told]
-        async with AsyncOpenAI(base_url=endpoint, api_key=secret, max_retries=0) as client:
-            await client.chat.completions.create(model=ctx.model, messages=messages)
-        return vf.ProgramResult(0, "", "")
-
-
 class DesignTasksetConfig(vf.TasksetConfig):
     """Which tasks to load."""
 
+    task: DesignTaskConfig = DesignTaskConfig()
     tasks: str = "throwing"
     """A family, for all its levels, or one level such as throwing/1."""
     seeds: int = 1
@@ -99,17 +80,21 @@ class DesignTaskset(vf.Taskset[DesignTask, DesignTasksetConfig]):
 
     def load(self) -> Iterator[DesignTask]:
         """Build the tasks, level by level."""
-        config = self.config
+        config, tools = self.config, self.config.task.tools
         for level in _levels(config.tasks):
             system, user = agentflow.design_prompt(
-                level, engine=config.engine, prompts=config.prompts
+                level,
+                engine=config.engine,
+                prompts=config.prompts,
+                role="agent" if tools else "designer",
             )
+            budget = f"\nSubmit one machine. You have {config.task.bench.rollouts} simulations.\n"
             for seed in range(config.seeds):
                 data = DesignData(
                     name=f"{level}, seed {seed}",
                     description=get_level(level).file.title,
                     system_prompt=system["content"],
-                    prompt=user["content"],
+                    prompt=user["content"] + budget * tools,
                     level=level,
                     seed=seed,
                     engine=config.engine,
@@ -118,18 +103,30 @@ class DesignTaskset(vf.Taskset[DesignTask, DesignTasksetConfig]):
 
 
 def load_environment(
-    task: str = "throwing", *, seeds: int = 1, engine: str = "auto", prompts: str = "default"
+    task: str = "throwing",
+    tools: bool = False,
+    *,
+    seeds: int = 1,
+    engine: str = "auto",
+    prompts: str = "default",
+    bench: BenchConfig | None = None,
 ) -> vf.Env:
-    """An environment on this computer in which the model answers with a whole machine.
+    """An environment on this computer.
 
     Args:
         task: A family, for all its levels, or one level such as throwing/1.
+        tools: Whether models work with tools, in verifiers' chat program, instead of answering
+            with a machine.
         seeds: Seeds of each level's trials: 0, 1, ...
         engine: Physics engine.
         prompts: Prompt set.
+        bench: Budget of models with tools.
     """
-    taskset = {"id": ID, "tasks": task, "seeds": seeds, "engine": engine, "prompts": prompts}
-    agent = {"runtime": {"type": "subprocess"}}
+    design = DesignTaskConfig(tools=tools, bench=bench or BenchConfig())
+    taskset = DesignTasksetConfig(
+        id=ID, task=design, tasks=task, seeds=seeds, engine=engine, prompts=prompts
+    )
+    agent = {"runtime": {"type": "subprocess"}} | ({"harness": {"id": "null"}} if tools else {})
     return vf.load_environment(vf.resolve_env_config({"taskset": taskset, "agent": agent}))
 
 

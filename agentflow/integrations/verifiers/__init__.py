@@ -1,0 +1,1 @@
+"""verifiers: environments for training and evaluation, offered by `agentflow_verifiers`."""
