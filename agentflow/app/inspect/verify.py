@@ -75,14 +75,13 @@ def verify_run(path: Path, workers: int, notify: Notify) -> dict[str, Any]:
     }
 
 
-async def verify_finished(path: Path, pool: Simulator) -> dict[str, Any]:
-    """The result of a finished run, verified now if it has a valid machine; stored in the run."""
+async def verify_finished(path: Path, pool: Simulator) -> None:
+    """Verify a finished run that is not verified, if it has a valid machine, and store that."""
     result = read_finished(path)
-    if not result["valid"]:
-        return result
-    plan, machine = RunPlan.of_run(path, read_document(path)), _best_machine(path, result)
-    run = partial(pool.run, machine, plan.task, seed=plan.config.seed)
-    return _store(path, result, machine, await verify_async(run))
+    if result["valid"]:
+        plan, machine = RunPlan.of_run(path, read_document(path)), _best_machine(path, result)
+        run = partial(pool.run, machine, plan.task, seed=plan.config.seed)
+        _store(path, result, machine, await verify_async(run))
 
 
 def _best_machine(path: Path, result: Mapping[str, Any]) -> Machine:
@@ -107,14 +106,12 @@ async def _simulate(
 
 def _store(
     path: Path, result: Mapping[str, Any], machine: Machine, verification: Verification
-) -> dict[str, Any]:
+) -> None:
     """Record the verification as `design` would have, so that a replay reproduces it."""
-    verified = {**result, "verified": verification.to_json()}
     run = RunDirectory.resume(path)
     try:
         event = verification_event(machine, verification)
         run.event(event.kind, event.label, **event.data)
-        run.finish(verified)
+        run.finish({**result, "verified": verification.to_json()})
     finally:
         run.close()
-    return verified

@@ -55,8 +55,9 @@ def mcp(
     try:
         from agentflow.integrations.mcp.serving import serve
     except ModuleNotFoundError as error:
+        library = str(error.name).partition(".")[0]
         raise ConfigError(
-            f"{error.name} is not installed; install it with: pip install 'agentflow[mcp]'"
+            f"{library} is not installed; install it with: pip install 'agentflow[mcp]'"
         ) from None
     from agentflow.app.design.config import load_config
     from agentflow.cli.display.live import print_line

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from pathlib import Path
 from shlex import quote
 from types import TracebackType
 from typing import Any
 
-from agentflow.app.design.results import trusted_score
+from agentflow.app.design.results import read_finished, trusted_score
 from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.app.inspect.verify import verify_finished
 from agentflow.config.run import DesignConfig
@@ -23,6 +23,8 @@ from agentflow.tools import Bench
 from agentflow.workflows.tools.stages import Worker
 from agentflow.workflows.tools.workflow import workflow_of
 
+PATIENCE = 20.0
+"""Seconds that a client waits for the verification of its machine; clients give up after 60."""
 Begin = Callable[[Worker], DesignRun]
 """Begins a run that a worker works at."""
 
@@ -34,11 +36,11 @@ class RunSession:
     leaves. A client that made no machine leaves no run behind.
     """
 
-    def __init__(self, begin: Begin, verifier: Simulator | None) -> None:
-        """Prepare a session; `verifier` verifies its best machine."""
-        self._begin, self._verifier = begin, verifier
+    def __init__(self, begin: Begin, verify: Callable[[Path], Awaitable[None]]) -> None:
+        """Prepare a session; `verify` verifies the finished run in a folder."""
+        self._begin, self._verify = begin, verify
         self._run: DesignRun | None = None
-        self._working: asyncio.Task[dict[str, Any]] | None = None
+        self._working: asyncio.Task[None] | None = None
         self._bench: Bench | None = None
         self._opening: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         """Done when the next bench is there."""
@@ -61,16 +63,14 @@ class RunSession:
         self._working.result()
         return None
 
-    async def _carry_out(self, run: DesignRun) -> dict[str, Any]:
+    async def _carry_out(self, run: DesignRun) -> None:
         try:
-            result = await run.carry_out()
+            await run.carry_out()
         except EndpointError:  # of _work
-            return {}
+            return
         finally:
             self._bench = None  # with every rollout of the run
-        if self._verifier is None:
-            return result
-        return await verify_finished(run.directory.path, self._verifier)
+        await self._verify(run.directory.path)
 
     async def _work(self, bench: Bench, _stage: StageName) -> None:
         """Let the client work until the stage ends or the client leaves."""
@@ -91,8 +91,8 @@ class RunSession:
     @property
     def farewell(self) -> str:
         """How the run ended and where it is."""
-        assert self._working is not None
-        result = self._working.result()
+        assert self._run is not None
+        result = read_finished(self._run.directory.path)
         score, path = trusted_score(result), quote(result["run"])
         told = "without a valid machine" if score is None else f"with a score of {score:.2f}"
         return (
@@ -136,13 +136,15 @@ class ClientRuns:
     ) -> None:
         """Prepare for clients whose runs go through `stages` and are written below `out`."""
         self._config = config.model_copy(update={"verify": False})  # done once a run is complete
-        self._verifier = pool if config.verify else None
+        self._verifies = config.verify
         self._out, self._stages, self._pool, self._notify = out, stages, pool, notify
         self._sessions: list[RunSession] = []
+        self._verifying: set[asyncio.Task[Any]] = set()
+        self._turn = asyncio.Lock()
 
     def open(self, client: str) -> RunSession:
         """The session of a new client, by name and version."""
-        session = RunSession(partial(self._begin, f"MCP client {client}"), self._verifier)
+        session = RunSession(partial(self._begin, f"MCP client {client}"), self._verify)
         self._sessions = [*(one for one in self._sessions if not one.is_over), session]
         return session
 
@@ -152,6 +154,22 @@ class ClientRuns:
         run = DesignRun.create(self._config, self._out, options, "")
         self._notify(f"{author}: {run.directory.path}")
         return run
+
+    async def _verify(self, path: Path) -> None:
+        """Verify a finished run, if that is configured, and wait a while for the result.
+
+        Runs take turns, so that clients which still design need not wait for many verifications.
+        """
+
+        async def take_turn() -> None:
+            async with self._turn:
+                await verify_finished(path, self._pool)
+
+        if self._verifies:
+            task = asyncio.create_task(take_turn())
+            self._verifying.add(task)
+            task.add_done_callback(self._verifying.discard)
+            await asyncio.wait({task}, timeout=PATIENCE)
 
     async def __aenter__(self) -> ClientRuns:
         return self
@@ -163,3 +181,4 @@ class ClientRuns:
         trace: TracebackType | None,
     ) -> None:
         await asyncio.gather(*(session.finish() for session in self._sessions))
+        await asyncio.gather(*self._verifying)

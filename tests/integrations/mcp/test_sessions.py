@@ -12,7 +12,6 @@ import pytest
 from mcp import Client, types
 
 from agentflow.app.design.results import read_finished
-from agentflow.cli import main
 from agentflow.runs import read_events, state_of
 from tests.integrations.mcp.clients import (
     CAR,
@@ -189,18 +188,3 @@ async def test_a_killed_server_and_a_hostile_name_leave_a_run_that_can_be_read(
     assert "<script>1</script>" not in page.read_text(encoding="utf-8")
     refused = await carry_out("design", "--resume", str(run), status=2)
     assert f"cannot be continued, because it holds only what {author}" in refused
-
-
-def test_says_what_is_wrong_with_options(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    token = tmp_path / "token"
-    for options, words in (
-        (["--task", "walking"], "unknown task 'walking'"),
-        (["--http", "127.0.0.1:8000"], "--http and --token-file need each other"),
-        (["--token-file", str(token)], "--http and --token-file need each other"),
-        (["--http", "8000", "--token-file", str(token)], "--http takes HOST:PORT"),
-        (["--http", "0.0.0.0:0"], "--http and --token-file need each other"),
-    ):
-        assert main(["mcp", *options]) == 2
-        assert words in capsys.readouterr().err
