@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from agentflow.agents.context import RoleInput
 from agentflow.agents.refiner import verdict_text
 from agentflow.env.tasks.registry import get_task
-from agentflow.errors import NoScoreError, UsageError
-from agentflow.integrations.scoring import Sample, Scorer
+from agentflow.errors import UsageError
+from agentflow.integrations.scoring import Sample, Scorer, require_score
 from agentflow.machine import Machine, apply_script, check, describe_text, read_machine
 from agentflow.machine.edits.commands import read_command, script_lines
 from agentflow.prompts.render import PromptSet
@@ -58,9 +58,7 @@ class Episode:
                 raise UsageError(f"the start machine is not valid: {found}")
             self.machine = found
         reward = self._rate(self.machine)
-        if reward.value is None:
-            raise NoScoreError(f"the start machine has no score ({reward.status}): try again")
-        self.score = reward.value
+        self.score = require_score(reward, setting.task)
         """Score of the current machine."""
         self.status = reward.status
         """Status of the current machine's simulation."""

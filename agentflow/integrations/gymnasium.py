@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import string
 from collections.abc import Mapping
+from dataclasses import replace
 from io import BytesIO
 from typing import Any, ClassVar
 
@@ -21,7 +22,7 @@ from agentflow.env.physics.engines import AUTO
 from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.errors import UnknownNameError
 from agentflow.integrations.episode import Episode
-from agentflow.integrations.scoring import Sample, Scorer
+from agentflow.integrations.scoring import Sample, Scorer, read_knobs
 
 SUBMIT = "submit"
 """The action that ends an episode."""
@@ -87,7 +88,7 @@ class DesignEnv(gymnasium.Env[str, str]):
         self.render_mode = render_mode
         self.action_space = gymnasium.spaces.Text(LONGEST, charset=CHARACTERS)
         self.observation_space = gymnasium.spaces.Text(LONGEST, charset=CHARACTERS)
-        self._setting = Sample(f"{family}/{level}", start, knobs=dict(knobs or {}), engine=engine)
+        self._setting = Sample(f"{family}/{level}", start, knobs=read_knobs(knobs), engine=engine)
         get_task(self._setting.task, self._setting.knobs, engine)
         self._scorer: Scorer | None = None
         self._episode: Episode | None = None
@@ -110,13 +111,12 @@ class DesignEnv(gymnasium.Env[str, str]):
         for name in options or {}:
             if name not in OPTIONS:
                 raise UnknownNameError("option", name, OPTIONS)
-        given = {"start": self._setting.text, "knobs": {}, **(options or {})}
-        setting = Sample(
-            self._setting.task,
-            given["start"],
-            int(self.np_random.integers(SEEDS)) if seed is None else seed,
-            {**(self._setting.knobs or {}), **given["knobs"]},
-            self._setting.engine,
+        chosen = options or {}
+        setting = replace(
+            self._setting,
+            text=chosen.get("start", self._setting.text),
+            seed=int(self.np_random.integers(SEEDS)) if seed is None else seed,
+            knobs={**(self._setting.knobs or {}), **read_knobs(chosen.get("knobs"))},
         )
         self._scorer = self._scorer or Scorer(workers=1)
         self._episode = Episode(self._scorer, setting)

@@ -9,6 +9,7 @@ import asyncio
 import json
 import os
 from collections.abc import Coroutine, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from threading import Lock, Thread
@@ -16,7 +17,7 @@ from typing import Any, TypeVar
 
 from agentflow.env.physics.engines import AUTO
 from agentflow.env.pool.pool import RolloutPool
-from agentflow.errors import ConfigError
+from agentflow.errors import ConfigError, NoScoreError
 from agentflow.rewards import Reward, reward_async
 
 T = TypeVar("T")
@@ -94,7 +95,25 @@ def shared_scorer(workers: int | None = None) -> Scorer:
     processors.
     """
     with _LOCK:
-        return _scorer(workers or _own_processors(), os.getpid())
+        return _scorer(workers or own_processors(), os.getpid())
+
+
+def own_processors() -> int:
+    """Processors for this process: its share of those that it may use."""
+    allowed = getattr(os, "sched_getaffinity", None)
+    count = len(allowed(0)) if allowed else os.cpu_count() or 1
+    return max(1, count // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))
+
+
+def require_score(reward: Reward, task: str) -> float:
+    """The score, for callers to whom only an error can say that there is none.
+
+    Raises:
+        NoScoreError: The simulation timed out or crashed.
+    """
+    if reward.value is None:
+        raise NoScoreError(f"{task}: {reward.rollout.feedback.text}")
+    return reward.value
 
 
 def read_knobs(value: object) -> dict[str, object]:
@@ -106,10 +125,8 @@ def read_knobs(value: object) -> dict[str, object]:
         ConfigError: It is something else.
     """
     if isinstance(value, str) and value:
-        try:
+        with suppress(ValueError):
             value = json.loads(value)
-        except ValueError:
-            value = [value]
     if not value:
         return {}
     if not isinstance(value, Mapping):
@@ -126,10 +143,3 @@ _LOCK = Lock()
 @cache
 def _scorer(workers: int, process: int) -> Scorer:  # noqa: ARG001 - forks need their own
     return Scorer(workers)
-
-
-def _own_processors() -> int:
-    """Processors for this process: its share of those that it may use."""
-    allowed = getattr(os, "sched_getaffinity", None)
-    count = len(allowed(0)) if allowed else os.cpu_count() or 1
-    return max(1, count // int(os.environ.get("LOCAL_WORLD_SIZE", "1")))

@@ -9,12 +9,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agentflow.env.physics.engines import AUTO
-from agentflow.errors import NoScoreError
-from agentflow.integrations.scoring import Sample, Scorer, read_knobs, shared_scorer
+from agentflow.integrations.scoring import Sample, read_knobs, require_score, shared_scorer
 from agentflow.rewards import Reward
-
-ATTEMPTS = 3
-"""Simulations of a machine that time out or crash before training is stopped."""
 
 
 def compute_score(
@@ -43,8 +39,8 @@ def compute_score(
         machine has no overlaps and fits the size limit (`spatial`) and obeys every rule (`valid`).
 
     Raises:
-        NoScoreError: Simulations timed out or crashed. verl has no value for "no score", and 0
-            would punish the reply.
+        NoScoreError: The simulation timed out or crashed. verl's trainer then leaves the reply
+            out of its group; it has no value that says so.
         UsageError: The task, knob or engine does not exist.
     """
     scores = compute_scores(
@@ -73,7 +69,8 @@ def compute_scores(
         _sample(text, task, extra or {}, engine)
         for text, task, extra in zip(solution_strs, ground_truths, extra_infos, strict=True)
     ]
-    return [_parts(reward) for reward in _rewards(shared_scorer(workers), samples)]
+    rewards = shared_scorer(workers).rewards(samples)
+    return list(map(_parts, rewards, ground_truths))
 
 
 def _sample(text: str, task: str, extra: Mapping[str, Any], engine: str) -> Sample:
@@ -81,29 +78,10 @@ def _sample(text: str, task: str, extra: Mapping[str, Any], engine: str) -> Samp
     return Sample(task, text, seed, knobs, engine)
 
 
-def _rewards(scorer: Scorer, samples: Sequence[Sample]) -> list[Reward]:
-    """Rewards with a value; samples without one are tried again."""
-    rewards = scorer.rewards(samples)
-    for _ in range(ATTEMPTS - 1):
-        missing = [index for index, reward in enumerate(rewards) if reward.value is None]
-        again = scorer.rewards([samples[index] for index in missing])
-        for index, reward in zip(missing, again, strict=True):
-            rewards[index] = reward
-    for reward, sample in zip(rewards, samples, strict=True):
-        if reward.value is None:
-            raise NoScoreError(
-                f"a machine for {sample.task} has no score after {ATTEMPTS} attempts "
-                f"({reward.status}): continue from the last checkpoint, with fewer workers if this "
-                "computer was overloaded"
-            )
-    return rewards
-
-
-def _parts(reward: Reward) -> dict[str, float]:
+def _parts(reward: Reward, task: str) -> dict[str, float]:
     """What verl averages in its metrics."""
-    assert reward.value is not None
     return {
-        "score": reward.value,
+        "score": require_score(reward, task),
         "parsed": float(reward.parsed),
         "spatial": float(bool(reward.spatial)),
         "valid": float(reward.valid),

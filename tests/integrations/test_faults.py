@@ -52,10 +52,7 @@ def test_a_crash_is_no_score(tmp_path: Path) -> None:
     [score, missing], refused, text, seen = json.loads(done.stdout)
     assert score > 1
     assert missing is None
-    assert refused == (
-        "a machine for faulty/2 has no score after 3 attempts (crashed): continue from the last "
-        "checkpoint, with fewer workers if this computer was overloaded"
-    )
+    assert refused == "faulty/2: No score: the simulation was cut off, its process died 2 times."
     assert text == (
         "The machine is unchanged.\n"
         "No score: the simulation was cut off, its process died 2 times.\n"

@@ -58,6 +58,22 @@ assert texts[0] == texts[4] and texts[1] == texts[5]
 assert len(set(texts)) == 4
 assert direct[0] in texts[0] and direct[1] in texts[3]
 """
+ERRORS = """
+environment = gymnasium.make("agentflow/movement-v0")
+raw = environment.unwrapped
+for call in (
+    lambda: environment.reset(options={"wet": 1}),
+    lambda: environment.reset(options={"knobs": {"wet": 1}}),
+    lambda: environment.reset(options={"knobs": 8}),
+    lambda: type(raw)("movement", render_mode="human"),
+    lambda: raw.step("Remove 1"),
+):
+    try:
+        call()
+    except (agentflow.errors.UsageError, gymnasium.error.ResetNeeded) as error:
+        print(str(error).split(" (1 to")[0])
+environment.close()
+"""
 FAULT = """
 car = sys.argv[1]
 environment = gymnasium.make("agentflow/faulty-v0", level=2)
@@ -103,12 +119,22 @@ def test_seeds_are_those_of_the_trials(tmp_path: Path) -> None:
     run_foreign(ENVIRONMENT, tmp_path, "-c", BEGIN + SEEDS)
 
 
+def test_what_does_not_exist_is_an_error(tmp_path: Path) -> None:
+    assert run_foreign(ENVIRONMENT, tmp_path, "-c", BEGIN + ERRORS).splitlines() == [
+        "unknown option 'wet'; known: knobs, start",
+        "unknown knob 'wet' of movement; known: window",
+        "knobs must be a mapping such as {\"wind.speed\": 8}, or JSON text of one, not '8'",
+        "unknown render mode 'human'; known: rgb_array",
+        "call reset() before step() or render()",
+    ]
+
+
 def test_a_fault_truncates_the_episode_and_earns_nothing(tmp_path: Path) -> None:
     plugins = {"PYTHONPATH": str(PLUGINS)}
     printed = run_foreign(ENVIRONMENT, tmp_path, "-c", BEGIN + FAULT, CAR, variables=plugins)
     step, reset = printed.splitlines()
     assert json.loads(step) == [0.0, False, True, "crashed", "crashed"]
-    assert reset == "the start machine has no score (crashed): try again"
+    assert reset.startswith("faulty/2: No score: the simulation was cut off, ")
 
 
 @pytest.mark.parametrize("mode", ["sync", "async"])

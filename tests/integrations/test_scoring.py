@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import ConfigError, UnknownNameError
-from agentflow.integrations.scoring import Sample, Scorer, read_knobs
+from agentflow.integrations.scoring import Sample, Scorer, own_processors, read_knobs
 from agentflow.integrations.trl import simulation_reward
 from agentflow.integrations.verl import compute_score, compute_scores
 from agentflow.rewards import reward
@@ -70,6 +70,12 @@ def test_a_closed_scorer_leaves_no_process() -> None:
     scorer.close()
     with pytest.raises(ProcessLookupError):
         os.kill(worker, 0)
+
+
+def test_processes_of_a_launcher_share_the_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = own_processors()
+    monkeypatch.setenv("LOCAL_WORLD_SIZE", "2")
+    assert own_processors() == max(1, alone // 2)
 
 
 @pytest.mark.slow

@@ -60,7 +60,7 @@ def test_trl_learns_from_scores_and_not_from_crashes(tmp_path: Path) -> None:
     assert sum(advantages) == pytest.approx(0, abs=1e-3)
 
 
-def test_verl_is_given_scores_and_stopped_by_crashes(tmp_path: Path) -> None:
+def test_verl_gets_scores_and_an_error_for_a_crash(tmp_path: Path) -> None:
     script = Path(__file__).with_name("verl_rewards.py")
     arguments = (documented_code("verl"), json.dumps(documented_overrides()), CAR)
     printed = run_foreign(ENVIRONMENT, tmp_path, script, *arguments, variables=OFFLINE)
@@ -79,4 +79,4 @@ def test_verl_is_given_scores_and_stopped_by_crashes(tmp_path: Path) -> None:
 
     assert len(found["faults"]) == 4
     for fault in found["faults"]:
-        assert "a machine for faulty/2 has no score after 3 attempts (crashed): " in fault
+        assert "faulty/2: No score: the simulation was cut off, its process died 2 times." in fault

@@ -68,7 +68,7 @@ def last_rewards(tensor: torch.Tensor, batch: DataProto) -> list[float]:
 
 
 def fault_of(call: Any) -> str:
-    """The message of the error that stops training."""
+    """The message of the error that says that there is no score."""
     try:
         call()
     except NoScoreError as error:
