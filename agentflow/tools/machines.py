@@ -34,7 +34,9 @@ class KnownMachine:
 class KnownMachines:
     """All machines of a run that an agent can name, oldest first; stages share them."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = MOST_MACHINES) -> None:
+        """Keep at most so many machines."""
+        self._most = most
         self._machines: dict[str, KnownMachine] = {}
 
     def __iter__(self) -> Iterator[KnownMachine]:
@@ -49,8 +51,8 @@ class KnownMachines:
         if name in self._machines and self._machines[name].machine != machine:
             name = machine.digest
         if name not in self._machines:
-            if len(self) >= MOST_MACHINES:
-                raise Refused(f"a run keeps at most {MOST_MACHINES} machines; go on with these")
+            if len(self) >= self._most:
+                raise Refused(f"a run keeps at most {self._most} machines; go on with these")
             self._machines[name] = KnownMachine(name, machine, parent, script)
         return self._machines[name]
 

@@ -77,7 +77,7 @@ async def look(
             raise Refused(str(error)) from None
     when = "at rest, as built" if time is None else f"the recorded state nearest to {time:g} s"
     data = {"machine": known.name, "view": view, "time": time}
-    told = _counted(desk, f"Machine {known.name} from the {view}, {when}.", data)
+    told = _counted(desk, f"Machine {known.name}, {view} view, {when}.", data)
     return ToolResult(told.text, told.data, image)
 
 
