@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import agentflow
+from agentflow.machine import read_machine
 from agentflow.rewards import reward
 from agentflow.runs import read_result
 from agentflow.tools.bench import TOOLS
@@ -19,6 +20,8 @@ from tests.llm.foreign import foreign_python
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 INSPECT = ".venv-inspect"
+NAME = read_machine(CAR).machine.digest[:8]
+"""What the tools call the car."""
 READ = """
 import json, sys
 from inspect_ai.log import read_eval_log
@@ -147,8 +150,11 @@ def test_scores_are_those_of_the_simulation(tmp_path: Path) -> None:
     assert metrics["valid", "mean"] == pytest.approx(1 / 5)
 
 
-def test_a_crash_is_left_out_of_the_metrics_and_counted(tmp_path: Path) -> None:
-    log, _ = evaluate(tmp_path, "agentflow/faulty", {"": CAR})
+@pytest.mark.parametrize("tools", [False, True])
+def test_a_crash_is_left_out_of_the_metrics_and_counted(tmp_path: Path, tools: bool) -> None:
+    check, submit = ["check", {"machine": CAR}], ["submit", {"machine": NAME}]
+    with_tools = {f"Machine {NAME}: valid": submit, "1 of 1 submissions left": check}
+    log, _ = evaluate(tmp_path, "agentflow/faulty", with_tools if tools else {"": CAR}, tools=tools)
     fine, crashed = log["samples"]
     assert log["status"] == "success"
     assert fine["value"]["valid"] is True
@@ -162,11 +168,10 @@ def test_a_crash_is_left_out_of_the_metrics_and_counted(tmp_path: Path) -> None:
 
 @pytest.mark.mujoco
 def test_a_model_works_with_tools_in_a_run(tmp_path: Path) -> None:
-    name = agentflow.check(json.loads(CAR)).machine.digest[:8]
     replies = {
-        f"Machine {name} from the iso": ["submit", {"machine": name}],
-        f"Machine {name}: score": ["look", {"machine": name}],
-        f"Machine {name}: valid, 7 blocks": ["simulate", {"machine": name}],
+        f"Machine {NAME} from the iso": ["submit", {"machine": NAME}],
+        f"Machine {NAME}: score": ["look", {"machine": NAME}],
+        f"Machine {NAME}: valid, 7 blocks": ["simulate", {"machine": NAME}],
         "1 of 1 submissions left": ["check", {"machine": CAR}],
     }
     options = {"tools": True, "vision": True, "limit": 1}
@@ -180,7 +185,7 @@ def test_a_model_works_with_tools_in_a_run(tmp_path: Path) -> None:
     asked = agentflow.design_prompt("movement", engine="mujoco", role="agent")
     assert [system, user] == [message["content"] for message in asked]
     assert "24 of 24 simulations left" in budget
-    assert f"Machine {name} is submission 1 of 1." in sample["messages"][-1]
+    assert f"Machine {NAME} is submission 1 of 1." in sample["messages"][-1]
     run = read_result(tmp_path / sample["run"])
     assert (run["model"], run["score"]) == ("Inspect AI mockllm/model", same.value)
     assert (tmp_path / sample["run"]).parent.name == "runs"
