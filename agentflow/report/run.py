@@ -14,7 +14,13 @@ from agentflow.report.film import deflate_json
 from agentflow.report.lineage import Lineage
 from agentflow.report.nodes import LineageNode
 from agentflow.runs import Event, read_calls, read_document, state_of
-from agentflow.runs.events import AttemptEvent, EvaluationEvent, RunEvent, read_typed_events
+from agentflow.runs.events import (
+    AttemptEvent,
+    EvaluationEvent,
+    RunEvent,
+    ToolEvent,
+    read_typed_events,
+)
 from agentflow.runs.record import RunRecord
 
 UNFINISHED = {"running": "in progress", "stopped": "unfinished", "done": "finishing"}
@@ -63,6 +69,7 @@ class RunStory:
             "validity": validity(attempts),
             "reasons": rejection_reasons(attempts),
             "usage": usage(read_calls(self.path), cost),
+            "tools": [tool_call(item) for item in self.events if isinstance(item, ToolEvent)],
             "talk": call_labels(read_calls(self.path)),
             "calls": deflate_json(conversations(read_calls(self.path), attempts)),
             "facts": list(self._facts().items()),
@@ -172,6 +179,18 @@ def usage(calls: Iterable[Mapping[str, Any]], cost: Cost) -> list[dict[str, Any]
         }
         for role, spent in (*found.roles.items(), ("all", found.total))
     ]
+
+
+def tool_call(event: ToolEvent) -> dict[str, Any]:
+    """A call of a tool: its label, what the agent sent, and what it was told."""
+    given = event.arguments if isinstance(event.arguments, Mapping) else {}
+    sent = "\n".join(f"{name}: {value}" for name, value in given.items())
+    return {
+        "label": f"{event.label}: {event.tool}",
+        "refused": event.refused,
+        "sent": sent,
+        "answer": event.answer,
+    }
 
 
 def call_labels(calls: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:

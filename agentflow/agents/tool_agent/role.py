@@ -22,7 +22,8 @@ class Agent(Role[AgentInput, str]):
 
     name: ClassVar[str] = "agent"
     stage: ClassVar[str] = "env_feedback"
-    tokens: ClassVar[tuple[int, int]] = (12000, 150)
+    tokens: ClassVar[tuple[int, int]] = (9000, 150)
+    """A brief of 4,600 tokens and the schemas of tools, and ten earlier turns on average."""
 
     @classmethod
     def sample(cls, brief: Brief, machine: Machine) -> AgentInput:  # noqa: ARG003

@@ -4,7 +4,7 @@ import { scoreChart, barChart } from "./charts.js";
 import { el, section, formatNumber, table } from "./dom.js";
 import { unpackJson } from "./film.js";
 import { Player } from "./player.js";
-import { taskDetails, callDetails, plain, problem } from "./text.js";
+import { taskDetails, callDetails, toolDetails, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
 
 const PLURAL = { reply: "replies", machine: "machines" };
@@ -113,12 +113,14 @@ function stages({ stages: rows }) {
 }
 
 /** How often an agent called each tool, by stage. */
-function tools({ stages: rows }) {
+function tools({ stages: rows, tools: calls }) {
+  if (!calls.length) return null;
   const names = [...new Set(rows.flatMap((row) => Object.keys(row.tools ?? {})))];
-  if (!names.length) return null;
   const uses = ({ calls, refused } = { calls: 0, refused: 0 }) => (refused ? `${calls} (${refused} refused)` : calls);
-  return section("Tools", table("Calls of tools by stage", ["Tool", ...rows.map((row) => readable(row.name))],
-    names.map((name) => [name, ...rows.map((row) => uses(row.tools?.[name]))])));
+  const counts = names.map((name) => [name, ...rows.map((row) => uses(row.tools?.[name]))]);
+  return section("Tools",
+    rows.length ? table("Calls of tools by stage", ["Tool", ...rows.map((row) => readable(row.name))], counts) : null,
+    el("details", { class: "role" }, el("summary", {}, "Calls ", el("small", {}, `${calls.length}`)), ...calls.map(toolDetails)));
 }
 
 /** Columns that are not 0 in every row. */

@@ -4,7 +4,7 @@ import { el, formatNumber, revealHidden } from "./dom.js";
 
 const SHORT = 2000; // longest text shown as a paragraph, characters
 const LONG = 20000; // characters shown at first
-const NAMES = { system: "System prompt", user: "Prompt", assistant: "Earlier reply" };
+const NAMES = { system: "System prompt", user: "Prompt", assistant: "Earlier reply", tool: "Result of a tool" };
 
 /** A text with its line breaks. */
 export function plain(text) {
@@ -35,6 +35,13 @@ export function callDetails(entry, open = false) {
   details.append(body);
   details.open = open;
   return details;
+}
+
+/** An expandable call of a tool: what was sent and what the tool answered. */
+export function toolDetails({ label, refused, sent, answer }) {
+  return el("details", { class: "call" },
+    el("summary", {}, el("span", { class: `verdict ${refused ? "refused" : "valid"}` }, refused ? "refused" : "done"), ` ${label} `),
+    sent ? plain(sent) : null, plain(answer));
 }
 
 function facts(entry) {
