@@ -37,7 +37,7 @@ def command_words(settings: ExternalSettings) -> list[str]:
     if not words:
         raise ConfigError(
             "external.command is empty, but the workflow external runs a program; name it, for "
-            "example with --set external.command='codex exec --full-auto'"
+            "example with --set external.command='claude -p'"
         )
     return [_find(words[0]), *words[1:]]
 

@@ -30,8 +30,8 @@ class Assignment:
     task: str
     """The task, the blocks, the rules and the budget as the tool `brief` tells them."""
     tools: Sequence[ToolSpec]
-    minutes: float
-    """Time until the program is stopped."""
+    limit: float
+    """Seconds until the program is stopped."""
     before: Mapping[str, Machine]
     """Name -> machine submitted in an earlier stage, or given to start with."""
 
@@ -51,6 +51,8 @@ def write_folder(folder: Path, assignment: Assignment, url: str, token: str) -> 
 def task_text(assignment: Assignment) -> str:
     """The text of TASK.md."""
     tools = "\n".join(f"- `{tool.name}`: {tool.description}" for tool in assignment.tools)
+    limit = assignment.limit
+    time = f"{limit:.3g} seconds" if limit < 120 else f"{limit / 60:.3g} minutes"
     earlier = (
         f"\nThe machines so far are in `{MACHINES}/{BEFORE}`, under their names. They do not count "
         "again in this stage unless you hand them in again.\n"
@@ -71,7 +73,7 @@ below describes: JSON and nothing else. Files are checked when you have ended.
 - Or call the tool `submit`.
 - No more machines count than the budget below has submissions: the submitted ones, then those in \
 files, in the order of the files' names.
-- You are stopped after {assignment.minutes:g} minutes. What is there by then counts.
+- You are stopped after {time}. What is there by then counts.
 
 # Tools
 

@@ -125,7 +125,7 @@ def _assignment(run: WorkflowContext, bench: Bench, stage: StageName) -> Assignm
         stage=stage,
         task=bench.brief_text,
         tools=bench.tools,
-        minutes=settings.external.limit_s / 60,
+        limit=settings.external.limit_s,
         before={known.name: known.machine for known in bench.machines},
     )
 

@@ -61,7 +61,7 @@ def test_the_program_is_found_on_the_path_or_from_the_current_folder(
 def test_no_command() -> None:
     expected = (
         "external.command is empty, but the workflow external runs a program; name it, for "
-        "example with --set external.command='codex exec --full-auto'"
+        "example with --set external.command='claude -p'"
     )
     assert [refusal(), refusal("command=  "), refusal("command=", "shell=true")] == [expected] * 3
 
