@@ -1,7 +1,8 @@
 """Scores replies with verl's managers of rewards; runs in `.venv-training`, downloads nothing.
 
 Usage: python verl_rewards.py CODE OVERRIDES CAR, where CODE writes rows to train.parquet and
-OVERRIDES are those of verl's configuration, as a JSON list. Replies are a car and no machine.
+OVERRIDES are those of verl's configuration, as a JSON list. Replies are a car and no machine;
+then three to one prompt, of which CAR crashes the simulation.
 """
 
 from __future__ import annotations
@@ -14,16 +15,20 @@ from typing import Any
 import numpy as np
 import ray
 import torch
+import transfer_queue
 from datasets import Dataset
 from hydra import compose, initialize_config_module
 from tokenizers import Tokenizer, decoders, models, pre_tokenizers
 from transformers import PreTrainedTokenizerFast
 from verl import DataProto
+from verl.experimental.agent_loop.agent_loop import AgentLoopMetrics, AgentLoopOutput
 from verl.experimental.reward_loop.reward_loop import (
     RewardLoopManager,
     migrate_legacy_reward_impl,
 )
 from verl.trainer.ppo.reward import load_reward_manager
+from verl.trainer.ppo.v1.agent_loop_tq import AgentLoopWorkerTQ
+from verl.trainer.ppo.v1.replay_buffer import ReplayBuffer
 from verl.workers.reward_manager import BatchRewardManager, NaiveRewardManager
 
 import agentflow
@@ -67,6 +72,44 @@ def last_rewards(tensor: torch.Tensor, batch: DataProto) -> list[float]:
     return [float(row[end]) for row, end in zip(tensor, ends, strict=True)]
 
 
+class GivenReplies(AgentLoopWorkerTQ.__ray_metadata__.modified_class):  # type: ignore[misc]
+    """verl's worker that rolls out and scores the replies to a prompt; these replies are given."""
+
+    def __init__(self, config: Any, tokenizer: Any, scorers: Any, replies: list[str]) -> None:
+        self.config, self.tokenizer, self.replies = config, tokenizer, replies
+        self.reward_loop_worker_handles = scorers
+        self.processor, self.distillation_enabled, self.mm_processor_kwargs = None, False, {}
+
+    async def _run_agent_loop(self, _: Any, *, session_id: int, **row: Any) -> None:
+        ids = self.tokenizer(self.replies[session_id])["input_ids"]
+        output = AgentLoopOutput(
+            prompt_ids=[1],
+            response_ids=ids,
+            response_mask=[1] * len(ids),
+            metrics=AgentLoopMetrics(),
+        )
+        del row["trajectory"]
+        await self._agent_loop_postprocess(output, False, session_id=session_id, **row)
+
+
+def learned_from(worker: GivenReplies, row: dict[str, Any]) -> dict[str, float]:
+    """The replies to one prompt that verl's default trainer learns from, with their rewards."""
+    transfer_queue.init()
+    asked = {"is_prompt": True, "status": "pending", "global_steps": 1}
+    prompt = {**row, "uid": "row", "global_steps": 1, "raw_prompt": row["prompt"], "index": 0}
+
+    async def roll_out() -> None:
+        await transfer_queue.async_kv_put(key="row", partition_id="train", tag=asked)
+        await worker._run_prompt(prompt, {}, {"validate": False})
+
+    asyncio.run(roll_out())
+    settings = worker.config.trainer.v1.sync
+    buffer = ReplayBuffer("sync", settings, None, "drop", {}, poll_interval=0.1)
+    keys = sorted(buffer.sample(1, "train", 1)[0].keys)
+    columns = transfer_queue.kv_batch_get(keys=keys, partition_id="train")
+    return {key: float(row.sum()) for key, row in zip(keys, columns["rm_scores"], strict=True)}
+
+
 def fault_of(call: Any) -> str:
     """The message of the error that says that there is no score."""
     try:
@@ -106,12 +149,18 @@ def main(code: str, overrides: str, car: str) -> None:
             fault_of(lambda: batch(crashing)),
         ],
     }
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    ray.init(num_cpus=4, include_dashboard=False, log_to_driver=False)
     loop = RewardLoopManager(config)
     scored = loop.compute_rm_score(data)
     found["loop"] = last_rewards(scored.batch["rm_scores"], data)
     found["valid"] = scored.non_tensor_batch["valid"].tolist()
     found["faults"].append(fault_of(lambda: loop.compute_rm_score(crashing)))
+    three_wheels = json.dumps(json.loads(car)[:-1])
+    replies = [three_wheels, car, "no machine"]
+    config.actor_rollout_ref.rollout.n = len(replies)
+    worker = GivenReplies(config, tokenizer, loop.reward_loop_worker_handles, replies)
+    found["learned"] = learned_from(worker, crash)
+    found["expected"] = compute_score("", three_wheels, "faulty/2", crash["extra_info"])["score"]
     ray.shutdown()
     print(f"\n{json.dumps(found)}")
 
