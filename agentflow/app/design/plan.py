@@ -33,9 +33,15 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
 from agentflow.machine.validity import check
 from agentflow.prompts.render import PromptSet
+from agentflow.runs.events import StageBeginEvent, read_typed_events
+from agentflow.runs.places import STAGES
 from agentflow.search.registry import STRATEGIES
 from agentflow.workflows.registry import WORKFLOWS, check_fit
+from agentflow.workflows.tools.workflow import repetition_of
+from agentflow.workflows.workflow import Workflow
 
+AUTHOR = "author"
+"""Key of run.yaml: who designed and cannot be asked again."""
 _FAMILY = "family"
 _VERSIONED = ("engine", _FAMILY)
 """Conditions that are a name and a version."""
@@ -204,6 +210,24 @@ def level_of_run(path: Path, document: Mapping[str, Any]) -> Level:
         origin = document.get(_FAMILY, "another version of agentflow")
         raise ConfigError(f"{path} needs the task family {level.file.family!r} of {origin}")
     return level
+
+
+def repetition(path: Path, document: Mapping[str, Any]) -> Workflow | None:
+    """What does a run again, as far as it is recorded, whose author cannot be asked again.
+
+    Args:
+        path: The run directory.
+        document: The content of its run.yaml.
+
+    Returns:
+        None if the configured workflow does it again.
+    """
+    if AUTHOR not in document:
+        return None
+    events = read_typed_events(path)
+    begun = {event.place.name for event in events if isinstance(event, StageBeginEvent)}
+    stages = tuple(stage for stage in STAGES if stage in begun)
+    return repetition_of(document[AUTHOR], stages or STAGES[-1:])
 
 
 def task_of_run(path: Path, document: Mapping[str, Any]) -> Task:

@@ -12,8 +12,8 @@ from typing import Any
 from agentflow.app.design.execution import execute
 from agentflow.app.design.models import replay_models
 from agentflow.app.design.notices import REMARK
-from agentflow.app.design.plan import RunPlan, level_note
-from agentflow.app.design.results import read_finished, require_record, result_json
+from agentflow.app.design.plan import RunPlan, level_note, repetition
+from agentflow.app.design.results import read_finished, result_json
 from agentflow.env.pool.pool import Simulator
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Event, Notify, read_document, read_events
@@ -28,11 +28,10 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
         None if identical, else the first difference.
 
     Raises:
-        RunError: The run is unfinished or damaged, or its author is not on record.
+        RunError: The run is unfinished or damaged.
         ReplayMissError: A request was not recorded.
     """
     document = read_document(path)
-    require_record(path, document, "replayed")
     recorded = read_finished(path)
     plan = RunPlan.of_run(path, document)
     verified = recorded.get("verified") is not None  # perhaps later, by `agentflow verify`
@@ -46,7 +45,7 @@ def replay(path: Path, notify: Notify, pool: Simulator | None = None) -> str | N
     memory = MemoryRecord(path)
     with Tape(path / "calls.jsonl", notify, writable=False) as tape:
         models = replay_models(plan.config, tape, budget_spent=recorded["stopped"] == "budget")
-        execution = asyncio.run(execute(plan, models, memory, pool))
+        execution = asyncio.run(execute(plan, models, memory, pool, repetition(path, document)))
     return first_difference(read_events(path), memory.events) or _result_difference(
         recorded, result_json(plan, execution)
     )

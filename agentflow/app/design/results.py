@@ -24,8 +24,6 @@ from agentflow.workflows.statistics import count_passes, stage_row
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-AUTHOR = "author"
-"""Key of run.yaml: who designed, where the record is not enough to do it again."""
 Count = NonNegativeInt
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -133,15 +131,6 @@ def read_finished(path: Path) -> dict[str, Any]:
     if fault:
         raise RunError(f"{path / 'result.json'} is damaged: {fault}")
     return result
-
-
-def require_record(path: Path, document: Mapping[str, Any], wish: str) -> None:
-    """Raise RunError if a run cannot be continued or replayed from its record."""
-    if AUTHOR in document:
-        raise RunError(
-            f"{path} cannot be {wish}, because it holds only what {document[AUTHOR]} did and not "
-            "why; its machines and events are complete, and agentflow show and report read them"
-        )
 
 
 def trusted_score(result: Mapping[str, Any]) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -12,12 +12,10 @@ from typing import Any
 from agentflow.app.design.execution import execute
 from agentflow.app.design.models import Models, known_prices, open_models, use_client
 from agentflow.app.design.notices import REMARK, Remarks, watch_calls
-from agentflow.app.design.plan import RunPlan, level_note
+from agentflow.app.design.plan import AUTHOR, RunPlan, level_note, repetition
 from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.results import (
-    AUTHOR,
     read_finished,
-    require_record,
     result_json,
     save_rollouts,
 )
@@ -146,7 +144,6 @@ class DesignRun:
     def reopen(cls, path: Path, options: RunOptions) -> DesignRun:
         """Open an unfinished run; see `resume_async`."""
         document = read_document(path)
-        require_record(path, document, "continued")
         if options.client is None and ANSWER in document:
             raise RunError(
                 f"{path} was started with the Python function {document[ANSWER]!r}, which answers "
@@ -165,6 +162,9 @@ class DesignRun:
             options.notify(f"{path}: {note}")
         if note := level_note(path, document):
             options.notify(note)
+        if again := repetition(path, document):
+            options = replace(options, workflow=again)
+            options.notify(f"{document[AUTHOR]} cannot be asked again; what it did counts")
         return cls(plan, RunDirectory.resume(path), options)
 
     def __post_init__(self) -> None:

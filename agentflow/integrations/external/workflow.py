@@ -28,7 +28,7 @@ from agentflow.tools import Bench
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.tools.stages import count_rollouts, work_in_stages
+from agentflow.workflows.tools.stages import count_rollouts, repeat, work_in_stages
 from agentflow.workflows.tools.workflow import submit_each
 from agentflow.workflows.workflow import Workflow
 
@@ -55,9 +55,7 @@ async def work(run: WorkflowContext, bench: Bench, stage: StageName) -> None:
 
 async def _repeat(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequence[RunEvent]:
     """Do again what is recorded of a stage; how it ended, or nothing if it did not."""
-    earlier = run.earlier(stage)
-    for event in earlier:
-        await bench.repeat(event, run.load_machine)
+    earlier = await repeat(run, bench, stage)
     if not any(isinstance(event, FilesEvent) for event in earlier):
         return []
     told = [event for event in earlier if isinstance(event, ProgramEvent | FilesEvent)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Sequence
 
 from agentflow.machine.tree import Machine
-from agentflow.runs.events import FLAWLESS
+from agentflow.runs.events import FLAWLESS, CandidateEvent, RunEvent
 from agentflow.runs.places import FEEDBACK, INITIAL, STAGES, StageName
 from agentflow.tools.bench import Bench
 from agentflow.tools.budget import Allowance, Budget
@@ -58,6 +58,22 @@ async def work_in_stages(
         if run.spent or run.reached_greatest or not rollouts.left:
             break
     return run.result()
+
+
+async def repeat(run: WorkflowContext, bench: Bench, stage: StageName) -> Sequence[RunEvent]:
+    """Do again what is recorded of a stage, and return that; nothing in a new run."""
+    earlier = run.earlier(stage)
+    for event in earlier:
+        await bench.repeat(event, run.load_machine)
+    return earlier
+
+
+def reason_of(earlier: Sequence[RunEvent]) -> str:
+    """Why a recorded stage ended before its last submission; "" if it did not, or is not over."""
+    start = f"{UNSUBMITTED}: "
+    reasons = [event.reason for event in earlier if isinstance(event, CandidateEvent)]
+    told = (reason.removeprefix(start) for reason in reasons if reason.startswith(start))
+    return next(told, "")
 
 
 def count_rollouts(settings: WorkflowSettings) -> int:

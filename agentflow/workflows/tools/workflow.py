@@ -6,11 +6,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from agentflow.runs.places import STAGES, StageName
+from agentflow.tools.bench import Bench
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.tools.conversation import converse
-from agentflow.workflows.tools.stages import Worker, count_rollouts, work_in_stages
+from agentflow.workflows.tools.stages import (
+    Worker,
+    count_rollouts,
+    reason_of,
+    repeat,
+    work_in_stages,
+)
 from agentflow.workflows.workflow import Workflow
 
 
@@ -41,7 +48,7 @@ TOOLS = Workflow(
 
 
 def workflow_of(worker: Worker, author: str, stages: Sequence[StageName] = STAGES) -> Workflow:
-    """The workflow with somebody else as worker, whose requests to models are not recorded.
+    """The workflow with somebody else as worker, who cannot be asked again.
 
     Args:
         worker: Works at the bench of each stage.
@@ -54,3 +61,15 @@ def workflow_of(worker: Worker, author: str, stages: Sequence[StageName] = STAGE
         author=lambda _: author,
         recorded=False,
     )
+
+
+def repetition_of(author: str, stages: Sequence[StageName]) -> Workflow:
+    """The workflow of `workflow_of`, from the record: it ends where the record ends."""
+
+    async def repeat_stages(run: WorkflowContext) -> WorkflowResult:
+        async def work(bench: Bench, stage: StageName) -> None:
+            bench.end(reason_of(await repeat(run, bench, stage)))
+
+        return await work_in_stages(run, work, stages)
+
+    return replace(TOOLS, stages=repeat_stages, author=lambda _: author, recorded=False)

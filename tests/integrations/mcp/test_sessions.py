@@ -44,13 +44,13 @@ async def design_a_car(client: Client) -> tuple[str, str]:
     return name, text_of(await client.call_tool("submit", {"machine": name}))
 
 
-async def carry_out(*arguments: str, status: int = 0) -> str:
-    """What a command prints, which ends with a given status."""
+async def carry_out(*arguments: str) -> str:
+    """What a command prints, which must succeed."""
     process = await asyncio.create_subprocess_exec(
         sys.executable, "-c", MAIN, *arguments, stdout=PIPE, stderr=STDOUT, env=ENVIRONMENT
     )
     told, _ = await process.communicate()
-    assert process.returncode == status, told.decode()
+    assert process.returncode == 0, told.decode()
     return told.decode()
 
 
@@ -180,11 +180,13 @@ async def test_a_killed_server_and_a_hostile_name_leave_a_run_that_can_be_read(
         await server.wait()
     run = only_run(tmp_path)
     assert state_of(run) == "stopped"
-    author = "MCP client <script>1</script> [31m ../../x 999"
+    author = "MCP client <script>1</script> [31m ../../x 9999999999999999999999999999"
     told = await carry_out("show", str(run))
     assert author in told
     page = run / "report.html"
     await carry_out("report", str(run), "--out", str(page))
     assert "<script>1</script>" not in page.read_text(encoding="utf-8")
-    refused = await carry_out("design", "--resume", str(run), status=2)
-    assert f"cannot be continued, because it holds only what {author}" in refused
+    told = await carry_out("design", "--resume", str(run))
+    assert f"{author} cannot be asked again; what it did counts" in told
+    assert read_finished(run)["score"] >= 40
+    assert await carry_out("replay", str(run)) == "identical\n"
