@@ -36,6 +36,7 @@ from agentflow.rewards import Reward
 from agentflow.runs.places import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolSpec
 from agentflow.workflows.settings import WorkflowSettings
+from agentflow.workflows.tools.conversation import MOST_CALLS
 from agentflow.workflows.tools.workflow import TOOLS, workflow_of
 
 
@@ -85,6 +86,7 @@ def _register_task(family: str) -> None:
             dataset=MemoryDataset([_sample(name, ask(name)) for name in levels], family),
             solver=work_at_bench(config, Path(out)) if tools else generate(),
             scorer=simulation(seed, engine),
+            message_limit=2 * MOST_CALLS if tools else None,
             version=agentflow.__version__,
         )
 

@@ -12,7 +12,7 @@ import pytest
 import agentflow
 from agentflow.machine import read_machine
 from agentflow.rewards import reward
-from agentflow.runs import read_result
+from agentflow.runs import read_result, state_of
 from agentflow.tools.bench import TOOLS
 from tests.integrations.foreign import CAR, PLUGINS, documented_code, run_foreign
 from tests.llm.foreign import foreign_python
@@ -55,8 +55,8 @@ def answer(messages, tools, tool_choice, config):
             return output
 
 model = get_model("mockllm/model", custom_outputs=answer)
-options = {"display": "none", "log_dir": "logs", "message_limit": 20}
-options["limit"] = task_args.pop("limit", None)
+options = {"display": "none", "log_dir": "logs", "limit": task_args.pop("limit", None)}
+options["message_limit"] = task_args.pop("message_limit", None)
 eval(sys.argv[1], model=model, task_args={"engine": "mujoco", **task_args}, **options)
 print(json.dumps(offered))
 """
@@ -189,3 +189,12 @@ def test_a_model_works_with_tools_in_a_run(tmp_path: Path) -> None:
     run = read_result(tmp_path / sample["run"])
     assert (run["model"], run["score"]) == ("Inspect AI mockllm/model", same.value)
     assert (tmp_path / sample["run"]).parent.name == "runs"
+
+
+def test_a_model_that_never_submits_ends_at_the_limit(tmp_path: Path) -> None:
+    replies = {"": ["check", {"machine": CAR}]}
+    options = {"tools": True, "limit": 1, "message_limit": 8}
+    log, _ = evaluate(tmp_path, "agentflow/movement", replies, **options)
+    [sample] = log["samples"]
+    assert (sample["value"], sample["error"]) == ({"score": 0.0, "valid": False}, None)
+    assert state_of(tmp_path / sample["run"]) == "stopped"

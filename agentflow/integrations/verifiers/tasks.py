@@ -12,6 +12,7 @@ from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
 from agentflow.errors import NoScoreError
 from agentflow.integrations.scoring import Sample, shared_scorer
 from agentflow.integrations.verifiers.bench import BenchConfig, BenchTools, DesignData, DesignState
+from agentflow.workflows.tools.conversation import MOST_CALLS
 
 ID = "agentflow-verifiers"
 """Name of the task set, which verifiers imports as a top-level module."""
@@ -126,7 +127,8 @@ def load_environment(
     taskset = DesignTasksetConfig(
         id=ID, task=design, tasks=task, seeds=seeds, engine=engine, prompts=prompts
     )
-    agent = {"runtime": {"type": "subprocess"}} | ({"harness": {"id": "null"}} if tools else {})
+    chat = {"harness": {"id": "null"}, "max_turns": MOST_CALLS} if tools else {}
+    agent = {"runtime": {"type": "subprocess"}, **chat}
     return vf.load_environment(vf.resolve_env_config({"taskset": taskset, "agent": agent}))
 
 
