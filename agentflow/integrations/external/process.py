@@ -7,8 +7,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,17 +75,36 @@ async def run_program(
             start_new_session=True,
         )
     mark = f"{command.mark}={command.environment[command.mark]}"
-    try:
-        timed_out = not await _is_done(program.exited, command.limit)
-    finally:
-        await _stop(transport.get_pid(), mark, program.exited)
-        await _is_done(program.closed, REST)  # a child that escaped may keep the pipe open
-        transport.close()
-        output.close()
+    with _termination_interrupts():
+        try:
+            timed_out = not await _is_done(program.exited, command.limit)
+        finally:
+            await _stop(transport.get_pid(), mark, program.exited)
+            await _is_done(program.closed, REST)  # a child that escaped may keep the pipe open
+            transport.close()
+            output.close()
     program.exited.result()
     status = transport.get_returncode()
     assert status is not None
     return Ending(status, timed_out)
+
+
+@contextmanager
+def _termination_interrupts() -> Iterator[None]:
+    """Let a request to end this process interrupt it, as Ctrl-C does.
+
+    By default, the process would end at once and leave the program running.
+    """
+    requests = [signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else [])]
+    here = threading.current_thread() is threading.main_thread()
+    ours = [item for item in requests if here and signal.getsignal(item) is signal.SIG_DFL]
+    for item in ours:
+        signal.signal(item, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for item in ours:
+            signal.signal(item, signal.SIG_DFL)
 
 
 class _Program(asyncio.SubprocessProtocol):

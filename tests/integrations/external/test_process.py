@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -122,6 +124,30 @@ def test_no_child_outlives_a_program_that_is_stopped_at_its_limit(
     monkeypatch.setattr(process, "GRACE", 0.3)
     ending, _ = run(FAMILY + WAIT, tmp_path, limit=6.0)
     assert ending == Ending(-15, timed_out=True)
+    assert [lives(file) for file in family] == [False, False, False]
+
+
+@pytest.mark.parametrize("request_", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_no_child_outlives_an_interrupted_process(
+    tmp_path: Path, family: list[Path], request_: signal.Signals
+) -> None:
+    (tmp_path / "given").touch()
+    asked = command(FAMILY + WAIT)
+    code = f"""
+import asyncio, pathlib
+from agentflow.integrations.external import process
+process.GRACE = 0.3
+folder = pathlib.Path({str(tmp_path)!r})
+command = process.{asked!r}
+asyncio.run(process.run_program(command, folder, folder / "given", print))
+"""
+    running = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+    while not (tmp_path / "ready").exists():
+        assert running.poll() is None
+        time.sleep(0.01)
+    running.send_signal(request_)
+    _, told = running.communicate(timeout=60)
+    assert told.rstrip().endswith("KeyboardInterrupt")
     assert [lives(file) for file in family] == [False, False, False]
 
 

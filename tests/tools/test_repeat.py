@@ -1,0 +1,53 @@
+"""A bench does again what another one has recorded: simulations anew, answers as they were."""
+
+from __future__ import annotations
+
+import pytest
+
+from agentflow.machine.tree import Machine
+from agentflow.runs import Event
+from agentflow.runs.events import RunEvent, typed_event
+from agentflow.tools import Bench
+from tests.tools.benches import CAR, open_bench
+
+CALLS = [
+    ("check", {"machine": CAR}),
+    ("edit", {"machine": "6c45a9a7", "script": "Add 15 to 0 in 4"}),
+    ("edit", {"machine": "6c45a9a7", "script": "no command"}),
+    ("simulate", {"machine": "72b0c7bb"}),
+    ("simulate", {"machine": "72b0c7bb"}),
+    (
+        "query",
+        {
+            "machine": "72b0c7bb",
+            "queries": [{"id": 0, "duration": [0, 1], "properties": ["position"]}],
+        },
+    ),
+    ("look", {"machine": "6c45a9a7", "view": "side"}),
+    ("submit", {"machine": "6c45a9a7"}),
+]
+
+
+@pytest.mark.slow
+async def test_a_repeated_stage_is_the_same() -> None:
+    async with open_bench() as (first, recorded):
+        for name, arguments in CALLS:
+            await first.call(name, arguments)
+        machines = {known.machine.digest: known.machine for known in first.machines}
+        history, budget = (await first.call("history", None)).text, first.budget_text
+    events = [typed_event(Event(*key, data)) for key, data in recorded.events.items()]
+    async with open_bench() as (second, again):
+        await repeat(second, events, machines)
+        assert (await second.call("history", None)).text == history
+        assert (second.budget_text, second.submitted) == (budget, first.submitted)
+    asked_again = again.events.pop(("tool", f"env_feedback/call-{len(CALLS) + 2}"))
+    assert asked_again["tool"] == "history"
+    assert again.events == recorded.events
+
+
+async def repeat(
+    bench: Bench, events: list[RunEvent | Event], machines: dict[str, Machine]
+) -> None:
+    for event in events:
+        assert isinstance(event, RunEvent)
+        await bench.repeat(event, machines.__getitem__)
