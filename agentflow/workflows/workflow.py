@@ -52,7 +52,7 @@ class Workflow:
     author: Callable[[WorkflowSettings], str] = lambda _: ""
     """Who designs in place of models, as results name it; "" if models do."""
     recorded: bool = True
-    """Whether the record of a run is enough to continue or to replay it."""
+    """Whether its author can be asked again; else run.yaml names it, and its work is repeated."""
     require: Callable[[WorkflowSettings], None] = refuse_program
     """Raises ConfigError unless a run with these settings can begin here and now."""
     has_rollout_limit: bool = False

@@ -55,7 +55,8 @@ async def carry_out(*arguments: str) -> str:
 
 
 async def check_run(run: Path) -> None:
-    """`show` and `report` open a run of the test's client."""
+    """`show`, `report` and `replay` read a run of the test's client."""
+    assert await carry_out("replay", str(run)) == "identical\n"
     assert "MCP client test 1" in await carry_out("show", str(run))
     page = run / "report.html"
     await carry_out("report", str(run), "--out", str(page))
@@ -136,6 +137,7 @@ async def test_three_stages_change_the_tools(tmp_path: Path) -> None:
     result = read_finished(only_run(tmp_path))
     assert [stage["valid"] for stage in result["stages"]] == [1, 1, 1]
     assert result["rollouts"] == 1
+    await check_run(only_run(tmp_path))
 
 
 async def test_clients_over_http_have_runs_of_their_own(tmp_path: Path) -> None:
