@@ -44,6 +44,11 @@ class HttpAddress:
         return [*LOOPBACK, *sorted(own - {*LOOPBACK})] if self.anywhere else [self.host]
 
     @property
+    def name(self) -> str:
+        """The name to call this machine by."""
+        return socket.gethostname() if self.anywhere else self.host
+
+    @property
     def anywhere(self) -> bool:
         """Whether it stands for every network interface."""
         return self.host in ("0.0.0.0", "[::]")

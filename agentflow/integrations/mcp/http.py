@@ -24,6 +24,8 @@ from agentflow.tools import Bench
 PATH = "/mcp"
 GRACE = 2
 """Seconds that requests in progress have when the server ends."""
+NOBODY = AnyHttpUrl("http://127.0.0.1")
+"""Who issues tokens: the SDK asks for an address, which it tells nobody."""
 ANY_PORT = HttpAddress("127.0.0.1", 0)
 
 
@@ -53,7 +55,7 @@ async def serve_http(server: Server[Any], address: HttpAddress, token: str) -> A
     """
     listening = address.listen()
     port = listening.getsockname()[1]
-    url = f"http://{address.host}:{port}{PATH}"
+    url = f"http://{address.name}:{port}{PATH}"
     names = address.names
     app = server.streamable_http_app(
         streamable_http_path=PATH,
@@ -61,7 +63,7 @@ async def serve_http(server: Server[Any], address: HttpAddress, token: str) -> A
             allowed_hosts=[f"{name}:{port}" for name in names],
             allowed_origins=[f"http://{name}:*" for name in names],
         ),
-        auth=AuthSettings(issuer_url=AnyHttpUrl(url), resource_server_url=None),
+        auth=AuthSettings(issuer_url=NOBODY, resource_server_url=None),
         token_verifier=_OneToken(token),
     )
     http = _HttpServer(

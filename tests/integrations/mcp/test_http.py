@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import logging
+import socket
 from typing import Any
 
 import httpx
 import pytest
 from mcp.shared.exceptions import MCPError
 
-from agentflow.integrations.mcp.http import Served, serve_bench
+from agentflow.integrations.mcp.addresses import HttpAddress, make_token
+from agentflow.integrations.mcp.http import Served, serve_bench, serve_http
+from agentflow.integrations.mcp.server import build_server
+from agentflow.integrations.mcp.session import OneBench
 from tests.integrations.mcp.clients import http_client
 from tests.tools.benches import open_bench
 
@@ -78,6 +82,20 @@ async def test_refuses_too_much_and_what_is_not_json() -> None:
             assert answer.json()["error"]["message"]
             assert "Traceback" not in answer.text
         assert (await post(served)).status_code == 200
+
+
+async def test_beyond_loopback_it_answers_to_names_of_this_machine_with_the_token() -> None:
+    async with open_bench() as (bench, _):
+        server = build_server(lambda _client: OneBench(bench))
+        token = make_token()
+        async with serve_http(server, HttpAddress("0.0.0.0", 0), token) as url:
+            host = url.removeprefix("http://").removesuffix("/mcp")
+            assert host.startswith(f"{socket.gethostname()}:")
+            local = Served(f"http://127.0.0.1:{host.rpartition(':')[2]}/mcp", token)
+            assert (await post(local)).status_code == 200
+            assert (await post(local, Host=host)).status_code == 200
+            assert (await post(local, Host="evil.example")).status_code == 421
+            assert (await post(local, Authorization=None)).status_code == 401
 
 
 async def test_an_unknown_session_is_not_found() -> None:
