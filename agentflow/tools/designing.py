@@ -11,6 +11,7 @@ from pydantic import BeforeValidator
 from agentflow.machine.blocks.library import library
 from agentflow.machine.description.geometry_info import describe as geometry_of
 from agentflow.machine.description.geometry_info import describe_text
+from agentflow.machine.description.statics_text import statics_text
 from agentflow.machine.edits.script import EditOutcome, StepVerdict, apply_script
 from agentflow.machine.formats.detect import read_for
 from agentflow.machine.problems import Problem
@@ -52,16 +53,23 @@ async def check(call: Call, machine: JsonText) -> ToolResult:
 
 
 async def describe(call: Call, machine: str, short: bool = False) -> ToolResult:
-    """Describe a machine in 3D: what each block is attached to, positions, faces, balance.
+    """Describe a machine: what each block is attached to, positions, balance, joints, collisions.
 
     Args:
         machine: Name of the machine.
-        short: Leave out building points and the positions of free faces.
+        short: Leave out building points, positions of free faces, and what joints carry and hit.
     """
     known = call.desk.machines.find(machine)
     text = describe_text(known.machine, call.desk.world.brief, short=short)
-    data = {"machine": known.name, "tree": known.machine.to_json(), **geometry_of(known.machine)}
-    return ToolResult(f"Machine {known.name}\n{text}", data)
+    statics = "" if short else statics_text(known.machine)
+    data = {
+        "machine": known.name,
+        "tree": known.machine.to_json(),
+        **geometry_of(known.machine),
+        "statics": statics,
+    }
+    whole = f"Machine {known.name}\n{text}\n{statics}"
+    return ToolResult(whole.rstrip(), data)
 
 
 async def edit(call: Call, machine: str, script: str) -> ToolResult:

@@ -34,6 +34,9 @@ async def simulate(call: Call, machine: str) -> ToolResult:
     before = desk.result_of(known.machine)
     result = await _simulate(call, known.machine)
     told = "It was known already, which cost nothing." if before else ""
+    greatest = desk.world.brief.greatest
+    if greatest is not None and result.score is not None and result.score >= greatest:
+        told = f"No machine can score higher; `submit` it. {told}"
     text = f"Machine {known.name}: {_told(result)}\n{told}"
     data = {"score": result.score, "status": result.status, "feedback": result.feedback}
     return _counted(desk, text, {"machine": known.name, **data, "known": before is not None})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from agentflow.agents.base import AskContext
@@ -32,6 +33,7 @@ async def open_bench(
     submissions: int = 2,
     rollouts: int | None = 3,
     looks: int | None = 2,
+    greatest: float | None = None,
 ) -> AsyncIterator[tuple[Bench, MemoryRecord]]:
     """A bench on real physics with one worker, and the record of its run."""
     level = get_task(task)
@@ -40,7 +42,13 @@ async def open_bench(
     async with RolloutPool(1) as pool:
         laboratory = PhysicsLaboratory(level, pool, seed=0)
         run = WorkflowContext(
-            "tools", level.brief, lambda _: contexts, laboratory, WorkflowSettings(), record, 0
+            "tools",
+            replace(level.brief, greatest=greatest),
+            lambda _: contexts,
+            laboratory,
+            WorkflowSettings(),
+            record,
+            0,
         )
         run.begin_stage(stage)
         budget = Budget(

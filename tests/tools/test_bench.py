@@ -98,6 +98,31 @@ async def test_refusals_say_what_to_change(tool: str, arguments: object, words: 
     assert result.data["refused"] == result.text
 
 
+async def test_describe_tells_what_joints_hit_unless_short() -> None:
+    async with open_bench("throwing") as (bench, _):
+        root = '[{"type": 0, "id": 0, "parent": -1, "face_id": -1}]'
+        made = await bench.call("check", {"machine": root})
+        assert made.text.startswith(f"Machine {made.data['machine']}: valid so far, but not compl")
+        refused = await bench.call("simulate", {"machine": made.data["machine"]})
+        assert refused.text.startswith("this machine is not complete: the task requires exactly 1")
+        script = "Add 22 to 0 in 3 as m\nAdd 63 to m in 3 as a\nAdd 63 to 0 in 4 as t"
+        arm = await bench.call("edit", {"machine": made.data["machine"], "script": script})
+        assert arm.text.endswith("added 1 m, 2 a, 3 t.")
+        told = await bench.call("describe", {"machine": arm.data["machine"]})
+        assert "1 Rotating Block carries 2" in told.data["statics"]
+        assert told.text.endswith(told.data["statics"])
+        short = await bench.call("describe", {"machine": arm.data["machine"], "short": True})
+        assert short.data["statics"] == ""
+        assert len(short.text) < len(told.text)
+
+
+async def test_the_greatest_possible_score_is_told() -> None:
+    async with open_bench("movement", greatest=40.0) as (bench, _):
+        name = (await bench.call("check", {"machine": CAR})).data["machine"]
+        result = await bench.call("simulate", {"machine": name})
+    assert "No machine can score higher; `submit` it." in result.text
+
+
 async def test_what_an_agent_sends_is_recorded_as_data() -> None:
     name = "<script>" * 20
     async with open_bench() as (bench, record):
