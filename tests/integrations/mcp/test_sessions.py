@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import signal
 import sys
 from asyncio.subprocess import PIPE, STDOUT
@@ -17,6 +18,7 @@ from tests.integrations.mcp.clients import (
     CAR,
     ENVIRONMENT,
     MAIN,
+    command,
     data_of,
     http_client,
     http_server,
@@ -192,3 +194,42 @@ async def test_a_killed_server_and_a_hostile_name_leave_a_run_that_can_be_read(
     assert f"{author} cannot be asked again; what it did counts" in told
     assert read_finished(run)["score"] >= 40
     assert await carry_out("replay", str(run)) == "identical\n"
+
+
+GARBAGE = [b"{not json", b"[" * 100_000, b"\xff\xfe\x00", b'"text"', b""]
+
+
+async def test_garbage_on_stdin_gets_words_or_nothing(tmp_path: Path) -> None:
+    server = await asyncio.create_subprocess_exec(
+        *command("--out", str(tmp_path / "runs")),
+        stdin=PIPE, stdout=PIPE, stderr=PIPE, env=ENVIRONMENT, limit=2**20
+    )  # fmt: skip
+    hello = {
+        "protocolVersion": "2025-11-25",
+        "capabilities": {},
+        "clientInfo": {"name": "raw", "version": "1"},
+    }
+    requests: list[tuple[str, dict[str, object], str]] = [
+        ("tools/call", {"name": "brief"}, "Invalid request parameters"),  # before the greeting
+        ("initialize", hello, '"serverInfo"'),
+        ("nonsense", {}, "Method not found"),
+        ("tools/call", {"name": 5}, "Invalid request parameters"),
+        ("tools/call", {"name": "check", "arguments": "text"}, "Invalid request parameters"),
+        *[
+            ("tools/call", {"name": "check", "arguments": {"machine": text}}, words)
+            for text, words in (
+                ("x" * 1_000_000, "an argument has 1000000 characters; send at most 200000"),
+                ("[" * 100_000, "The machine is not valid"),
+            )
+        ],
+    ]
+    lines = [
+        json.dumps({"jsonrpc": "2.0", "id": number, "method": method, "params": params}).encode()
+        for number, (method, params, _) in enumerate(requests)
+    ]
+    told, errors = await server.communicate(b"\n".join([*GARBAGE, *lines, b""]))
+    answers = {json.loads(line)["id"]: line.decode() for line in told.splitlines()}
+    for number, (_, _, words) in enumerate(requests):
+        assert words in answers[number]
+    assert server.returncode == 0
+    assert b"Traceback" not in told + errors
