@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 INSPECT = ".venv-inspect"
 NAME = read_machine(CAR).machine.digest[:8]
 """What the tools call the car."""
+CALLS = [["check", {"machine": CAR}], ["submit", {"machine": NAME}]]
+"""Tool calls that submit the car."""
 READ = """
 import json, sys
 from inspect_ai.log import read_eval_log
@@ -43,16 +45,21 @@ from inspect_ai.model import ModelOutput, ModelUsage, get_model
 replies, task_args = json.loads(sys.argv[2]), json.loads(sys.argv[3])
 offered = []
 
+def find(messages):
+    if isinstance(replies, dict):
+        return next(reply for part, reply in replies.items() if part in messages[-1].text)
+    made = sum(message.role == "assistant" for message in messages)
+    return replies[min(made, len(replies) - 1)]
+
 def answer(messages, tools, tool_choice, config):
     offered[:] = [tool.model_dump(exclude_none=True) for tool in tools]
-    for part, reply in replies.items():
-        if part in messages[-2].text + messages[-1].text:
-            if isinstance(reply, str):
-                output = ModelOutput.from_content("mockllm", reply)
-            else:
-                output = ModelOutput.for_tool_call("mockllm", *reply)
-            output.usage = ModelUsage()
-            return output
+    reply = find(messages)
+    if isinstance(reply, str):
+        output = ModelOutput.from_content("mockllm", reply)
+    else:
+        output = ModelOutput.for_tool_call("mockllm", *reply)
+    output.usage = ModelUsage()
+    return output
 
 model = get_model("mockllm/model", custom_outputs=answer)
 options = {"display": "none", "log_dir": "logs", "limit": task_args.pop("limit", None)}
@@ -70,9 +77,9 @@ def read_log(folder: Path) -> dict[str, Any]:
 
 
 def evaluate(
-    folder: Path, task: str, replies: Mapping[str, object], **task_args: object
+    folder: Path, task: str, replies: Mapping[str, str] | Sequence[object], **task_args: object
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Evaluate a model that answers messages by the text that they contain.
+    """Evaluate a model that answers by what the last message contains, or always in this order.
 
     Returns:
         The log, and the tools that the model was offered last.
@@ -152,9 +159,7 @@ def test_scores_are_those_of_the_simulation(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("tools", [False, True])
 def test_a_crash_is_left_out_of_the_metrics_and_counted(tmp_path: Path, tools: bool) -> None:
-    check, submit = ["check", {"machine": CAR}], ["submit", {"machine": NAME}]
-    with_tools = {f"Machine {NAME}: valid": submit, "1 of 1 submissions left": check}
-    log, _ = evaluate(tmp_path, "agentflow/faulty", with_tools if tools else {"": CAR}, tools=tools)
+    log, _ = evaluate(tmp_path, "agentflow/faulty", CALLS if tools else [CAR], tools=tools)
     fine, crashed = log["samples"]
     assert log["status"] == "success"
     assert fine["value"]["valid"] is True
@@ -168,14 +173,9 @@ def test_a_crash_is_left_out_of_the_metrics_and_counted(tmp_path: Path, tools: b
 
 @pytest.mark.mujoco
 def test_a_model_works_with_tools_in_a_run(tmp_path: Path) -> None:
-    replies = {
-        f"Machine {NAME} from the iso": ["submit", {"machine": NAME}],
-        f"Machine {NAME}: score": ["look", {"machine": NAME}],
-        f"Machine {NAME}: valid, 7 blocks": ["simulate", {"machine": NAME}],
-        "1 of 1 submissions left": ["check", {"machine": CAR}],
-    }
+    calls = [CALLS[0], ["simulate", {"machine": NAME}], ["look", {"machine": NAME}], CALLS[1]]
     options = {"tools": True, "vision": True, "limit": 1}
-    log, offered = evaluate(tmp_path, "agentflow/movement", replies, **options)
+    log, offered = evaluate(tmp_path, "agentflow/movement", calls, **options)
     assert [tool["name"] for tool in offered] == [tool.spec.name for tool in TOOLS]
     [sample] = log["samples"]
     same = reward("movement", CAR, engine="mujoco")
@@ -192,9 +192,8 @@ def test_a_model_works_with_tools_in_a_run(tmp_path: Path) -> None:
 
 
 def test_a_model_that_never_submits_ends_at_the_limit(tmp_path: Path) -> None:
-    replies = {"": ["check", {"machine": CAR}]}
     options = {"tools": True, "limit": 1, "message_limit": 8}
-    log, _ = evaluate(tmp_path, "agentflow/movement", replies, **options)
+    log, _ = evaluate(tmp_path, "agentflow/movement", CALLS[:1], **options)
     [sample] = log["samples"]
     assert (sample["value"], sample["error"]) == ({"score": 0.0, "valid": False}, None)
     assert state_of(tmp_path / sample["run"]) == "stopped"
