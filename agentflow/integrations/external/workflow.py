@@ -118,14 +118,13 @@ async def _run(run: WorkflowContext, bench: Bench, stage: StageName, folder: Pat
 
 
 def _assignment(run: WorkflowContext, bench: Bench, stage: StageName) -> Assignment:
-    settings = run.settings
-    return Assignment(
-        stage=stage,
-        task=bench.brief_text,
-        tools=bench.tools,
-        limit=settings.external.limit_s,
-        before={known.name: known.machine for known in bench.machines},
-    )
+    start = run.settings.start_machine
+    before = {
+        known.name: known.machine
+        for known in bench.machines
+        if known.submitted not in (None, stage) or known.machine == start
+    }
+    return Assignment(stage, bench.brief_text, bench.tools, run.settings.external.limit_s, before)
 
 
 async def _hand_in(bench: Bench, file: MachineFile) -> FileVerdict:
