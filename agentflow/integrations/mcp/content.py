@@ -61,13 +61,17 @@ def tool_result(result: ToolResult) -> types.CallToolResult:
     )
 
 
-def resources(bench: Bench, events: str) -> list[types.Resource]:
-    """What a client can read now."""
-    found = [types.Resource(name="brief", uri=BRIEF, description="The task.", mime_type=TEXT)]
+def resources(bench: Bench | None, events: str) -> list[types.Resource]:
+    """What a client can read now, at a bench or after the last one."""
+    found = []
+    if bench:
+        found.append(
+            types.Resource(name="brief", uri=BRIEF, description="The task.", mime_type=TEXT)
+        )
     if events:
         about = "What has happened in this run, one JSON object per line."
         found.append(types.Resource(name="events", uri=EVENTS, description=about, mime_type=LINES))
-    for known in bench.machines:
+    for known in bench.machines if bench else ():
         uri = f"{MACHINE}{known.name}"
         found.append(types.Resource(name=known.name, uri=uri, mime_type=JSON))
     return found

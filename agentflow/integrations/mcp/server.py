@@ -89,44 +89,46 @@ class _Answers:
         found: Session = connection.state[_SESSION]
         return found
 
-    async def _bench(self, ctx: Context) -> Bench:
-        """The bench of the current stage, for requests that are not tool calls."""
-        session = self._session(ctx)
+    async def _find_bench(self, ctx: Context) -> Bench | None:
+        """The bench of the current stage, if there is one, for requests besides tool calls."""
         try:
-            bench = await session.bench()
+            return await self._session(ctx).bench()
         except AgentflowError as error:
             raise MCPError(types.INTERNAL_ERROR, str(error)) from None
+
+    async def _bench(self, ctx: Context) -> Bench:
+        """The bench of the current stage, or an error that says how the last one ended."""
+        bench = await self._find_bench(ctx)
         if bench is None:
-            raise MCPError(types.INVALID_REQUEST, session.farewell)
+            raise MCPError(types.INVALID_REQUEST, self._session(ctx).farewell)
         return bench
 
     async def list_tools(
         self, ctx: Context, _params: types.PaginatedRequestParams | None
     ) -> types.ListToolsResult:
-        bench = await self._bench(ctx)
-        return types.ListToolsResult(tools=[content.tool(spec) for spec in bench.tools])
+        bench = await self._find_bench(ctx)
+        tools = [content.tool(spec) for spec in bench.tools] if bench else []
+        return types.ListToolsResult(tools=tools)
 
     async def call_tool(
         self, ctx: Context, params: types.CallToolRequestParams
     ) -> types.CallToolResult:
+        async def tell_of_tools() -> None:
+            changed = types.ToolListChangedNotification()
+            await ctx.session.send_notification(changed, ctx.request_id)
+
         session = self._session(ctx)
         async with _progress(ctx):
             try:
-                before = await session.bench()
-                result = await call(session, params.name, params.arguments or {})
-                after = await session.bench()
+                result = await call(session, params.name, params.arguments, tell_of_tools)
             except AgentflowError as error:
-                words = str(error)
-                return content.tool_result(ToolResult(words, {"refused": words}, refused=True))
-        if before and after and before.tools != after.tools:
-            changed = types.ToolListChangedNotification()
-            await ctx.session.send_notification(changed, ctx.request_id)
+                result = ToolResult(str(error), {"refused": str(error)}, refused=True)
         return content.tool_result(result)
 
     async def list_resources(
         self, ctx: Context, _params: types.PaginatedRequestParams | None
     ) -> types.ListResourcesResult:
-        bench = await self._bench(ctx)
+        bench = await self._find_bench(ctx)
         events = self._session(ctx).events
         return types.ListResourcesResult(resources=content.resources(bench, events))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -51,8 +51,17 @@ class OneBench:
         """The stage goes on: other clients may come."""
 
 
-async def call(session: Session, name: str, arguments: object) -> ToolResult:
-    """Call a tool at the session's bench; a call that ends the stage also tells what follows."""
+async def call(
+    session: Session, name: str, arguments: object, on_change: Callable[[], Awaitable[None]]
+) -> ToolResult:
+    """Call a tool at the session's bench; a call that ends the stage also tells what follows.
+
+    Args:
+        session: Where the call came.
+        name: Name of the tool.
+        arguments: As the client sent them.
+        on_change: Is called if the next stage has other tools.
+    """
     bench = await session.bench()
     if bench is None:
         return ToolResult(session.farewell, {"refused": session.farewell}, refused=True)
@@ -62,5 +71,7 @@ async def call(session: Session, name: str, arguments: object) -> ToolResult:
     following = await session.bench()
     if following is None:
         return replace(result, text=f"{result.text}\n\n{session.farewell}")
+    if following.tools != bench.tools:
+        await on_change()
     tools = ", ".join(tool.name for tool in following.tools)
     return replace(result, text=f"{result.text}\n\nThe next stage begins. Its tools: {tools}.")

@@ -74,6 +74,8 @@ async def test_a_car_in_five_calls_over_stdio(tmp_path: Path) -> None:
         late = await client.call_tool("simulate", {"machine": name})
         assert late.is_error
         assert text_of(late).startswith("The design is finished")
+        assert (await client.list_tools()).tools == []
+        assert [item.name for item in (await client.list_resources()).resources] == ["events"]
         (events,) = (await client.read_resource("run://events")).contents
         assert isinstance(events, types.TextResourceContents)
         assert events.text == (run / "events.jsonl").read_text(encoding="utf-8")
