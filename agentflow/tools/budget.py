@@ -15,20 +15,27 @@ class Allowance:
 
     noun: str
     """What is used, such as "simulation"."""
+    instead: str
+    """What still works once all are used."""
     left: int
     total: int
 
     @classmethod
-    def of(cls, noun: str, total: int) -> Allowance:
-        """An allowance of which nothing is used yet."""
-        return cls(noun, total, total)
+    def of_simulations(cls, total: int) -> Allowance:
+        """An allowance of simulations, of which nothing is used yet."""
+        return cls("simulation", "`submit` takes any machine that has been simulated", total, total)
+
+    @classmethod
+    def of_pictures(cls, total: int) -> Allowance:
+        """An allowance of pictures, of which nothing is used yet."""
+        return cls("picture", "`describe` and `query` tell positions", total, total)
 
     def take(self) -> None:
         """Use one, or refuse."""
         if self.left <= 0:
             raise Refused(
                 f"all {self.total} {self.noun}s are used; the other tools still work, and "
-                "`submit` takes your best machine"
+                f"{self.instead}"
             )
         self.left -= 1
 
@@ -60,3 +67,5 @@ class Budget:
     """Simulations, shared by the stages of a run; None in a stage without simulation."""
     looks: Allowance | None = None
     """Pictures, shared by the stages of a run; None without vision."""
+    stages_left: int = 0
+    """Stages that follow, which start from the machines of this one."""

@@ -70,9 +70,22 @@ class Desk:
     @property
     def brief_text(self) -> str:
         """The task, what is left of the budget, and the names of the machines so far."""
-        text = f"{self.world.brief_text.rstrip()}\n\n## Budget\n{self.budget_text}"
+        text = f"{self.world.brief_text.rstrip()}\n\n## Budget\n{self.budget_text}\n{self._rules}"
         names = ", ".join(known.name for known in self.machines)
         return f"{text}\nMachines so far: {names}" if names else text
+
+    @property
+    def _rules(self) -> str:
+        """What becomes of submitted machines."""
+        budget = self.budget
+        told = (
+            "Submitting a machine that has not been simulated uses a simulation."
+            if budget.rollouts
+            else "Machines that you submit are simulated once this stage is over."
+        )
+        more = f"{budget.stages_left} more stage{'s' * (budget.stages_left > 1)}"
+        follow = f" {more} will start from all machines so far." if budget.stages_left else ""
+        return f"{told} The best machine of all stages is the result.{follow}"
 
     @property
     def budget_text(self) -> str:

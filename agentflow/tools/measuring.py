@@ -66,7 +66,8 @@ async def look(
     Args:
         machine: Name of the machine.
         view: front (from z+), side (from x+), top, or iso.
-        time: Seconds since t = 0 of its simulation; leave it out to see it at rest, as built.
+        time: Seconds since t = 0 of its simulation, in stages that have simulations; leave it out
+            to see it at rest, as built.
     """
     desk = call.desk
     looks = desk.budget.looks

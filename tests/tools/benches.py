@@ -53,7 +53,7 @@ async def open_bench(
         run.begin_stage(stage)
         budget = Budget(
             submissions,
-            None if rollouts is None else Allowance.of("simulation", rollouts),
-            None if looks is None else Allowance.of("picture", looks),
+            None if rollouts is None else Allowance.of_simulations(rollouts),
+            None if looks is None else Allowance.of_pictures(looks),
         )
         yield Bench(RunWorld(run), stage, budget, KnownMachines()), record

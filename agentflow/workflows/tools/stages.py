@@ -35,8 +35,8 @@ async def work_in_stages(
     submitted, the best machine that was simulated in the stage counts.
     """
     settings, machines = run.settings, KnownMachines()
-    rollouts = Allowance.of("simulation", count_rollouts(settings))
-    looks = Allowance.of("picture", settings.looks) if settings.vision else None
+    rollouts = Allowance.of_simulations(count_rollouts(settings))
+    looks = Allowance.of_pictures(settings.looks) if settings.vision else None
     if settings.start_machine:
         run.begin_stage(INITIAL)
         run.end_stage(INITIAL, await simulate(run, INITIAL, await design_machines(run)))
@@ -47,7 +47,8 @@ async def work_in_stages(
         if stage != FEEDBACK:
             share = max(1, rollouts.left // (len(stages) - number))
             submissions = min(submissions, share)
-        budget = Budget(submissions, rollouts if stage == FEEDBACK else None, looks)
+        left = len(stages) - number - 1
+        budget = Budget(submissions, rollouts if stage == FEEDBACK else None, looks, left)
         bench = Bench(RunWorld(run), stage, budget, machines)
         run.begin_stage(stage)
         await worker(bench, stage)

@@ -72,8 +72,17 @@ def family(tmp_path: Path) -> Iterator[list[Path]]:
 
 
 def lives(file: Path) -> bool:
-    """Whether the process whose id is in a file still runs."""
-    pid = file.read_text()
+    """Whether the process whose id is in a file goes on; one that was killed needs a moment."""
+    deadline = time.monotonic() + 5.0
+    while runs(file.read_text()):
+        if time.monotonic() > deadline:
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def runs(pid: str) -> bool:
+    """Whether a process has not ended yet."""
     try:
         status = Path(f"/proc/{pid}/stat").read_text()
     except (FileNotFoundError, ProcessLookupError):
