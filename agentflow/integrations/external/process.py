@@ -17,7 +17,7 @@ from agentflow.errors import AgentflowError
 from agentflow.integrations.external.output import BoundedOutput
 
 GRACE = 5.0
-"""Seconds that a program gets to end by itself once it has been asked to."""
+"""Seconds to end by itself: enough to write a file, short enough to wait for."""
 REST = 1.0
 """Seconds to wait for the rest of an output once everything known has been killed."""
 KILL_ROUNDS = 20
@@ -35,6 +35,8 @@ class Command:
     """Name of one of them, whose value no other program has: it marks all its children."""
     limit: float
     """Seconds after which it is stopped."""
+    grace: float = GRACE
+    """Seconds that it gets to end by itself once it has been asked to."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ async def run_program(
         try:
             timed_out = not await _is_done(program.exited, command.limit)
         finally:
-            await _stop(transport.get_pid(), mark, program.exited)
+            await _stop(transport.get_pid(), mark, program.exited, command.grace)
             await _is_done(program.closed, REST)  # a child that escaped may keep the pipe open
             transport.close()
             output.close()
@@ -140,14 +142,14 @@ async def _is_done(future: asyncio.Future[None], seconds: float) -> bool:
     return future.done()
 
 
-async def _stop(leader: int, mark: str, exited: asyncio.Future[None]) -> None:
+async def _stop(leader: int, mark: str, exited: asyncio.Future[None], grace: float) -> None:
     """Ask a program and its children to end, and kill those that do not, or at once if cancelled.
 
     Its children are its session and, on Linux, all processes that carry its mark: those that
     have left the session keep their environment.
     """
     clock = asyncio.get_running_loop().time
-    deadline = clock() + GRACE
+    deadline = clock() + grace
     try:
         _signal_all(leader, mark, signal.SIGTERM)
         while clock() < deadline and not (exited.done() and not any(_marked(mark))):
@@ -157,7 +159,7 @@ async def _stop(leader: int, mark: str, exited: asyncio.Future[None]) -> None:
             _signal_all(leader, mark, KILL)
             if not any(_marked(mark)):
                 break
-    await _is_done(exited, GRACE)
+    await _is_done(exited, grace)
 
 
 if sys.platform == "win32":
