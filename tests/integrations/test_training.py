@@ -1,6 +1,6 @@
 """TRL and verl, as installed: they train on what simulations score.
 
-Optional, also in CI: `scripts/servers training` makes its environment.
+Optional: `scripts/servers training` makes its environment, which CI does where PyTorch is small.
 """
 
 from __future__ import annotations
