@@ -57,6 +57,7 @@ class ToolNodes:
         return True
 
     def _find(self, name: str) -> str | None:
-        """The node of a machine by the beginning of its content hash."""
-        found = (node for machine, node in self._made.items() if machine.startswith(name))
-        return next(found, None)
+        """The node of a machine by its name as an agent wrote it, or by its whole content hash."""
+        wanted = name.strip().lower()
+        made = self._made.items() if wanted else ()
+        return next((node for machine, node in made if machine.startswith(wanted)), None)

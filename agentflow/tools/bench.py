@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
@@ -12,7 +13,7 @@ from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEve
 from agentflow.runs.places import Place, StageName
 from agentflow.tools import designing, measuring
 from agentflow.tools.budget import Budget
-from agentflow.tools.desk import Call, Desk
+from agentflow.tools.desk import ENDED, Call, Desk
 from agentflow.tools.machines import KnownMachines
 from agentflow.tools.results import Refused, ToolResult, ToolSpec
 from agentflow.tools.schema import Tool, ToolFunction
@@ -53,6 +54,8 @@ class Bench:
         self._desk = Desk(world, stage, budget, machines)
         self._tools = {tool.spec.name: tool for tool in TOOLS if self._offers(tool)}
         self._calls = 0
+        self._unfinished: set[asyncio.Event] = set()
+        """One for each call in progress, set when it finishes."""
         self.reason = ""
         """Why the stage ended before its last submission; "" if it did not."""
 
@@ -101,8 +104,16 @@ class Bench:
         self.reason = self.reason or reason
         self._desk.ended.set()
 
+    async def close(self) -> None:
+        """End the stage, and wait until the calls in progress have been refused."""
+        self.end()
+        for finished in tuple(self._unfinished):
+            await finished.wait()
+
     async def call(self, name: str, arguments: object) -> ToolResult:
         """Call a tool. Cancelling this call cancels what it waits for, at no charge.
+
+        A call that is still in progress when the stage ends is cancelled, and refused.
 
         Args:
             name: Name of the tool.
@@ -110,19 +121,41 @@ class Bench:
                 agent, so anything is allowed, and what does not fit is refused.
         """
         self._calls += 1
-        call = Call(self._desk, Place(self._desk.stage, call=self._calls))
+        finished = asyncio.Event()
+        self._unfinished.add(finished)
+        try:
+            return await self._answer(name, arguments, Place(self._desk.stage, call=self._calls))
+        finally:
+            self._unfinished.remove(finished)
+            finished.set()
+
+    async def _answer(self, name: str, arguments: object, place: Place) -> ToolResult:
+        """Carry out a call or refuse it, and record it."""
         given: Mapping[str, Any] = {}
         code = ""
         try:
             if self.ended:
-                raise Refused("this stage has ended; nothing more can be done in it")
+                raise Refused(ENDED)
             given = _read_arguments(arguments)
-            result = await self._find(name)(call, given)
+            result = await self._before_end(self._find(name)(Call(self._desk, place), given))
         except Refused as refused:
             code = refused.code
             result = ToolResult(str(refused), {"refused": str(refused), **refused.data}, None, True)
-        self._note(call.place, name, given, result, code)
+        self._note(place, name, given, result, code)
         return result
+
+    async def _before_end(self, work: Awaitable[ToolResult]) -> ToolResult:
+        """The result of a call, or refuse it once the stage has ended without it."""
+        job, end = asyncio.ensure_future(work), asyncio.ensure_future(self.wait_ended())
+        try:
+            await asyncio.wait({job, end}, return_when=asyncio.FIRST_COMPLETED)
+            if job.done():
+                return job.result()
+            raise Refused(ENDED)
+        finally:
+            for task in (job, end):
+                task.cancel()
+            await asyncio.gather(job, end, return_exceptions=True)
 
     async def repeat(self, event: RunEvent, load: Callable[[str], Machine]) -> None:
         """Do again what an earlier process recorded of a call of this stage.
@@ -146,14 +179,14 @@ class Bench:
 
     def _take_over(self, event: ToolEvent, machine: Machine) -> None:
         """What a successful call has left on the desk."""
-        given = event.arguments
+        desk, given = self._desk, self._tools[event.tool].read(event.arguments)
         edited = event.tool == designing.edit.__name__
-        origin = (given["machine"], given["script"]) if edited else ()
-        known = self._desk.name(machine, *origin)
+        origin = (desk.machines.find(given["machine"]).name, given["script"]) if edited else ()
+        known = desk.name(machine, *origin)
         if event.tool == measuring.submit.__name__:
-            self._desk.submit(known, given.get("last") is True)
-        elif event.tool == measuring.look.__name__ and self._desk.budget.looks:
-            self._desk.budget.looks.take()
+            desk.submit(known, given["last"])
+        elif event.tool == measuring.look.__name__ and desk.budget.looks:
+            desk.budget.looks.take()
 
     def _find(self, name: str) -> Tool:
         if name in self._tools:

@@ -13,6 +13,8 @@ from agentflow.tools.machines import KnownMachine, KnownMachines
 from agentflow.tools.results import Refused
 from agentflow.tools.world import Simulation, World
 
+ENDED = "this stage has ended; nothing more can be done in it"
+
 
 @dataclass(frozen=True)
 class Call:
@@ -60,8 +62,16 @@ class Desk:
             if not self._waiting[machine] and self.result_of(machine) is None:
                 rollouts.give_back()
 
+    def require_submittable(self, known: KnownMachine) -> None:
+        """Refuse a machine that has been submitted, and any once the stage has ended."""
+        if self.ended.is_set():
+            raise Refused(ENDED)
+        if known.machine in self.submitted:
+            raise Refused(f"machine {known.name} is already submitted; submit another one")
+
     def submit(self, known: KnownMachine, last: bool) -> None:
-        """Add a submission; the last one ends the stage."""
+        """Add a submission, unless another call was faster; the last one ends the stage."""
+        self.require_submittable(known)
         self.submitted.append(known.machine)
         known.submitted = known.submitted or self.stage
         if last or len(self.submitted) >= self.budget.submissions:

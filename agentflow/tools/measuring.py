@@ -18,9 +18,12 @@ from agentflow.tools.world import Simulation, View
 class Query(BaseModel):
     """What to show of a block or a moving thing of the scene."""
 
-    id: int | str
+    id: int | Annotated[str, Field(max_length=80)]
     duration: Annotated[list[float], Field(min_length=2, max_length=2)]
-    properties: list[Literal["position", "rotation", "velocity", "length"]]
+    properties: Annotated[
+        list[Literal["position", "rotation", "velocity", "length"]],
+        Field(min_length=1, max_length=4),
+    ]
 
 
 async def simulate(call: Call, machine: str) -> ToolResult:
@@ -94,8 +97,7 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     """
     desk = call.desk
     known = desk.machines.find(machine)
-    if known.machine in desk.submitted:
-        raise Refused(f"machine {known.name} is already submitted; submit another one")
+    desk.require_submittable(known)
     complete_report(known.machine, desk.world.brief)
     told = ""
     if desk.budget.rollouts is not None:

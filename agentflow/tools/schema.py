@@ -59,12 +59,15 @@ class Tool:
 
     async def __call__(self, call: Call, arguments: Mapping[str, Any]) -> ToolResult:
         """Call it with arguments from an agent; refuse those that do not fit the schema."""
+        return await self._function(call, **self.read(arguments))
+
+    def read(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """Typed arguments, with their defaults; refuse those that do not fit the schema."""
         try:
             given = self._arguments.model_validate(arguments)
         except ValidationError as error:
             raise Refused(self._misfit(error)) from None
-        values = {name: getattr(given, name) for name in type(given).model_fields}
-        return await self._function(call, **values)
+        return {name: getattr(given, name) for name in type(given).model_fields}
 
     def _misfit(self, error: ValidationError) -> str:
         """What is wrong with arguments, and what the tool takes."""

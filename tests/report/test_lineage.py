@@ -161,7 +161,7 @@ def test_machines_that_tools_made() -> None:
         call(1, "check", first, machine="[...]"),
         call(2, "simulate", first, machine=first[:8]),
         tried("env_feedback/traj-1/call-2", first, 1.0),
-        call(3, "edit", second, machine=first[:8], script="Remove 3"),
+        call(3, "edit", second, machine=f" {first[:8].upper()} ", script="Remove 3"),
         call(4, "edit", None, machine=second[:8], script="Remove 99"),
         tried("env_feedback/traj-1/call-5", second, 2.0),
         tried("env_feedback/traj-1", second, 2.0),

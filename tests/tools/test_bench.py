@@ -9,6 +9,7 @@ from io import BytesIO
 import pytest
 from PIL import Image
 
+from agentflow.tools.desk import ENDED
 from tests.tools.benches import CAR, open_bench
 
 
@@ -86,6 +87,15 @@ async def test_a_whole_session() -> None:
         ),
         ("check", {"machine": "x" * 1_000_000}, "an argument has 1000000 characters"),
         ("check", {"machine": "no machine"}, "The machine is not valid:\n- no JSON list found"),
+        (
+            "query",
+            {
+                "machine": "x",
+                "queries": [{"id": "x" * 81, "duration": [0, 1], "properties": ["position"] * 5}],
+            },
+            "String should have at most 80 characters; queries.0.properties: List should have at "
+            "most 4 items",
+        ),
         ("fly", {}, "the tool 'fly' does not exist; the tools are brief, check"),
         ("brief", {"a": "\ud800"}, "brief takes no arguments; a: Extra inputs"),
     ],
@@ -176,3 +186,33 @@ async def test_blind_stages_offer_no_simulation() -> None:
         assert offered == {"brief", "check", "describe", "edit", "history", "submit"}
         refused = await bench.call("simulate", {"machine": "x"})
     assert refused.text.startswith("the tool 'simulate' is not on offer in this stage")
+
+
+async def test_concurrent_submissions_stay_within_the_budget() -> None:
+    async with open_bench(submissions=1) as (bench, record):
+        name = (await bench.call("check", {"machine": CAR})).data["machine"]
+        made = await bench.call("edit", {"machine": name, "script": "Add 15 to 0 in 4"})
+        names = [name, name, made.data["machine"]]
+        calls = [asyncio.ensure_future(bench.call("submit", {"machine": n})) for n in names]
+        await asyncio.wait(calls, return_when="FIRST_COMPLETED")
+        await bench.close()
+        noted = [record.events["tool", f"env_feedback/call-{n}"]["refused"] for n in (3, 4, 5)]
+        results = await asyncio.gather(*calls)
+    assert sorted(result.refused for result in results) == [False, True, True]
+    assert noted == [result.refused for result in results]
+    assert {result.text for result in results if result.refused} == {ENDED}
+    assert len(bench.submitted) == 1
+    assert "0 of 1 submissions left" in bench.budget_text
+
+
+async def test_the_end_of_a_stage_cancels_calls_in_progress_at_no_charge() -> None:
+    async with open_bench(rollouts=1) as (bench, record):
+        name = (await bench.call("check", {"machine": CAR})).data["machine"]
+        call = asyncio.ensure_future(bench.call("simulate", {"machine": name}))
+        await asyncio.sleep(0)
+        bench.end("the client left")
+        await bench.close()
+        assert record.events["tool", "env_feedback/call-2"]["answer"] == ENDED
+        assert not [kind for kind, _ in record.events if kind == "evaluation"]
+    assert (await call).refused
+    assert "1 of 1 simulations left" in bench.budget_text

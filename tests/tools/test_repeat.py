@@ -45,6 +45,23 @@ async def test_a_repeated_stage_is_the_same() -> None:
     assert again.events == recorded.events
 
 
+async def test_arguments_that_models_write_differently_are_repeated_as_they_were_read() -> None:
+    async with open_bench(stage="initial", rollouts=None) as (first, recorded):
+        await first.call("check", {"machine": CAR})
+        (known,) = first.machines
+        named = f" {known.machine.digest.upper()} "
+        made = await first.call("edit", {"machine": named, "script": "Add 15 to 0 in 4"})
+        await first.call("submit", {"machine": made.data["machine"], "last": "true"})
+        assert first.ended
+        machines = {known.machine.digest: known.machine for known in first.machines}
+        parents = [known.parent for known in first.machines]
+    events = [typed_event(Event(*key, data)) for key, data in recorded.events.items()]
+    async with open_bench(stage="initial", rollouts=None) as (second, _):
+        await repeat(second, events, machines)
+        assert second.ended
+        assert [known.parent for known in second.machines] == parents == ["", "6c45a9a7"]
+
+
 async def repeat(
     bench: Bench, events: list[RunEvent | Event], machines: dict[str, Machine]
 ) -> None:

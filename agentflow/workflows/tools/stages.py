@@ -52,7 +52,7 @@ async def work_in_stages(
         bench = Bench(RunWorld(run), stage, budget, machines)
         run.begin_stage(stage)
         await worker(bench, stage)
-        bench.end()
+        await bench.close()
         closed = run.end_stage(stage, await simulate(run, stage, _candidates(run, bench)))
         rollouts.left = rollouts.total - run.rollouts
         run.reached_greatest = any(candidate.perfect for candidate in closed.candidates)
