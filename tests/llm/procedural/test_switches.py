@@ -21,7 +21,12 @@ from tests.workflows.world import Notes, Shelf
 FAMILIES = [name for name in task_names() if "/" not in name]
 DESIGNED = [name for name in FAMILIES if brief_of(name).given == LONE_ROOT]
 GIVEN = [name for name in FAMILIES if name not in DESIGNED]
-TINY = {"trajectories": 2, "search": {"rounds": 1, "width": 2, "waves": 2}}
+TINY = {
+    "trajectories": 2,
+    "search": {"rounds": 1, "width": 2, "waves": 2},
+    "candidates_per_stage": 2,
+    "rollouts": 6,
+}
 SWITCHES: dict[str, tuple[object, ...]] = {
     "representation": ("tree", "coordinates"),
     "refinement": ("steps", "whole_machine"),
@@ -79,7 +84,8 @@ async def test_every_combination_of_switches(task: str) -> None:
 @pytest.mark.parametrize("task", FAMILIES)
 async def test_every_workflow_that_fits(task: str) -> None:
     fitting = {name for name in WORKFLOWS if WORKFLOWS[name].asks_models and fits(name, task)}
-    assert fitting == ({"placement"} if task in GIVEN else {"single", "iterative", "hierarchical"})
+    designing = {"single", "iterative", "hierarchical", "tools"}
+    assert fitting == ({"placement"} if task in GIVEN else designing)
     for name in fitting:
         for representation in ("tree", "coordinates") if task in DESIGNED else ("tree",):
             await run(task, name, {"representation": representation})
