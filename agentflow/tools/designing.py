@@ -34,13 +34,13 @@ JsonText = Annotated[
 
 
 async def brief(call: Call) -> ToolResult:
-    """The task as designers are told it: scene, schedule, score, blocks, rules; and your budget."""
+    """Read the task (scene, schedule, score, blocks, rules) and what is left of your budget."""
     world = call.desk.world
     return ToolResult(call.desk.brief_text, {"text": world.brief_text, **call.desk.budget_data})
 
 
 async def check(call: Call, machine: JsonText) -> ToolResult:
-    """Check a whole machine and get its name, which the other tools take, or all its problems.
+    """Check a whole machine: returns its name, which the other tools take, or all its problems.
 
     Args:
         machine: JSON text of a construction tree, such as [{"type": 0, "id": 0, "parent": -1,
@@ -104,7 +104,7 @@ async def edit(call: Call, machine: str, script: str) -> ToolResult:
 
 
 async def history(call: Call) -> ToolResult:
-    """List all machines so far: parent, edit, score, and whether they were submitted."""
+    """List all machines so far: parent, edit, score, and the stage in which each was submitted."""
     rows = [_history_row(call.desk, known) for known in call.desk.machines]
     if not rows:
         return ToolResult("No machines so far; `check` makes the first.", {"machines": []})

@@ -27,7 +27,7 @@ class Query(BaseModel):
 
 
 async def simulate(call: Call, machine: str) -> ToolResult:
-    """Simulate a machine: its score, its status, and what happened; a known one costs nothing.
+    """Simulate a machine: returns score, status and feedback; doing it again costs nothing.
 
     Args:
         machine: Name of the machine.
@@ -36,7 +36,7 @@ async def simulate(call: Call, machine: str) -> ToolResult:
     known = desk.machines.find(machine)
     before = desk.result_of(known.machine)
     result = await _simulate(call, known.machine)
-    told = "It was known already, which cost nothing." if before else ""
+    told = "It had been simulated before, so this cost nothing." if before else ""
     greatest = desk.world.brief.greatest
     if greatest is not None and result.score is not None and result.score >= greatest:
         told = f"No machine can score higher; `submit` it. {told}"
@@ -69,8 +69,8 @@ async def look(
     Args:
         machine: Name of the machine.
         view: front (from z+), side (from x+), top, or iso.
-        time: Seconds since t = 0 of its simulation, in stages that have simulations; leave it out
-            to see it at rest, as built.
+        time: A time of its simulation, in seconds since t = 0, in stages with simulations; leave
+            it out to see the machine at rest, as built.
     """
     desk = call.desk
     looks = desk.budget.looks
@@ -99,12 +99,12 @@ async def submit(call: Call, machine: str, last: bool = False) -> ToolResult:
     known = desk.machines.find(machine)
     desk.require_submittable(known)
     complete_report(known.machine, desk.world.brief)
-    told = ""
+    told = "."
     if desk.budget.rollouts is not None:
-        told = _told(await _simulate(call, known.machine), short=True)
+        told = f": {_told(await _simulate(call, known.machine), short=True)}"
     desk.submit(known, last)
     number = f"submission {len(desk.submitted)} of {desk.budget.submissions}"
-    text = f"Machine {known.name} is {number}. {told}"
+    text = f"Machine {known.name} is {number}{told}"
     text += "\nThis stage has ended." if desk.ended.is_set() else ""
     return _counted(desk, text, {"machine": known.name, "ended": desk.ended.is_set()})
 

@@ -51,8 +51,9 @@ class Workflow:
     """Turns the configured settings into those that it uses."""
     author: Callable[[WorkflowSettings], str] = lambda _: ""
     """Who designs in place of models, as results name it; "" if models do."""
-    recorded: bool = True
-    """Whether its author can be asked again; else run.yaml names it, and its work is repeated."""
+    repeatable: bool = True
+    """Whether its author can be asked again; otherwise run.yaml names the author, and a replay or a
+    resumed run takes the author's work from the record."""
     require: Callable[[WorkflowSettings], None] = refuse_program
     """Raises ConfigError unless a run with these settings can begin here and now."""
     has_rollout_limit: bool = False

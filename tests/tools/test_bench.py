@@ -37,7 +37,7 @@ async def test_a_whole_session() -> None:
             f"Machine {name}: score {simulated.data['score']:.2f} (ok)."
         )
         again = await bench.call("simulate", {"machine": name})
-        assert "known already, which cost nothing" in again.text
+        assert "had been simulated before, so this cost nothing" in again.text
         assert again.data["rollouts_left"] == 2
 
         asked = [{"id": 0, "duration": [0, 1], "properties": ["position"]}]

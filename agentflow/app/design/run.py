@@ -14,11 +14,7 @@ from agentflow.app.design.models import Models, known_prices, open_models, use_c
 from agentflow.app.design.notices import REMARK, Remarks, watch_calls
 from agentflow.app.design.plan import AUTHOR, RunPlan, level_note, repetition
 from agentflow.app.design.rationales import with_rationales
-from agentflow.app.design.results import (
-    read_finished,
-    result_json,
-    save_rollouts,
-)
+from agentflow.app.design.results import read_finished, result_json, save_rollouts
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import Simulator
@@ -133,7 +129,7 @@ class DesignRun:
         client = options.client
         document = plan.run_document | ({} if client is None else {ANSWER: client.name})
         workflow = options.workflow or WORKFLOWS[config.workflow]
-        if not workflow.recorded:
+        if not workflow.repeatable:
             document[AUTHOR] = workflow.author(config.settings)
         directory = RunDirectory.create(out, name or plan.run_name, document)
         if plan.model_note and options.client is None and workflow.asks_models:

@@ -59,7 +59,7 @@ def workflow_of(worker: Worker, author: str, stages: Sequence[StageName] = STAGE
         TOOLS,
         stages=lambda run: work_in_stages(run, worker, stages),
         author=lambda _: author,
-        recorded=False,
+        repeatable=False,
     )
 
 
@@ -72,4 +72,4 @@ def repetition_of(author: str, stages: Sequence[StageName]) -> Workflow:
 
         return await work_in_stages(run, work, stages)
 
-    return replace(TOOLS, stages=repeat_stages, author=lambda _: author, recorded=False)
+    return replace(TOOLS, stages=repeat_stages, author=lambda _: author, repeatable=False)

@@ -34,12 +34,14 @@ class RunWorld:
     def simulated(self, machine: Machine) -> SimulationSummary | None:
         """The result of a finished simulation; None without one."""
         evaluation = self._run.evaluation_of(machine)
-        return None if evaluation is None else _summary(evaluation.details)
+        summary: SimulationSummary | None = evaluation.details if evaluation else None
+        return summary
 
     async def simulate(self, machine: Machine, place: Place) -> SimulationSummary:
         """Simulate a machine; the only trajectory of an agent has the number 1."""
         evaluation = await self._run.evaluate(machine, replace(place, trajectory=1))
-        return _summary(evaluation.details)
+        summary: SimulationSummary = evaluation.details
+        return summary
 
     async def query(self, machine: Machine, queries: Sequence[object], place: Place) -> str:
         """Recorded states of a simulated machine, as tables."""
@@ -56,7 +58,3 @@ class RunWorld:
     def note(self, event: RunEvent) -> None:
         """Record an event."""
         self._run.note(event)
-
-
-def _summary(details: SimulationSummary) -> SimulationSummary:
-    return details

@@ -34,7 +34,7 @@ async def drive(bench: Bench, stage: StageName) -> None:
 
 def by(name: str) -> RunOptions:
     stages = partial(work_in_stages, worker=drive, stages=(FEEDBACK,))
-    flow = replace(TOOLS, stages=stages, author=lambda _: name, recorded=False)
+    flow = replace(TOOLS, stages=stages, author=lambda _: name, repeatable=False)
     return RunOptions(workflow=flow)
 
 
