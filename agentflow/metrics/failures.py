@@ -25,6 +25,8 @@ AGENT = "agent"
 """Role that works with tools."""
 MAKING = frozenset({"check", "edit"})
 """Tools that make machines."""
+TOO_LATE = "stage_ended"
+"""Code of calls that came after the end of their stage, which say nothing about what they sent."""
 
 
 @dataclass
@@ -76,7 +78,7 @@ def failures(
             found.kinds[RATIONALE.name] += event.label in unfollowed
             if event.role != AGENT or not event.valid:  # what an agent sends, its calls show
                 found.add(None if event.valid else kind_of(event), event.code)
-        elif isinstance(event, ToolEvent) and event.tool in MAKING:
+        elif isinstance(event, ToolEvent) and event.tool in MAKING and event.code != TOO_LATE:
             found.add(kind_of_call(event) if event.refused else None, event.code)
         elif isinstance(event, EvaluationEvent) and event.machine not in seen:
             seen.add(event.machine)

@@ -13,9 +13,9 @@ from agentflow.runs.events import EvaluationEvent, QueryEvent, RunEvent, ToolEve
 from agentflow.runs.places import Place, StageName
 from agentflow.tools import designing, measuring
 from agentflow.tools.budget import Budget
-from agentflow.tools.desk import ENDED, Call, Desk
+from agentflow.tools.desk import Call, Desk
 from agentflow.tools.machines import KnownMachines
-from agentflow.tools.results import Refused, ToolResult, ToolSpec
+from agentflow.tools.results import Refused, StageEnded, ToolResult, ToolSpec
 from agentflow.tools.schema import Tool, ToolFunction
 from agentflow.tools.world import World
 
@@ -135,7 +135,7 @@ class Bench:
         code = ""
         try:
             if self.ended:
-                raise Refused(ENDED)
+                raise StageEnded
             given = _read_arguments(arguments)
             result = await self._before_end(self._find(name)(Call(self._desk, place), given))
         except Refused as refused:
@@ -151,7 +151,7 @@ class Bench:
             await asyncio.wait({job, end}, return_when=asyncio.FIRST_COMPLETED)
             if job.done():
                 return job.result()
-            raise Refused(ENDED)
+            raise StageEnded
         finally:
             for task in (job, end):
                 task.cancel()

@@ -10,10 +10,8 @@ from agentflow.machine.tree import Machine
 from agentflow.runs.places import Place, StageName
 from agentflow.tools.budget import Budget
 from agentflow.tools.machines import KnownMachine, KnownMachines
-from agentflow.tools.results import Refused
+from agentflow.tools.results import Refused, StageEnded
 from agentflow.tools.world import Simulation, World
-
-ENDED = "this stage has ended; nothing more can be done in it"
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ class Desk:
     def require_submittable(self, known: KnownMachine) -> None:
         """Refuse a machine that has been submitted, and any once the stage has ended."""
         if self.ended.is_set():
-            raise Refused(ENDED)
+            raise StageEnded
         if known.machine in self.submitted:
             raise Refused(f"machine {known.name} is already submitted; submit another one")
 

@@ -38,3 +38,11 @@ class Refused(Exception):
         """`code` is the kind of the first problem of a machine or an edit, for counting."""
         super().__init__(text)
         self.code, self.data = code, data
+
+
+class StageEnded(Refused):
+    """A call that came, or was still in progress, when its stage had ended."""
+
+    def __init__(self) -> None:
+        """The same words for every tool."""
+        super().__init__("this stage has ended; nothing more can be done in it", "stage_ended")

@@ -12,6 +12,7 @@ from agentflow.metrics.failures import Failures, failures, kind_of
 from agentflow.runs import Event
 from agentflow.runs.events import AttemptEvent, EvaluationEvent, StageBeginEvent, ToolEvent
 from agentflow.runs.places import Place
+from agentflow.tools.results import StageEnded
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import evaluation as evaluated
 
@@ -72,6 +73,7 @@ def test_what_an_agent_sends_counts_by_its_calls_of_tools() -> None:
             call(3, "check"),
             call(4, "edit", "block_not_found"),
             call(5, "submit", "required_count"),
+            call(6, "check", StageEnded().code),
             attempt("no_tool_call", "agent", parsed=False),
         ],
         lambda _: False,

@@ -9,8 +9,10 @@ from io import BytesIO
 import pytest
 from PIL import Image
 
-from agentflow.tools.desk import ENDED
+from agentflow.tools.results import StageEnded
 from tests.tools.benches import CAR, open_bench
+
+ENDED = str(StageEnded())
 
 
 async def test_a_whole_session() -> None:
