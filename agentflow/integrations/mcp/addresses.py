@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
 import socket
 import stat
@@ -25,15 +26,17 @@ class HttpAddress:
 
     @classmethod
     def parse(cls, text: str) -> HttpAddress:
-        """Read `127.0.0.1:8000` or `[::1]:8000`.
+        """Read `127.0.0.1:8000` or `[::1]:8000`, in lower case, as clients send it.
 
         Raises:
             UsageError: It is not a host and a port.
         """
-        host, colon, port = text.rpartition(":")
-        if not colon or not host or not port.isdecimal() or int(port) > 65535:
-            raise UsageError(f"--http takes HOST:PORT, as in 127.0.0.1:8000, not {text!r}")
-        return cls(host, int(port))
+        found = re.fullmatch(
+            r"([\w.-]+|\[[\da-f:.]*:[\da-f:.]*\]):(\d{1,5})", text.lower(), re.ASCII
+        )
+        if not found or int(found[2]) > 65535:
+            raise UsageError(f"--http takes HOST:PORT, as in 127.0.0.1:8000, not {text[:80]!r}")
+        return cls(found[1], int(found[2]))
 
     @property
     def names(self) -> list[str]:
