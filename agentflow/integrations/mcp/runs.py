@@ -15,7 +15,7 @@ from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.app.inspect.verify import verify_finished
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import Simulator
-from agentflow.errors import EndpointError
+from agentflow.errors import AgentflowError, EndpointError
 from agentflow.runs import Notify
 from agentflow.runs.places import StageName
 from agentflow.runs.reading import EVENTS
@@ -36,9 +36,11 @@ class RunSession:
     leaves. A client that made no machine leaves no run behind.
     """
 
-    def __init__(self, begin: Begin, verify: Callable[[Path], Awaitable[None]]) -> None:
+    def __init__(
+        self, begin: Begin, verify: Callable[[Path], Awaitable[None]], notify: Notify
+    ) -> None:
         """Prepare a session; `verify` verifies the finished run in a folder."""
-        self._begin, self._verify = begin, verify
+        self._begin, self._verify, self._notify = begin, verify, notify
         self._run: DesignRun | None = None
         self._working: asyncio.Task[None] | None = None
         self._bench: Bench | None = None
@@ -55,6 +57,7 @@ class RunSession:
         if self._working is None:
             self._run = self._begin(self._work)
             self._working = asyncio.create_task(self._carry_out(self._run))
+            self._working.add_done_callback(self._tell_failure)
         while not self._working.done():
             if self._bench is not None and not self._bench.ended:
                 return self._bench
@@ -71,6 +74,15 @@ class RunSession:
         finally:
             self._bench = None  # with every rollout of the run
         await self._verify(run.directory.path)
+
+    def _tell_failure(self, working: asyncio.Task[None]) -> None:
+        """Say why the run stopped, also if the client has left and cannot be told."""
+        if working.cancelled():
+            return
+        try:
+            working.result()
+        except AgentflowError as error:
+            self._notify(str(error))
 
     async def _work(self, bench: Bench, _stage: StageName) -> None:
         """Let the client work until the stage ends or the client leaves."""
@@ -144,7 +156,8 @@ class ClientRuns:
 
     def open(self, client: str) -> RunSession:
         """The session of a new client, by name and version."""
-        session = RunSession(partial(self._begin, f"MCP client {client}"), self._verify)
+        begin = partial(self._begin, f"MCP client {client}")
+        session = RunSession(begin, self._verify, self._notify)
         self._sessions = [*(one for one in self._sessions if not one.is_over), session]
         return session
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import shutil
 import signal
 import sys
 from asyncio.subprocess import PIPE, STDOUT
@@ -112,6 +113,16 @@ async def test_a_client_that_made_nothing_leaves_nothing(tmp_path: Path) -> None
         await client.call_tool("brief", {})
         assert only_run(tmp_path).is_dir()
     assert not (tmp_path / "runs").exists()
+
+
+async def test_a_run_that_cannot_be_written_leaves_no_traceback_in_the_log(tmp_path: Path) -> None:
+    async with http_server(tmp_path) as (served, server):
+        async with http_client(served.url, served.token) as client:
+            await client.call_tool("check", {"machine": CAR})
+            run = only_run(tmp_path)
+            shutil.rmtree(run)
+        server.send_signal(signal.SIGINT)
+        await server.wait()
 
 
 async def test_three_stages_change_the_tools(tmp_path: Path) -> None:
