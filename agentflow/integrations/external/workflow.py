@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
+from itertools import dropwhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -152,9 +153,13 @@ def require_program(settings: WorkflowSettings) -> None:
 
 
 def _author(settings: WorkflowSettings) -> str:
-    """The program with its subcommand or script, if it has one: "program codex exec"."""
+    """The program with its subcommand or script, if it has one: "program codex exec".
+
+    Variables that a shell line sets before the program, such as keys, are left out.
+    """
     command = settings.external.command
-    words = command.split() if isinstance(command, str) else command
+    given = command.split() if isinstance(command, str) else command
+    words = [*dropwhile(lambda word: "=" in word, given)]
     named = [Path(word).name for word in words[:2] if not word.startswith("-")]
     return " ".join(["program", *named])
 

@@ -20,6 +20,7 @@ from agentflow.cli import main
 from agentflow.config.run import DesignConfig, build_config
 from agentflow.errors import ConfigError
 from agentflow.integrations.external import output
+from agentflow.integrations.external.workflow import EXTERNAL
 from agentflow.runs.events import (
     FilesEvent,
     FileVerdict,
@@ -212,6 +213,16 @@ def test_a_script_without_an_interpreter_leaves_no_run(tmp_path: Path) -> None:
         carry_out("", tmp_path / "runs", command=[str(agent)])
     assert str(caught.value) == f"external.command: cannot run {agent}: Exec format error"
     assert os.listdir(tmp_path) == ["agent"]
+
+
+def test_a_run_is_named_after_the_program_without_its_keys() -> None:
+    for command, name in (
+        ("codex exec --sandbox workspace-write", "program codex exec"),
+        ("/opt/bin/claude -p", "program claude"),
+        ("API_KEY=secret A=1 claude -p", "program claude"),
+    ):
+        settings = configure("", command=command, shell=True).settings
+        assert EXTERNAL.author(settings) == name
 
 
 def test_other_workflows_run_no_program(tmp_path: Path) -> None:
