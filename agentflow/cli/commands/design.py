@@ -63,7 +63,8 @@ def design(
         str | None, typer.Option(help="Reuse the designers' rationales from this run directory.")
     ] = None,
     rollouts: Annotated[
-        int | None, typer.Option(help="Total number of simulations; only for random-dsl.")
+        int | None,
+        typer.Option(help="Total number of simulations; only for tools, external and random-dsl."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Parent directory for runs.")] = Path("runs"),
     workers: Annotated[int | None, typer.Option(help="Worker processes for simulation.")] = None,

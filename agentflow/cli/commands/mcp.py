@@ -13,9 +13,16 @@ from agentflow.errors import ConfigError, UsageError
 
 @commands.command(epilog="Example: agentflow mcp --task throwing")
 def mcp(
-    task: Annotated[str, typer.Option(help="Task, such as throwing or movement/3.")] = "throwing",
-    rollouts: Annotated[int, typer.Option(min=1, help="Simulations of a session.")] = 24,
-    looks: Annotated[int, typer.Option(min=1, help="Pictures of a session.")] = 24,
+    task: Annotated[
+        str | None,
+        typer.Option(help="Task, such as throwing or movement/3.", show_default="throwing"),
+    ] = None,
+    rollouts: Annotated[
+        int | None, typer.Option(min=1, help="Simulations of a session.", show_default="24")
+    ] = None,
+    looks: Annotated[
+        int | None, typer.Option(min=1, help="Pictures of a session.", show_default="24")
+    ] = None,
     no_vision: Annotated[
         bool, typer.Option("--no-vision", help="Offer no pictures (tool `look`).")
     ] = False,
@@ -65,16 +72,20 @@ def mcp(
     from agentflow.integrations.mcp.addresses import HttpAddress, read_token
     from agentflow.runs.places import FEEDBACK, STAGES
 
-    one_machine = [] if stages else ["candidates_per_stage=1"]
+    ours = ["workflow=tools", f"model.name={PROCEDURAL}"]  # a model that nobody asks
+    defaults = ["vision=true", *([] if stages else ["candidates_per_stage=1"])]
     options = {
         "task": task,
-        "workflow": "tools",
-        "model.name": PROCEDURAL,  # which nobody asks: the agent designs
         "settings.rollouts": rollouts,
         "settings.looks": looks,
-        "settings.vision": not no_vision,
+        "settings.vision": False if no_vision else None,
     }
-    config = load_config(None, [*one_machine, *(settings or ())], options)
+    config = load_config(None, [*ours, *defaults, *(settings or ())], options)
+    if (config.workflow, config.model.name) != ("tools", PROCEDURAL):
+        raise UsageError(
+            "with agentflow mcp, the agent designs, without a workflow or a model of ours; remove "
+            "workflow and model.name from --set"
+        )
     address = None if http is None else HttpAddress.parse(http)
     token = "" if token_file is None else read_token(token_file)
     order = STAGES if stages else (FEEDBACK,)

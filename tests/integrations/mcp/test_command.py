@@ -38,3 +38,16 @@ def test_says_what_to_install() -> None:
     )
     words = "agentflow: mcp is not installed; install it with: pip install 'agentflow[mcp]'\n"
     assert (done.returncode, done.stdout, done.stderr) == (2, "", words)
+
+
+def test_settings_hold_where_no_option_is_given(capsys: pytest.CaptureFixture[str]) -> None:
+    for options, words in (
+        (["--set", "rollouts=0"], "settings.rollouts: must be at least 1, not 0"),
+        (["--set", "looks=many"], "settings.looks: expected a whole number, not 'many'"),
+        (["--set", "vision=5"], "settings.vision: expected true or false, not 5"),
+        (["--set", "task=walking"], "unknown task 'walking'"),
+        (["--set", "workflow=single"], "remove workflow and model.name from --set"),
+        (["--set", "model.name=any"], "remove workflow and model.name from --set"),
+    ):
+        assert main(["mcp", *options]) == 2
+        assert words in capsys.readouterr().err
