@@ -127,7 +127,7 @@ def test_no_child_outlives_its_program(tmp_path: Path, family: list[Path]) -> No
 def test_no_child_outlives_a_program_that_is_stopped_at_its_limit(
     tmp_path: Path, family: list[Path]
 ) -> None:
-    ending, _ = run(FAMILY + WAIT, tmp_path, limit=6.0)
+    ending, _ = run(FAMILY + WAIT, tmp_path, limit=12.0)
     assert ending == Ending(-15, timed_out=True)
     assert [lives(file) for file in family] == [False, False, False]
 

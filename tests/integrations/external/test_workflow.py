@@ -174,7 +174,7 @@ def test_more_files_than_are_read(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_what_is_there_at_the_limit_counts(tmp_path: Path) -> None:
-    run = carry_out(f"{HAND_IN}; print('on', flush=True); time.sleep(600)", tmp_path, limit_s=4.0)
+    run = carry_out(f"{HAND_IN}; print('on', flush=True); time.sleep(600)", tmp_path, limit_s=8.0)
     assert endings(run) == [(-15, True)] * 3
     assert result_of(run)["stages"][0]["valid"] == 1
     told = "=== initial: stopped at its limit with status -15\n"
