@@ -9,6 +9,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from inspect import Parameter, Signature
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import verifiers.v1 as vf
@@ -59,6 +60,7 @@ class BenchTools(vf.Toolset[BenchConfig, DesignState]):
     async def setup_task(self, task: DesignData) -> None:
         """Begin the run."""
         given = self.config
+        out = given.out or Path(self._exit_stack.enter_context(TemporaryDirectory()))
         pool = await self._exit_stack.enter_async_context(RolloutPool(1))
         settings = WorkflowSettings(
             candidates_per_stage=1, rollouts=given.rollouts, vision=given.vision
@@ -78,7 +80,7 @@ class BenchTools(vf.Toolset[BenchConfig, DesignState]):
             await bench.wait_ended()
 
         options = RunOptions(pool=pool, workflow=workflow_of(work, "verifiers", (FEEDBACK,)))
-        run = DesignRun.create(config, given.out or Path("runs"), options, "")
+        run = DesignRun.create(config, out, options, "")
         self._working = asyncio.create_task(run.carry_out())
         either: set[asyncio.Future[Any]] = {self._working, opened}
         await asyncio.wait(either, return_when="FIRST_COMPLETED")
