@@ -6,6 +6,7 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass
 
 from agentflow.agents.base import AskContext
+from agentflow.agents.tool_agent.role import Agent
 from agentflow.app.design.laboratory import PhysicsLaboratory
 from agentflow.app.design.models import Models
 from agentflow.app.design.plan import RunPlan
@@ -85,4 +86,6 @@ def verification_event(machine: Machine, verification: Verification) -> Verifica
 
 def model_name(config: DesignConfig, models: Models, workflow: Workflow) -> str:
     """The models' name in results, or that of who designs in their place."""
-    return workflow.author(config.settings) or models.name
+    works_alone = Agent.name in workflow.calls(config.settings)
+    roles = [role for role in models.clients if (role == Agent.name) == works_alone]
+    return workflow.author(config.settings) or models.name_of(roles)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from agentflow.agents.registry import model_roles
@@ -89,15 +89,14 @@ class Models:
     clients: Mapping[str, Client]
     choices: Mapping[str, ModelChoice]
 
-    @property
-    def name(self) -> str:
-        """The name in results: one model, or each model with its roles."""
+    def name_of(self, roles: Iterable[str]) -> str:
+        """The name of these roles in results: one model, or each model with its roles."""
         roles_of: dict[str, list[str]] = {}
-        for role, client in self.clients.items():
-            roles_of.setdefault(client.name, []).append(role)
+        for role in roles:
+            roles_of.setdefault(self.clients[role].name, []).append(role)
         if len(roles_of) == 1:
             return next(iter(roles_of))
-        return "; ".join(f"{name} ({', '.join(roles)})" for name, roles in roles_of.items())
+        return "; ".join(f"{name} ({', '.join(own)})" for name, own in roles_of.items())
 
     async def aclose(self) -> None:
         """Close every client once."""

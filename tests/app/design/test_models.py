@@ -127,7 +127,9 @@ async def test_roles_with_the_same_model_share_its_client(tmp_path: Path) -> Non
         models = open_models(config, tape, Budget(), pytest.fail, {})
         await models.aclose()
     assert len({id(client) for client in models.clients.values()}) == 2
-    assert models.name == "m (meta_designer, designer, inspector, querier, agent); big (refiner)"
+    assert models.name_of(models.clients) == (
+        "m (meta_designer, designer, inspector, querier, agent); big (refiner)"
+    )
     assert models.choices["refiner"].sampling.temperature == 0.1
     assert models.choices["designer"].sampling.temperature == 0.7
 

@@ -34,7 +34,7 @@ async def test_listeners_hear_the_start_and_end_of_every_call() -> None:
     models = watch_calls(
         Models({"designer": client, "refiner": client}, {}), Budget(), heard.append
     )
-    assert models.name == "scripted"
+    assert models.name_of(models.clients) == "scripted"
     designer, refiner = models.clients["designer"], models.clients["refiner"]
     await asyncio.gather(designer.complete(ask(label="a")), refiner.complete(ask(label="b")))
     counts = [event.data["under_way"] for event in heard]
