@@ -179,7 +179,8 @@ else:
             os.killpg(leader, number)
         for pid in _marked(mark):
             with suppress(ProcessLookupError, PermissionError):
-                os.kill(pid, number)
+                if os.getpgid(pid) != leader:  # one that ends may not survive a second signal
+                    os.kill(pid, number)
 
 
 def _marked(mark: str) -> Iterator[int]:
