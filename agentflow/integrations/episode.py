@@ -8,11 +8,11 @@ from agentflow.agents.context import RoleInput
 from agentflow.agents.refiner import verdict_text
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import UsageError
-from agentflow.integrations.scoring import Sample, Scorer, require_score
 from agentflow.machine import Machine, apply_script, check, describe_text, read_machine
 from agentflow.machine.edits.commands import read_command, script_lines
 from agentflow.prompts.render import PromptSet
 from agentflow.rewards import Reward
+from agentflow.rewards.scoring import Sample, Scorer, require_score
 
 RULES = ("world", "format", "geometry", "rules", "motion", "edits", "feedback")
 """Parts of the prompts that say how machines are built and changed."""

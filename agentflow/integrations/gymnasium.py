@@ -22,7 +22,7 @@ from agentflow.env.physics.engines import AUTO
 from agentflow.env.tasks.registry import FAMILIES, get_task
 from agentflow.errors import UnknownNameError
 from agentflow.integrations.episode import Episode
-from agentflow.integrations.scoring import Sample, Scorer, read_knobs
+from agentflow.rewards.scoring import Sample, Scorer, read_knobs
 
 SUBMIT = "submit"
 """The action that ends an episode."""

@@ -31,8 +31,8 @@ from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.config.run import DesignConfig
 from agentflow.env.archive import rollout_json
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
-from agentflow.integrations.scoring import Sample, shared_scorer
 from agentflow.rewards import Reward
+from agentflow.rewards.scoring import Sample, shared_scorer
 from agentflow.runs.places import FEEDBACK, StageName
 from agentflow.tools import Bench, ToolSpec
 from agentflow.workflows.settings import WorkflowSettings

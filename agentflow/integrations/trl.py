@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agentflow.env.physics.engines import AUTO
-from agentflow.integrations.scoring import Sample, read_knobs, shared_scorer
+from agentflow.rewards.scoring import Sample, read_knobs, shared_scorer
 
 Completion = str | Sequence[Mapping[str, Any]]
 """Text, or the messages of a conversation."""

@@ -9,8 +9,8 @@ import pytest
 
 from agentflow.errors import ConfigError, UsageError
 from agentflow.integrations.episode import Episode
-from agentflow.integrations.scoring import Sample, Scorer
 from agentflow.rewards import reward
+from agentflow.rewards.scoring import Sample, Scorer
 from tests.integrations.foreign import CAR
 
 SHORT = {"window": 1}

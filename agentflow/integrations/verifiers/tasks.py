@@ -10,8 +10,8 @@ import agentflow
 from agentflow.env.archive import rollout_json
 from agentflow.env.tasks.registry import FAMILIES, get_level, task_names
 from agentflow.errors import NoScoreError
-from agentflow.integrations.scoring import Sample, shared_scorer
 from agentflow.integrations.verifiers.bench import BenchConfig, BenchTools, DesignData, DesignState
+from agentflow.rewards.scoring import Sample, shared_scorer
 from agentflow.workflows.tools.conversation import MOST_CALLS
 
 ID = "agentflow-verifiers"

@@ -15,16 +15,16 @@ from pathlib import Path
 import pytest
 
 from agentflow.errors import ConfigError, UnknownNameError
-from agentflow.integrations.scoring import Sample, Scorer, own_processors, read_knobs
 from agentflow.integrations.trl import simulation_reward
 from agentflow.integrations.verl import compute_score, compute_scores
 from agentflow.rewards import reward
+from agentflow.rewards.scoring import Sample, Scorer, own_processors, read_knobs
 from tests.integrations.foreign import CAR
 
 SHORT = {"window": 1}
 REWARD = reward("movement", CAR, knobs=SHORT)
 HOLD = """
-from agentflow.integrations.scoring import Sample, shared_scorer
+from agentflow.rewards.scoring import Sample, shared_scorer
 scorer = shared_scorer(2)
 assert scorer.rewards([Sample("movement", "a car")])[0].value == 0
 assert shared_scorer(2) is scorer

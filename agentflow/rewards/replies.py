@@ -1,4 +1,4 @@
-"""Rewards for training: (task, reply text, seed) -> validity and score."""
+"""The reward of a model's reply: (task, reply text, seed) -> validity and score."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from agentflow.env.physics.engines import AUTO
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import ConfigError, NoScoreError
-from agentflow.rewards import Reward, reward_async
+from agentflow.rewards.replies import Reward, reward_async
 
 T = TypeVar("T")
 
