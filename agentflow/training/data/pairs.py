@@ -1,0 +1,120 @@
+"""Pairs of a prompt and a reply that designs a machine: the lines of a set to learn from.
+
+A set is a folder with `train.jsonl` and `dev.jsonl`, one pair per line, and a card that says where
+they come from (`card.md` for people, `card.json` for programs).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+
+from agentflow.config.yaml import describe_fault, first_fault
+from agentflow.errors import UsageError
+from agentflow.files import write_output
+from agentflow.llm.messages import Text
+from agentflow.machine import Machine
+
+TRAIN, DEV = "train.jsonl", "dev.jsonl"
+"""Files of a set. No objective is in both."""
+
+
+class ChatMessage(BaseModel):
+    """One message, in the form that chat templates take."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    role: Literal["system", "user", "assistant"]
+    content: Text
+
+
+class Pair(BaseModel):
+    """A prompt and a reply that designs a machine."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    messages: tuple[ChatMessage, ...]
+    """The prompt, as designers get it in a run, then the reply: rationale and program."""
+    machine: tuple[Mapping[str, int], ...]
+    """The construction tree in the reply, as in machine files."""
+    objective: str
+    """Name of what the machine must do."""
+    rationale: str
+    """The reply without its program."""
+    score: float | None
+    """Score of the machine in the objective's scene; None if it was not simulated."""
+    source: str
+    """Who designed it: name of the model, and whether its machine was edited at random."""
+
+    @field_validator("messages")
+    @classmethod
+    def _ends_with_a_reply(cls, messages: tuple[ChatMessage, ...]) -> tuple[ChatMessage, ...]:
+        roles = [message.role for message in messages]
+        if len(roles) < 2 or roles.count("assistant") != 1 or roles[-1] != "assistant":
+            raise ValueError("expected a prompt and, at the end, one message of the assistant")
+        return messages
+
+    @property
+    def prompt(self) -> tuple[ChatMessage, ...]:
+        """The messages before the reply."""
+        return self.messages[:-1]
+
+    @property
+    def reply(self) -> str:
+        """What a model should learn to answer."""
+        return self.messages[-1].content
+
+
+def make_reply(rationale: str, machine: Machine) -> str:
+    """A reply in the format that designers are asked for."""
+    return f"{rationale}\n```json\n{machine.to_text()}\n```".lstrip()
+
+
+def read_pairs(path: Path) -> Iterator[Pair]:
+    """The pairs in a JSONL file, one at a time.
+
+    Raises:
+        UsageError: The file cannot be read, or a line is not a pair; the message names the line.
+    """
+    try:
+        with path.open("rb") as lines:
+            for number, line in enumerate(lines, start=1):
+                if line.strip():
+                    yield _read_pair(line, f"{path}, line {number}")
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror}") from None
+
+
+def write_pairs(path: Path, pairs: Iterable[Pair]) -> int:
+    """Write pairs to a JSONL file, which replaces an older one only once it is complete.
+
+    Returns:
+        How many there are.
+
+    Raises:
+        UsageError: The file cannot be written.
+    """
+    count = 0
+    with write_output(path) as part, part.open("w", encoding="utf-8", newline="\n") as file:
+        for pair in pairs:
+            file.write(pair.model_dump_json() + "\n")
+            count += 1
+    return count
+
+
+def make_messages(prompt: Sequence[Mapping[str, str]], reply: str) -> tuple[ChatMessage, ...]:
+    """The messages of a pair, from a prompt such as `agentflow.design_prompt` returns."""
+    given = [ChatMessage.model_validate(message) for message in prompt]
+    return (*given, ChatMessage(role="assistant", content=reply))
+
+
+def _read_pair(line: bytes, where: str) -> Pair:
+    try:
+        return Pair.model_validate_json(line)
+    except ValidationError as error:
+        fault = first_fault(error)
+        place = ".".join(map(str, fault["loc"])) or "the line"
+        raise UsageError(f"{where}: {place}: {describe_fault(fault)}") from None
