@@ -1,0 +1,147 @@
+"""What function tests measure: motion, turning, heights and hits in one rollout.
+
+Game frame; metres, seconds, radians. T samples, N blocks. Only blocks that still hold on to the
+machine count as parts of it: debris that flies or rolls says nothing about how a machine works.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from agentflow.env.rollout import Array, Flags, Rollout, Trace
+from agentflow.machine.tree import Machine
+
+Direction = Literal["x+", "x-", "y+", "y-", "z+", "z-", "any"]
+"""An axis of the game frame; "any" is any horizontal direction."""
+MEAN_OVER = 1.0
+"""Speeds are means over this time, so that a jolt is not a speed, s."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The motion of one machine in one rollout that ran to its end."""
+
+    machine: Machine
+    rollout: Rollout
+    trace: Trace
+    window: float
+    """Length of the scored window, s; rollouts end earlier once everything rests."""
+
+    @cached_property
+    def attached(self) -> Flags:
+        """(T, N) whether each block is still connected to the root through its parents."""
+        attached: Flags = self.trace.alive.copy()
+        attached[:, 0] = True
+        for step in self.machine.steps[1:]:
+            attached[:, step.id] &= attached[:, step.parent]
+        return attached
+
+    def blocks(self, types: Sequence[int]) -> list[int]:
+        """Ids of the blocks of these types."""
+        return [step.id for step in self.machine if step.type in types]
+
+    def term(self, name: str) -> float:
+        """A term of the level's score; 0 if it has no value."""
+        return float(self.rollout.terms.get(name) or 0.0)
+
+    def path(self, body: int | str) -> Array:
+        """(T, 3) centres of a block, by id, or of a moving thing of the scene, by name."""
+        if isinstance(body, int):
+            return self.trace.centre[:, body]
+        return self.trace.thing_position[:, self.trace.things.index(body)]
+
+    def distance(self, body: int | str, towards: Direction) -> float:
+        """Greatest distance of a body from its place at t = 0 in a direction, m."""
+        return float(_along(self.path(body), towards).max())
+
+    def speed(self, body: int | str, towards: Direction) -> float:
+        """Greatest mean speed of a body in a direction over one second, m/s."""
+        return self._fastest(_along(self.path(body), towards))
+
+    def turned(self, block: int) -> Array:
+        """(T,) angle by which a block has turned relative to the root since t = 0, rad; turning
+        back adds to it. It stays the same once the block is lost."""
+        omega = self.trace.angular_velocity
+        relative = np.linalg.norm(omega[:, block] - omega[:, 0], axis=1)
+        return self._integral(np.where(self.attached[:, block], relative, 0.0))
+
+    @cached_property
+    def spun(self) -> Array:
+        """(T,) angle by which the root has turned about the vertical since t = 0, rad, without
+        sign; turning back subtracts from it."""
+        return np.abs(self._integral(self.trace.angular_velocity[:, 0, 1]))
+
+    def turning_speed(self, block: int) -> float:
+        """Greatest mean speed over one second with which a block turns relative to the root,
+        rad/s."""
+        return self._fastest(self.turned(block))
+
+    @cached_property
+    def tilt(self) -> float:
+        """Greatest angle between the root's upward axis and its direction at t = 0, degrees."""
+        x, y, z, w = np.moveaxis(self.trace.rotation[:, 0], 1, 0)
+        up = np.stack([2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)], axis=1)
+        return float(np.degrees(np.arccos(np.clip(up @ up[0], -1, 1)).max()))
+
+    @cached_property
+    def lift_off(self) -> float:
+        """Greatest height by which the whole connected machine was above where its lowest block
+        was at t = 0, m: 0 while one block stays down."""
+        height = np.where(self.attached, self.trace.centre[:, :, 1], np.inf)
+        return float((height.min(axis=1) - height[0].min()).max())
+
+    @cached_property
+    def top(self) -> Array:
+        """(T,) height of the highest centre of a connected block, m."""
+        return np.asarray(np.where(self.attached, self.trace.centre[:, :, 1], -np.inf).max(axis=1))
+
+    def time_while(self, holds: Flags) -> float:
+        """Longest time without a break for which a condition, (T,), holds, s.
+
+        A condition that holds at the last sample of a rollout that came to rest holds until the end
+        of the window.
+        """
+        times = np.append(self.trace.times, self.window)
+        best, since = 0.0, None
+        for index, held in enumerate(holds):
+            since = (times[index] if since is None else since) if held else None
+            end = times[index + 1] if index == len(holds) - 1 else times[index]
+            best = max(best, end - since) if since is not None else best
+        return float(best)
+
+    def hardest_hit(self, thing: str) -> float:
+        """Greatest impulse with which a block hit a thing, N s; 0 without a touch after t = 0."""
+        return max((hit for name, hit in self._hits if name == thing), default=0.0)
+
+    def touched(self, thing: str) -> bool:
+        """Whether a block touched a thing, at t = 0 or later."""
+        return any(name == thing for name, _ in self._hits)
+
+    @cached_property
+    def _hits(self) -> list[tuple[int | str, float]]:
+        contacts = self.trace.measured.contacts
+        return [(item.b, item.hardest.impulse) for item in contacts if isinstance(item.a, int)]
+
+    def _integral(self, rate: Array) -> Array:
+        """(T,) integral of a rate, (T,), from t = 0 on, by the trapezoidal rule."""
+        steps = np.diff(self.trace.times) * (rate[1:] + rate[:-1]) / 2
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def _fastest(self, covered: Array) -> float:
+        """Greatest mean rate over `MEAN_OVER` of a covered distance or angle, (T,)."""
+        times = self.trace.times
+        later = np.interp(times + MEAN_OVER, times, covered)
+        return float((later - covered).max() / MEAN_OVER)
+
+
+def _along(path: Array, towards: Direction) -> Array:
+    """(T,) distance of each place from the first one in a direction, m."""
+    moved = path - path[0]
+    if towards == "any":
+        return np.asarray(np.hypot(moved[:, 0], moved[:, 2]))
+    return np.asarray(moved[:, "xyz".index(towards[0])] * (1 if towards[1] == "+" else -1))

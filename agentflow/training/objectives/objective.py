@@ -1,0 +1,173 @@
+"""Design objectives: what a machine must do, where, with which blocks, and whether one does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from agentflow.config.yaml import describe_fault, first_fault
+from agentflow.env.rollout import Broken, Feedback, Rollout, Trace
+from agentflow.env.rollout import Verdict as Score
+from agentflow.env.scene import Scene
+from agentflow.env.tasks.base import Referee, Task
+from agentflow.env.tasks.registry import get_task
+from agentflow.errors import ConfigError, NoScoreError
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
+from agentflow.training.objectives.functions import FUNCTIONS, Finding, FunctionTest
+from agentflow.training.objectives.motion import Motion
+
+ABOUT_TRIALS = " trials differ at random"
+"""Part of the sentence about a level's random trials; an objective has one trial, as described."""
+
+
+class LevelScene(BaseModel):
+    """A level of a task family with changed knobs."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    level: str
+    knobs: dict[str, Any] = {}
+    """Dotted, as in `--set`."""
+
+
+class Objective(BaseModel):
+    """One design objective."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9-]*$")
+    text: str = Field(pattern=r"^[A-Z][^\n]+\.$")
+    """What to build, in one sentence."""
+    kind: Literal["function", "constraint"]
+    """Whether it says what a machine does, or adds constraints of the surroundings or demands."""
+    blocks: tuple[int, ...] = Field(min_length=1)
+    """Allowed block types, of those that the level allows."""
+    scene: LevelScene
+    test: Mapping[str, FunctionTest] = Field(min_length=1)
+    """Function tests by their name in `FUNCTIONS`; a machine works if it passes all of them."""
+
+    @field_validator("test", mode="before")
+    @classmethod
+    def _read_tests(cls, tests: object) -> object:
+        if not isinstance(tests, Mapping):
+            return tests
+        return {name: _read_test(str(name), content) for name, content in tests.items()}
+
+    @property
+    def phrases(self) -> str:
+        """The function tests in words, as one sentence."""
+        return f"The machine works if {'; '.join(test.phrase for test in self.test.values())}."
+
+    @property
+    def task(self) -> ObjectiveTask:
+        """The task to simulate: the level, with the objective's text and blocks in its brief.
+
+        Raises:
+            ConfigError: The level, a knob or a thing does not exist, or a block is not allowed.
+        """
+        knobs = self.scene.knobs
+        allowed = get_task(self.scene.level, knobs).brief.blocks
+        if wrong := [kind for kind in self.blocks if kind not in allowed]:
+            raise ConfigError(
+                f"blocks: {self.scene.level} has no type {wrong[0]}; choose from "
+                f"{', '.join(map(str, allowed))}"
+            )
+        without = [kind for kind in allowed if kind not in self.blocks]
+        base = get_task(self.scene.level, {**knobs, "blocks.without": without})
+        return ObjectiveTask(
+            self.name,
+            base.level,
+            base.parameters,
+            base.window,
+            base.schedule,
+            base.engine,
+            base=base,
+            text=self.text,
+            demands=self.phrases,
+        )
+
+
+def _read_test(name: str, content: object) -> FunctionTest:
+    """One function test; ValueError names the test or threshold to change."""
+    if name not in FUNCTIONS:
+        raise ValueError(f"there is no function test {name!r}; known: {', '.join(FUNCTIONS)}")
+    try:
+        return FUNCTIONS[name].model_validate({} if content is None else content)
+    except ValidationError as error:
+        fault = first_fault(error)
+        key = ".".join(str(part) for part in (name, *fault["loc"]))
+        known = ", ".join(FUNCTIONS[name].model_fields) or "none"
+        if fault["type"] == "extra_forbidden":
+            raise ValueError(f"{key} is no threshold; known: {known}") from None
+        raise ValueError(f"{key}: {describe_fault(fault)}") from None
+
+
+@dataclass(frozen=True)
+class ObjectiveTask(Task):
+    """A level with another objective: one rollout, without random trials, scored as the level."""
+
+    family: ClassVar[str] = "objective"
+    base: Task = field(kw_only=True)
+    """The level, with the objective's blocks."""
+    text: str = field(kw_only=True)
+    demands: str = field(kw_only=True)
+    """The function tests in words."""
+
+    @property
+    def brief(self) -> Brief:
+        """The level's, with the objective's name and text, and its tests in place of the score."""
+        brief = self.base.brief
+        scene = tuple(sentence for sentence in brief.scene if ABOUT_TRIALS not in sentence)
+        return replace(
+            replace(brief, name=self.name, objective=self.text, scene=scene),
+            score=(self.demands,),
+            greatest=None,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:
+        return self.base.scene(machine)
+
+    def referee(self, machine: Machine) -> Referee:
+        return self.base.referee(machine)
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Score
+    ) -> Feedback:
+        return self.base.feedback(machine, trace, broken, verdict)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a machine works."""
+
+    passed: bool
+    found: Mapping[str, Finding]
+    """Measured values and thresholds, such as "moves.metres"; empty if nothing was simulated."""
+
+
+def works(objective: Objective, rollout: Rollout, machine: Machine) -> Verdict:
+    """Apply the function tests to a rollout of `objective.task`.
+
+    Args:
+        objective: What the machine must do.
+        rollout: Invalid machines and diverged rollouts do not pass.
+        machine: The simulated machine.
+
+    Raises:
+        NoScoreError: The simulation timed out or crashed, which says nothing about the machine.
+    """
+    if rollout.status in ("timeout", "crashed"):
+        raise NoScoreError(f"the simulation for {objective.name!r} ended as {rollout.status}")
+    if rollout.status != "ok" or rollout.trace is None:
+        return Verdict(False, {})
+    motion = Motion(machine, rollout, rollout.trace, objective.task.window)
+    found = {
+        f"{name}.{key}": finding
+        for name, test in objective.test.items()
+        for key, finding in test.measure(motion)
+    }
+    return Verdict(all(finding.passed for finding in found.values()), found)
