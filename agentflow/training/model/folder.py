@@ -1,0 +1,79 @@
+"""What a model folder says about itself: how it wants prompts, and its name in results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from agentflow.config.yaml import describe_fault, first_fault
+from agentflow.errors import ConfigError
+from agentflow.files import write_atomically
+from agentflow.training.model.shorthand import shorten
+
+FILE_NAME = "agentflow.json"
+MODEL_FILES = ("config.json", "adapter_config.json")
+"""One of them is in every folder that `transformers` loads: a model, or an adapter to one."""
+TINY_LABEL = "tiny model from scratch, procedural data"
+
+Messages = Sequence[Mapping[str, str]]
+"""A chat: `role` and `content` of each message."""
+
+
+class ModelFolder(BaseModel):
+    """The content of agentflow.json; a folder without the file is that of a chat model."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    label: str
+    """Name of the model in results."""
+    prompts: Literal["chat", "shorthand"] = "chat"
+    """`shorthand`: it was trained on short prompts and writes whole machines, nothing else."""
+    format: Literal[1] = 1
+
+    @property
+    def whole_machines_only(self) -> bool:
+        """Whether the designer of a whole machine is the only role that it can play."""
+        return self.prompts == "shorthand"
+
+    def prompt(self, messages: Messages) -> str | list[dict[str, str]]:
+        """A prompt as the model was trained on it: a short text, or the messages of a chat.
+
+        It is what `prompt` holds in the data sets of TRL's trainers.
+
+        Raises:
+            UsageError: The model cannot answer it.
+        """
+        return shorten(messages) if self.whole_machines_only else [dict(m) for m in messages]
+
+    def save(self, path: Path) -> None:
+        """Write it into the folder of a model."""
+        with write_atomically(path / FILE_NAME) as part:
+            part.write_text(self.model_dump_json(indent=1) + "\n", encoding="utf-8")
+
+
+def read_folder(path: Path) -> ModelFolder:
+    """What the folder of a model says; the name of a chat model's folder is its label.
+
+    Raises:
+        ConfigError: It is not the folder of a model, or its agentflow.json is damaged.
+    """
+    if not holds_model(path):
+        inner = path / "model"
+        hint = f"; name the model in it: {inner}" if holds_model(inner) else ""
+        raise ConfigError(f"{path} is not a model: it has no {MODEL_FILES[0]}{hint}")
+    try:
+        return ModelFolder.model_validate_json((path / FILE_NAME).read_bytes())
+    except FileNotFoundError:
+        return ModelFolder(label=path.resolve().name)
+    except ValidationError as error:
+        fault = first_fault(error)
+        key = ".".join(map(str, fault["loc"]))
+        raise ConfigError(f"{path / FILE_NAME}: {key} {describe_fault(fault)}") from None
+
+
+def holds_model(path: Path) -> bool:
+    """Whether `transformers` could load the folder."""
+    return any((path / name).is_file() for name in MODEL_FILES)
