@@ -1,1 +1,1 @@
-"""Measures of how different machines are."""
+"""Measures of how different machines are. They need the extra `agentflow[diversity]`."""

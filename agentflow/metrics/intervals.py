@@ -9,7 +9,11 @@ import math
 from collections.abc import Sequence
 from statistics import NormalDist
 from types import ModuleType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 CONFIDENCE = 0.95
 RESAMPLES = 10_000
@@ -70,6 +74,34 @@ def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Interval | None:
         vectorized=True,
     ).confidence_interval
     return Interval(float(found.low), float(found.high))
+
+
+def bootstrap_pairs(matrix: NDArray[np.float64], seed: int = 0) -> Interval | None:
+    """The 95 % bootstrap interval of a mean over all pairs of things, such as their distances.
+
+    Things are resampled, not pairs, because the pairs of one thing are not independent. A pair of a
+    thing with a copy of itself does not count; a resample of copies of one thing has no pairs and
+    is left out. The ends are percentiles over 10,000 seeded resamples.
+
+    Args:
+        matrix: Symmetric, (things, things); the diagonal does not matter.
+        seed: Of the resamples.
+
+    Returns:
+        Ends in the unit of the matrix; None for fewer than three things.
+    """
+    count = len(matrix)
+    if count < 3:
+        return None
+    import numpy as np
+
+    others = matrix * (1 - np.eye(count))
+    times = np.random.default_rng(seed).multinomial(count, [1 / count] * count, RESAMPLES)
+    pairs = count**2 - (times**2).sum(axis=1)
+    totals = ((times @ others) * times).sum(axis=1)
+    tail = (1 - CONFIDENCE) / 2
+    low, high = np.quantile(totals[pairs > 0] / pairs[pairs > 0], (tail, 1 - tail))
+    return Interval(float(low), float(high))
 
 
 def missing_scipy(what: str = "Intervals of means") -> str:

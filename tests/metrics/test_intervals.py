@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from math import sqrt
+from math import pi, sqrt
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agentflow.metrics.intervals import Interval, bootstrap_mean, missing_scipy, wilson
+from agentflow.metrics.intervals import (
+    Interval,
+    bootstrap_mean,
+    bootstrap_pairs,
+    missing_scipy,
+    wilson,
+)
 
 Z = 1.959963984540054
 """97.5 % point of the normal distribution."""
@@ -102,3 +109,28 @@ def test_no_metric_imports_scipy_before_it_is_needed() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
+
+
+def test_pairs_are_resampled_by_what_they_join() -> None:
+    """Three things in a row: resamples that hold two or three of them, by hand.
+
+    Of 27 draws, 3 hold one thing and are left out, 6 hold all three, with the mean 4/3, and 18 hold
+    two: 12 at distance 1, 6 at distance 2. So a half of the means are 1, and a quarter are 2.
+    """
+    matrix = np.array([[9.0, 1, 2], [1, 9, 1], [2, 1, 9]])
+    assert bootstrap_pairs(matrix) == Interval(1.0, 2.0)
+    assert bootstrap_pairs(matrix[:2, :2]) is None
+    assert bootstrap_pairs(np.full((5, 5), 3.0)) == Interval(3.0, 3.0)
+
+
+def test_intervals_of_pairs_are_seeded_and_cover_the_true_mean() -> None:
+    """Distances of points from a normal distribution, whose mean is 2 / sqrt(pi)."""
+    rng, covered = np.random.default_rng(0), 0
+    for _ in range(40):
+        points = rng.normal(size=20)
+        found = bootstrap_pairs(np.abs(points[:, None] - points))
+        assert found is not None
+        covered += found.low <= 2 / sqrt(pi) <= found.high
+    assert 34 <= covered < 40
+    assert found == bootstrap_pairs(np.abs(points[:, None] - points))
+    assert found != bootstrap_pairs(np.abs(points[:, None] - points), seed=1)
