@@ -27,7 +27,7 @@ from agentflow.machine.formats.detect import read_any
 ROOT = Path(__file__).parent.parent
 PAGES = sorted(
     path.relative_to(ROOT).as_posix()
-    for pattern in ("README.md", "CONTRIBUTING.md", "docs/**/*.md", "examples/*.md")
+    for pattern in ("README.md", "CONTRIBUTING.md", "docs/**/*.md", "examples/*.md", "recipes/*.md")
     for path in ROOT.glob(pattern)
 )
 NEEDED = ("examples", "configs", "docs", "runs/recorded-throwing", "runs/language-model-jumping")
