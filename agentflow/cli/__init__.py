@@ -18,6 +18,7 @@ MODULES = (
     "benchmark",
     "design",
     "engines",
+    "evaluate",
     "machines",
     "mcp",
     "prompts",

@@ -1,0 +1,83 @@
+"""The command evaluate. Importing this module registers it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agentflow.cli.display.text import show_count
+from agentflow.cli.root import BaseUrl, Engine, Json, Settings, commands, print_result
+from agentflow.errors import UsageError
+
+
+@commands.command(epilog="Example: agentflow evaluate procedural --task throwing --out evaluation")
+def evaluate(
+    model: Annotated[
+        str,
+        typer.Argument(
+            help="Model name at the endpoint, a folder with a model or a training run, or "
+            "procedural."
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Directory of the evaluation; given again, it is continued.")
+    ],
+    task: Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")] = None,
+    tasks: Annotated[
+        str | None,
+        typer.Option(help="Several tasks, separated by commas, as in throwing,movement."),
+    ] = None,
+    samples: Annotated[int, typer.Option(min=1, help="Replies to each task.")] = 50,
+    base_url: BaseUrl = None,
+    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
+    temperature: Annotated[float, typer.Option(help="Sampling temperature.")] = 1.0,
+    top_p: Annotated[
+        float, typer.Option(help="Sample only from the most likely tokens with this total share.")
+    ] = 1.0,
+    name: Annotated[
+        str,
+        typer.Option(
+            help="Name of the row in tables, such as Cold-start; evaluations with the same name "
+            "are pooled.",
+            show_default="name of the directory",
+        ),
+    ] = "",
+    settings: Settings = None,
+    engine: Engine = None,
+    workers: Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")] = 2,
+    as_json: Json = False,
+) -> None:
+    """Evaluate a model: sample whole machines, simulate them, count how many are valid and good.
+
+    Each sample is one reply to the prompt of a designer, without retries. The numbers are those of
+    all replies, with a score of 0 for each without a valid machine. Replies whose simulation
+    crashed or timed out are counted and left out.
+    """
+    from agentflow.app.design.config import load_config
+    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.show_evaluation import show_evaluation
+    from agentflow.training.evaluation.evaluate import evaluate as carry_out
+
+    if (task is None) == (tasks is None):
+        raise UsageError("name one task with --task, or several with --tasks")
+    options = {
+        "model.name": model,
+        "model.base_url": base_url,
+        "model.sampling.temperature": temperature,
+        "model.sampling.top_p": top_p,
+        "seed": seed,
+        "engine": engine,
+        "workers": workers,
+    }
+    found = carry_out(
+        load_config(None, settings or (), options),
+        [part.strip() for part in (tasks or task or "").split(",")],
+        samples,
+        out,
+        name=name,
+        notify=lambda line: print_line(f"agentflow: {line}"),
+        say=show_count("sample"),
+    )
+    print_result(found.model_dump(mode="json"), as_json, show_evaluation)

@@ -1,0 +1,180 @@
+"""Evaluates a model on tasks: asks for replies, judges them, writes the record."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from agentflow.api import design_prompt
+from agentflow.app.design.models import choose_models, open_models
+from agentflow.app.design.plan import physics_conditions
+from agentflow.config.run import DesignConfig
+from agentflow.env.tasks.registry import get_task
+from agentflow.errors import (
+    BudgetSpentError,
+    ConfigError,
+    EndpointError,
+    InterruptedRunError,
+    UsageError,
+)
+from agentflow.llm.wrappers.budget import Budget
+from agentflow.llm.wrappers.tape import Tape
+from agentflow.prompts.render import PromptSet
+from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.runs import Notify
+from agentflow.training.evaluation.models import ClientModel, EvaluatedModel
+from agentflow.training.evaluation.record import (
+    CALLS,
+    Evaluation,
+    EvaluationFolder,
+    open_evaluation,
+)
+from agentflow.training.evaluation.replies import judge
+
+ROLE = "designer"
+"""The role whose prompt is answered."""
+BATCH = 32
+"""Replies that are asked for at once, then judged. A killed evaluation asks a folder's model for
+the replies of its last batch again."""
+Progress = Callable[[int, int], None]
+"""(replies judged, of)."""
+AGAIN = "run the same command again to continue"
+
+
+def evaluate(
+    config: DesignConfig,
+    tasks: Sequence[str],
+    samples: int,
+    out: Path,
+    *,
+    name: str = "",
+    notify: Notify = lambda _line: None,
+    say: Progress = lambda _done, _of: None,
+) -> Evaluation:
+    """Evaluate the configured model on tasks; continue an interrupted evaluation.
+
+    Args:
+        config: Model, sampling, seed, prompts, knobs, engine and workers; the rest is not used.
+        tasks: Levels, such as "throwing/3".
+        samples: Replies to each.
+        out: Directory of the evaluation; created if missing.
+        name: Name of the row in tables; by default that of the directory.
+        notify: Receives remarks for the user.
+        say: Receives progress.
+
+    Returns:
+        What is written to evaluation.json.
+
+    Raises:
+        UsageError: A task or value is wrong, or the directory holds something else.
+        EndpointError: The model cannot be used; what it has answered is kept.
+        InterruptedRunError: Ctrl-C.
+    """
+    about = _describe(config, tasks, samples, name or out.resolve().name)
+    try:
+        with open_evaluation(out, about) as folder:
+            if folder.about.results is not None:
+                return folder.about
+            asyncio.run(_carry_out(folder, config, notify, say))
+            return folder.finish()
+    except KeyboardInterrupt:
+        raise InterruptedRunError(f"interrupted; {AGAIN}") from None
+    except EndpointError as error:
+        raise type(error)(f"{error}; {AGAIN}") from error
+
+
+def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: str) -> Evaluation:
+    """Everything that decides the results, with every name looked up."""
+    if samples < 1:
+        raise UsageError(f"an evaluation needs at least one sample of each task, not {samples}")
+    if len(set(tasks)) < len(tasks):
+        raise UsageError(f"each task may be named once, not as in {', '.join(tasks)}")
+    _require_used(config)
+    for task in tasks:
+        get_task(task, config.knobs, config.engine)
+    prompts = PromptSet(config.prompts)
+    return Evaluation(
+        name=name,
+        model=config.model.name,
+        label=choose_models(config.model)[ROLE].display_name,
+        tasks=tuple(tasks),
+        samples=samples,
+        seed=config.seed,
+        sampling=config.model.sampling,
+        prompts=f"{prompts.name} {prompts.digest}",
+        knobs=config.knobs,
+        conditions=physics_conditions(config.engine),
+    )
+
+
+def _require_used(config: DesignConfig) -> None:
+    """Refuse settings of runs that an evaluation does not have."""
+    default = DesignConfig(model=config.model)
+    for key in ("workflow", "settings", "rationale_from", "max_retry", "verify", "keep_rollouts"):
+        if getattr(config, key) != getattr(default, key):
+            raise UsageError(
+                f"an evaluation has no {key}: it asks for whole machines, each in one reply; set "
+                "only keys of model, knobs, prompts and engine"
+            )
+
+
+@dataclass(frozen=True)
+class _Session:
+    """One process at work on an evaluation."""
+
+    folder: EvaluationFolder
+    config: DesignConfig
+    model: EvaluatedModel
+    scorer: Scorer
+
+    async def complete(self, say: Progress) -> None:
+        """Add the replies that are missing, batch by batch."""
+        about, replies = self.folder.about, self.folder.replies
+        for place, task in enumerate(about.tasks):
+            begin, end = place * about.samples, (place + 1) * about.samples
+            for first in range(begin, end, BATCH):
+                last = min(first + BATCH, end)
+                if len(replies) < last:
+                    texts = await self._ask(task, first - begin, last - first)
+                    await self._judge(task, texts[len(replies) - first :])
+                    say(len(replies), about.samples * len(about.tasks))
+
+    async def _ask(self, task: str, first: int, count: int) -> list[str]:
+        config = self.config
+        prompt = design_prompt(
+            task, knobs=config.knobs, engine=config.engine, prompts=config.prompts
+        )
+        return await self.model.answer(task, prompt, first, count)
+
+    async def _judge(self, task: str, texts: Sequence[str]) -> None:
+        config = self.config
+        samples = [Sample(task, text, config.seed, config.knobs, config.engine) for text in texts]
+        self.folder.add(await asyncio.to_thread(judge, samples, self.scorer))
+
+
+async def _carry_out(
+    folder: EvaluationFolder, config: DesignConfig, notify: Notify, say: Progress
+) -> None:
+    scorer = Scorer(config.workers)
+    try:
+        async with _open_model(folder, config, notify) as model:
+            await _Session(folder, config, model, scorer).complete(say)
+    except BudgetSpentError as error:
+        raise ConfigError(f"{error}: raise the limit in model.budget; {AGAIN}") from None
+    finally:
+        scorer.close()
+
+
+@asynccontextmanager
+async def _open_model(
+    folder: EvaluationFolder, config: DesignConfig, notify: Notify
+) -> AsyncIterator[EvaluatedModel]:
+    with Tape(folder.path / CALLS, notify) as tape:
+        models = open_models(config, tape, Budget(config.model.budget), notify, {})
+        try:
+            yield ClientModel(models.clients[ROLE], config.model.sampling, config.seed)
+        finally:
+            await models.aclose()
