@@ -65,9 +65,9 @@ class EvaluationFolder:
     def __init__(self, path: Path, about: Evaluation) -> None:
         """Use `open_evaluation`."""
         self.path, self.about = path, about
-        self._lines = LineFile(path / REPLIES)  # drops a half-written last line
         self.replies = _expected_replies(path, about)
         """All that are judged so far, in order."""
+        self._lines = LineFile(path / REPLIES)  # drops a half-written last line
 
     def add(self, replies: list[JudgedReply]) -> None:
         """Save judged replies."""
@@ -92,6 +92,8 @@ class EvaluationFolder:
 def open_evaluation(path: Path, about: Evaluation) -> Iterator[EvaluationFolder]:
     """Begin an evaluation in a new or empty folder, or continue the one that is there.
 
+    One without any reply, such as of a model that could not be reached, is begun again.
+
     Raises:
         RunError: The folder holds something else, or another evaluation; it is damaged, in use by
             another process, or cannot be written.
@@ -107,9 +109,7 @@ def open_evaluation(path: Path, about: Evaluation) -> Iterator[EvaluationFolder]
         _lock(path, lock)
         remove_partial_files(path)
         if (path / ABOUT).exists():
-            recorded = read_about(path)
-            _require_same(path, recorded, about)
-            about = recorded
+            about = _continue(path, read_about(path), about)
         else:
             _require_empty(path)
             _write(path, about)
@@ -171,7 +171,7 @@ def summaries(replies: list[JudgedReply], seed: int = 0) -> dict[str, Summary]:
 
 def _expected_replies(path: Path, about: Evaluation) -> list[JudgedReply]:
     """The judged replies of an evaluation, which must be to its tasks in their order."""
-    replies = read_replies(path / REPLIES)
+    replies = read_replies(path / REPLIES) if (path / REPLIES).exists() else []
     expected = [task for task in about.tasks for _ in range(about.samples)]
     found = [reply.task for reply in replies]
     if found != expected[: len(found)]:
@@ -182,14 +182,20 @@ def _expected_replies(path: Path, about: Evaluation) -> list[JudgedReply]:
     return replies
 
 
-def _require_same(path: Path, recorded: Evaluation, about: Evaluation) -> None:
+def _continue(path: Path, recorded: Evaluation, about: Evaluation) -> Evaluation:
+    """The recorded evaluation, which must be the same; a new one if that has no replies."""
     before, now = (item.model_dump(mode="json", exclude={"results"}) for item in (recorded, about))
-    if other := [key for key in now if before[key] != now[key]]:
+    other = [key for key in now if before[key] != now[key]]
+    if not other:
+        return recorded
+    if any((path / name).exists() and (path / name).stat().st_size for name in (REPLIES, CALLS)):
         raise RunError(
             f"{path} holds an evaluation with another {other[0]}: {before[other[0]]}, not "
             f"{now[other[0]]}; give the same options to continue it, or choose another folder "
             "with --out"
         )
+    _write(path, about)
+    return about
 
 
 def _require_empty(path: Path) -> None:
