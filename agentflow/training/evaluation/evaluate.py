@@ -7,11 +7,12 @@ from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from agentflow.api import design_prompt
 from agentflow.app.design.models import choose_models, open_models
 from agentflow.app.design.plan import physics_conditions
-from agentflow.config.run import DesignConfig
+from agentflow.config.run import PROCEDURAL, DesignConfig
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import (
     BudgetSpentError,
@@ -25,7 +26,7 @@ from agentflow.llm.wrappers.tape import Tape
 from agentflow.prompts.render import PromptSet
 from agentflow.rewards.scoring import Sample, Scorer
 from agentflow.runs import Notify
-from agentflow.training.evaluation.models import ClientModel, EvaluatedModel
+from agentflow.training.evaluation.models import ClientModel, EvaluatedModel, FolderModel
 from agentflow.training.evaluation.record import (
     CALLS,
     Evaluation,
@@ -33,6 +34,10 @@ from agentflow.training.evaluation.record import (
     open_evaluation,
 )
 from agentflow.training.evaluation.replies import judge
+from agentflow.training.model.folder import read_folder
+
+if TYPE_CHECKING:
+    from agentflow.training.model.loading import Sampler
 
 ROLE = "designer"
 """The role whose prompt is answered."""
@@ -99,7 +104,7 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
     return Evaluation(
         name=name,
         model=config.model.name,
-        label=choose_models(config.model)[ROLE].display_name,
+        label=_label(config),
         tasks=tuple(tasks),
         samples=samples,
         seed=config.seed,
@@ -108,6 +113,20 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
         knobs=config.knobs,
         conditions=physics_conditions(config.engine),
     )
+
+
+def _folder(config: DesignConfig) -> Path | None:
+    """The folder of the model, if it is one in a folder."""
+    path = Path(config.model.name)
+    return path if config.model.name != PROCEDURAL and path.is_dir() else None
+
+
+def _label(config: DesignConfig) -> str:
+    """The model's name in results; refuses folders that hold none."""
+    folder = _folder(config)
+    if folder is not None:
+        return read_folder(folder).label
+    return choose_models(config.model)[ROLE].display_name
 
 
 def _require_used(config: DesignConfig) -> None:
@@ -170,11 +189,27 @@ async def _carry_out(
 
 @asynccontextmanager
 async def _open_model(
-    folder: EvaluationFolder, config: DesignConfig, notify: Notify
+    record: EvaluationFolder, config: DesignConfig, notify: Notify
 ) -> AsyncIterator[EvaluatedModel]:
-    with Tape(folder.path / CALLS, notify) as tape:
+    """The model, ready to answer; the calls of a client are recorded."""
+    sampling, seed = config.model.sampling, config.seed
+    if (folder := _folder(config)) is not None:
+        yield FolderModel(_load_model(folder), sampling, seed)
+        return
+    with Tape(record.path / CALLS, notify) as tape:
         models = open_models(config, tape, Budget(config.model.budget), notify, {})
         try:
-            yield ClientModel(models.clients[ROLE], config.model.sampling, config.seed)
+            yield ClientModel(models.clients[ROLE], sampling, seed)
         finally:
             await models.aclose()
+
+
+def _load_model(folder: Path) -> Sampler:
+    try:
+        from agentflow.training.model.loading import load_model
+    except ModuleNotFoundError as error:
+        library = str(error.name).partition(".")[0]
+        raise ConfigError(
+            f"{library} is not installed; install it with: pip install 'agentflow[train]'"
+        ) from None
+    return load_model(folder)

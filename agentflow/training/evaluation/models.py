@@ -3,31 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Message, Request, Sampling
+from agentflow.training.model.folder import Messages
 
-Messages = Sequence[Mapping[str, str]]
-"""A prompt: chat messages with `role` and `content`."""
-
-
-class Sampler(Protocol):
-    """A model in a folder, as `agentflow.training.model.loading` opens it."""
-
-    def sample(
-        self,
-        messages: Messages,
-        n: int,
-        seed: int,
-        temperature: float,
-        top_p: float,
-        max_tokens: int | None,
-    ) -> list[str]:
-        """Write `n` replies to a prompt."""
+if TYPE_CHECKING:
+    from agentflow.training.model.loading import Sampler
 
 
 class EvaluatedModel(Protocol):
