@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from agentflow.cli.display.output import columns, output
 from agentflow.cli.display.show import Data
 from agentflow.cli.display.text import number
-from agentflow.metrics.intervals import missing_scipy
 
 
 def show_evaluation(found: Data) -> None:
@@ -39,8 +38,6 @@ def show_evaluation(found: Data) -> None:
             console.print(
                 f"{task}: {row['faults']} left out because their simulation crashed or timed out"
             )
-    if missing := missing_scipy():
-        console.print(missing)
 
 
 def _percent(share: float | None) -> str:

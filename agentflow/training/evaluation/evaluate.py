@@ -23,6 +23,7 @@ from agentflow.errors import (
 )
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
+from agentflow.metrics.intervals import missing_scipy
 from agentflow.prompts.render import PromptSet
 from agentflow.rewards.scoring import Sample, Scorer
 from agentflow.runs import Notify
@@ -79,6 +80,8 @@ def evaluate(
         InterruptedRunError: Ctrl-C.
     """
     about = _describe(config, tasks, samples, name or out.resolve().name)
+    if missing := missing_scipy():
+        notify(missing)
     try:
         with open_evaluation(out, about) as folder:
             if folder.about.results is not None:
