@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from agentflow.api import design_prompt
 from agentflow.app.design.models import choose_models, open_models
 from agentflow.app.design.plan import physics_conditions
+from agentflow.app.prompts import render_prompt
 from agentflow.config.run import PROCEDURAL, DesignConfig
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import (
@@ -24,7 +25,6 @@ from agentflow.errors import (
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.metrics.intervals import missing_scipy
-from agentflow.prompts.render import PromptSet
 from agentflow.rewards.scoring import Sample, Scorer
 from agentflow.runs import Notify
 from agentflow.training.evaluation.models import ClientModel, EvaluatedModel, FolderModel
@@ -101,9 +101,8 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
     if len(set(tasks)) < len(tasks):
         raise UsageError(f"each task may be named once, not as in {', '.join(tasks)}")
     _require_used(config)
-    for task in tasks:
-        get_task(task, config.knobs, config.engine)
-    prompts = PromptSet(config.prompts)
+    briefs = [get_task(task, config.knobs, config.engine).brief for task in tasks]
+    prompt = render_prompt(config.prompts, ROLE, briefs[0])
     return Evaluation(
         name=name,
         model=config.model.name,
@@ -112,7 +111,7 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
         samples=samples,
         seed=config.seed,
         sampling=config.model.sampling,
-        prompts=f"{prompts.name} {prompts.digest}",
+        prompts=f"{prompt['set']} {prompt['digest']}",
         knobs=config.knobs,
         conditions=physics_conditions(config.engine),
     )
