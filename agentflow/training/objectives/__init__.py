@@ -1,6 +1,7 @@
 """Design objectives for training data, and the function tests that see whether machines work."""
 
-from agentflow.training.objectives.functions import FUNCTIONS, Finding
+from agentflow.training.objectives.finding import Finding
+from agentflow.training.objectives.functions import FUNCTIONS
 from agentflow.training.objectives.objective import Objective, ObjectiveTask, Verdict, works
 from agentflow.training.objectives.reading import OBJECTIVES, read_objectives
 

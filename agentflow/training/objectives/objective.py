@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.env.rollout import Broken, Feedback, Rollout, Trace
 from agentflow.env.rollout import Verdict as Score
 from agentflow.env.scene import Scene
@@ -16,8 +16,9 @@ from agentflow.env.tasks.base import Referee, Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError, NoScoreError
 from agentflow.machine.brief import Brief
-from agentflow.machine.tree import Machine
-from agentflow.training.objectives.functions import FUNCTIONS, Finding, FunctionTest
+from agentflow.machine.tree import ROOT, Machine
+from agentflow.training.objectives.finding import Finding, FunctionTest
+from agentflow.training.objectives.functions import read_test
 from agentflow.training.objectives.motion import Motion
 
 ABOUT_TRIALS = " trials differ at random"
@@ -39,8 +40,8 @@ class Objective(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    name: str = Field(pattern=r"^[a-z][a-z0-9-]*$")
-    text: str = Field(pattern=r"^[A-Z][^\n]+\.$")
+    name: str
+    text: str
     """What to build, in one sentence."""
     kind: Literal["function", "constraint"]
     """Whether it says what a machine does, or adds constraints of the surroundings or demands."""
@@ -50,12 +51,28 @@ class Objective(BaseModel):
     test: Mapping[str, FunctionTest] = Field(min_length=1)
     """Function tests by their name in `FUNCTIONS`; a machine works if it passes all of them."""
 
+    @field_validator("name")
+    @classmethod
+    def _check_name(cls, name: str) -> str:
+        if not re.fullmatch(r"[a-z][a-z0-9-]*", name):
+            raise ValueError("must start with a small letter and go on with those, digits or '-'")
+        return name
+
+    @field_validator("text")
+    @classmethod
+    def _check_text(cls, text: str) -> str:
+        if not re.fullmatch(r"[A-Z].*\.", text):
+            raise ValueError(
+                "must be one line that starts with a capital letter and ends with a full stop"
+            )
+        return text
+
     @field_validator("test", mode="before")
     @classmethod
     def _read_tests(cls, tests: object) -> object:
         if not isinstance(tests, Mapping):
             return tests
-        return {name: _read_test(str(name), content) for name, content in tests.items()}
+        return {name: read_test(str(name), content) for name, content in tests.items()}
 
     @property
     def phrases(self) -> str:
@@ -67,17 +84,21 @@ class Objective(BaseModel):
         """The task to simulate: the level, with the objective's text and blocks in its brief.
 
         Raises:
-            ConfigError: The level, a knob or a thing does not exist, or a block is not allowed.
+            ConfigError: The level or a knob does not exist, or the level does not allow a block
+                or needs another one.
         """
-        knobs = self.scene.knobs
-        allowed = get_task(self.scene.level, knobs).brief.blocks
-        if wrong := [kind for kind in self.blocks if kind not in allowed]:
+        level, knobs = self.scene.level, self.scene.knobs
+        brief = get_task(level, knobs).brief
+        if wrong := [kind for kind in self.blocks if kind not in brief.blocks]:
+            allowed = ", ".join(map(str, brief.blocks))
             raise ConfigError(
-                f"blocks: {self.scene.level} has no type {wrong[0]}; choose from "
-                f"{', '.join(map(str, allowed))}"
+                f"blocks: the level {level} does not allow type {wrong[0]}; it allows {allowed}"
             )
-        without = [kind for kind in allowed if kind not in self.blocks]
-        base = get_task(self.scene.level, {**knobs, "blocks.without": without})
+        if missing := {ROOT.type, *brief.required}.difference(self.blocks):
+            needed = min(missing)
+            raise ConfigError(f"blocks: every machine for {level} needs type {needed}; add it")
+        without = [kind for kind in brief.blocks if kind not in self.blocks]
+        base = get_task(level, {**knobs, "blocks.without": without})
         return ObjectiveTask(
             self.name,
             base.level,
@@ -89,21 +110,6 @@ class Objective(BaseModel):
             text=self.text,
             demands=self.phrases,
         )
-
-
-def _read_test(name: str, content: object) -> FunctionTest:
-    """One function test; ValueError names the test or threshold to change."""
-    if name not in FUNCTIONS:
-        raise ValueError(f"there is no function test {name!r}; known: {', '.join(FUNCTIONS)}")
-    try:
-        return FUNCTIONS[name].model_validate({} if content is None else content)
-    except ValidationError as error:
-        fault = first_fault(error)
-        key = ".".join(str(part) for part in (name, *fault["loc"]))
-        known = ", ".join(FUNCTIONS[name].model_fields) or "none"
-        if fault["type"] == "extra_forbidden":
-            raise ValueError(f"{key} is no threshold; known: {known}") from None
-        raise ValueError(f"{key}: {describe_fault(fault)}") from None
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -63,13 +64,18 @@ def _read(entry: object, path: str | Path, number: int) -> Objective:
 
 
 def _check(objective: Objective) -> None:
-    """Raise ConfigError if the scene has no body or term that a function test measures."""
-    task = objective.task
-    scene = task.scene()
-    names = {thing.name for thing in scene.things} if scene else set()
+    """Raise ConfigError if a function test measures something that is not there."""
+    scene = objective.task.scene()
+    things = [thing.name for thing in scene.things]
+    moving = [thing.name for thing in scene.moving]
     for name, test in objective.test.items():
-        for body in test.bodies:
-            known = names if isinstance(body, str) else objective.blocks
-            if body not in known:
-                kind = "thing of the scene" if isinstance(body, str) else "allowed block type"
-                raise ConfigError(f"test.{name}: {UnknownNameError(kind, body, sorted(known))}")
+        named = [body for body in test.bodies if isinstance(body, str)]
+        types = [body for body in test.bodies if not isinstance(body, str)]
+        _expect(name, "allowed block type", types, objective.blocks)
+        _expect(name, "thing that moves in the scene", named, moving)
+        _expect(name, "thing of the scene", test.obstacles, things)
+
+
+def _expect(test: str, kind: str, wanted: Iterable[object], known: Collection[object]) -> None:
+    if missing := [name for name in wanted if name not in known]:
+        raise ConfigError(f"test.{test}: {UnknownNameError(kind, missing[0], known or ['none'])}")
