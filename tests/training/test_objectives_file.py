@@ -117,8 +117,8 @@ REFUSED = {
     ),
     "a thing that the scene lacks": (
         ("moves: {metres: 5, towards: z+}", "shifts: {thing: cargo, metres: 5}"),
-        "objective cart of FILE: test.shifts: unknown thing that moves in the scene 'cargo'; known: "
-        "none",
+        "objective cart of FILE: test.shifts: unknown thing that moves in the scene 'cargo'; known:"
+        " none",
     ),
     "a block that the list lacks": (
         ("moves: {metres: 5, towards: z+}", "carries: {type: 35, metres: 5}"),
