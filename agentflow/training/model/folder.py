@@ -16,7 +16,7 @@ from agentflow.training.model.shorthand import shorten
 FILE_NAME = "agentflow.json"
 MODEL_FILES = ("config.json", "adapter_config.json")
 """One of them is in every folder that `transformers` loads: a model, or an adapter to one."""
-TINY_LABEL = "tiny model from scratch, procedural data"
+
 
 Messages = Sequence[Mapping[str, str]]
 """A chat: `role` and `content` of each message."""

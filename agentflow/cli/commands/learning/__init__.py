@@ -1,0 +1,1 @@
+"""Commands for learning: data, training, evaluation."""

@@ -1,0 +1,71 @@
+"""Commands that train models. Importing this module registers them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agentflow.cli.root import Json, Quiet, commands, print_result
+
+train = typer.Typer(
+    help="Train models to design machines.",
+    epilog="Example: agentflow train sft --config configs/train/sft_tiny.yaml --data SET --out DIR",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+commands.add_typer(train, name="train")
+
+TrainingFile = Annotated[
+    Path, typer.Option(help="YAML configuration file, such as one of configs/train.")
+]
+TrainingFolder = Annotated[
+    Path, typer.Option(help="Training directory: curves, checkpoints, the model.")
+]
+TrainingSettings = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="Set a configuration key, key=value; repeatable."),
+]
+Resume = Annotated[
+    bool,
+    typer.Option(
+        "--resume",
+        help="Continue the interrupted training run in --out, if there is one.",
+    ),
+]
+
+
+@train.command(
+    epilog="Example: agentflow train sft --config configs/train/sft_tiny.yaml --data SET --out DIR"
+)
+def sft(
+    config: TrainingFile,
+    out: TrainingFolder,
+    data: Annotated[
+        str | None,
+        typer.Option(help="Data set: a folder with train.jsonl and dev.jsonl (key data)."),
+    ] = None,
+    settings: TrainingSettings = None,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Train a model on pairs of prompt and reply (supervised fine-tuning).
+
+    The model is then in the folder `model` of the training directory.
+    """
+    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.show_training import show_training
+    from agentflow.training.config import SftConfig, read_config
+    from agentflow.training.libraries import require_libraries
+
+    built = read_config(SftConfig, config, settings or (), {"data": data})
+    require_libraries("torch", "transformers", "trl", "datasets", "peft")
+    from agentflow.training.sft import train_sft
+
+    def notify(line: str) -> None:
+        if not quiet:
+            print_line(f"agentflow: {line}")
+
+    print_result(train_sft(built, out, resume, notify), as_json, show_training)

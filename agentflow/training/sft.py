@@ -1,0 +1,167 @@
+"""Supervised fine-tuning: a model learns the replies in a data set, with TRL's trainer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from datasets import Dataset
+from transformers import PrinterCallback
+from transformers.trainer_pt_utils import get_length_grouped_indices
+from trl import SFTConfig as LibraryConfig
+from trl import SFTTrainer
+
+from agentflow.errors import UsageError
+from agentflow.runs import Notify
+from agentflow.training.config import SftConfig
+from agentflow.training.data.pairs import DEV, TRAIN, Pair, read_pairs
+from agentflow.training.model.base import adapter_config, base_folder, load_base, save_model
+from agentflow.training.model.folder import ModelFolder
+from agentflow.training.record import About
+from agentflow.training.run import TrainingRun
+from agentflow.training.trainer import Notes, library_options
+
+CURVES = {
+    "loss": "loss",
+    "mean_token_accuracy": "token_accuracy",
+    "entropy": "entropy",
+    "learning_rate": "learning_rate",
+    "grad_norm": "gradient_norm",
+    "eval_loss": "dev_loss",
+    "eval_mean_token_accuracy": "dev_token_accuracy",
+    "eval_entropy": "dev_entropy",
+}
+"""The trainer's name of a number -> its name in the curves. Means over the reply's tokens."""
+
+
+def train_sft(config: SftConfig, out: Path, resume: bool, notify: Notify) -> Mapping[str, Any]:
+    """Train a model on the pairs of a data set.
+
+    Args:
+        config: What to do.
+        out: The training directory.
+        resume: Continue the run in `out`, if there is one.
+        notify: Receives remarks for the user.
+
+    Returns:
+        The content of result.json.
+
+    Raises:
+        UsageError: The data set cannot be read or has no pair that fits; or the directory cannot
+            be used.
+    """
+    pairs = _read(Path(config.data) / TRAIN)
+    dev = _read(Path(config.data) / DEV)[: config.dev_pairs]
+    folder = base_folder(config, {pair.source for pair in pairs})
+    about = About(kind="sft", label=folder.label)
+    with TrainingRun.open(out, about, config, resume) as run:
+        if run.result is not None:
+            return run.result
+        if run.checkpoint is not None:
+            notify(f"continuing after {run.checkpoint.name}")
+        trainer = _make_trainer(config, folder, pairs, dev, run, notify)
+        left_out = _order_pairs(trainer, config)
+        if left_out:
+            notify(f"{left_out} pairs are longer than {config.max_tokens} tokens and left out")
+        trainer.train(resume_from_checkpoint=run.checkpoint and str(run.checkpoint))
+        save_model(trainer.model, trainer.processing_class, folder, run.model)
+        model = trainer.model
+        return run.finish(
+            {
+                "model": str(run.model),
+                "label": folder.label,
+                "steps": config.steps,
+                "pairs": len(pairs) - left_out,
+                "left_out": left_out,
+                "parameters": sum(p.numel() for p in model.parameters()),
+                "trained_parameters": sum(p.numel() for p in model.parameters() if p.requires_grad),
+                "dev_loss": _last(trainer.state.log_history, "eval_loss"),
+            }
+        )
+
+
+def _read(path: Path) -> list[Pair]:
+    pairs = list(read_pairs(path))
+    if not pairs:
+        raise UsageError(f"{path} has no pairs")
+    return pairs
+
+
+def _make_trainer(
+    config: SftConfig,
+    folder: ModelFolder,
+    pairs: Sequence[Pair],
+    dev: Sequence[Pair],
+    run: TrainingRun,
+    notify: Notify,
+) -> Any:
+    rows, dev_rows = _rows(folder, pairs), _rows(folder, dev)
+    if config.threads is not None:
+        torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed)
+    texts = (f"{row['prompt']}{row['completion']}" for row in rows)
+    model, tokenizer = load_base(config, texts)
+    trainer = SFTTrainer(
+        model=model,
+        args=LibraryConfig(
+            **library_options(config, run),
+            per_device_train_batch_size=config.device_batch or config.batch,
+            gradient_accumulation_steps=config.batch // (config.device_batch or config.batch),
+            per_device_eval_batch_size=config.device_batch or config.batch,
+            eval_strategy="steps",
+            eval_steps=config.dev_every,
+            train_sampling_strategy="sequential",
+            max_length=None,
+        ),
+        train_dataset=Dataset.from_list(rows),
+        eval_dataset=Dataset.from_list(dev_rows),
+        processing_class=tokenizer,
+        peft_config=adapter_config(config.peft),
+        callbacks=[Notes(run, CURVES, notify)],
+    )
+    trainer.remove_callback(PrinterCallback)
+    return trainer
+
+
+def _rows(folder: ModelFolder, pairs: Sequence[Pair]) -> list[dict[str, Any]]:
+    """Prompts and completions as the trainer wants them: texts, or messages of a chat."""
+    rows = []
+    for pair in pairs:
+        prompt = folder.prompt([message.model_dump() for message in pair.prompt])
+        reply = [{"role": "assistant", "content": pair.reply}]
+        completion = pair.reply if isinstance(prompt, str) else reply
+        rows.append({"prompt": prompt, "completion": completion})
+    return rows
+
+
+def _order_pairs(trainer: Any, config: SftConfig) -> int:
+    """Put the trainer's pairs into the order of all steps; how many are too long and left out.
+
+    Batches hold pairs of similar length, which saves half of the work on padding, and follow each
+    other in random order. The order is complete before training begins, so a continued run goes
+    on with the right pair.
+    """
+    lengths = [len(tokens) for tokens in trainer.train_dataset["input_ids"]]
+    fitting = [i for i, length in enumerate(lengths) if length <= config.max_tokens]
+    if not fitting:
+        raise UsageError(
+            f"every pair of {config.data} is longer than max_tokens ({config.max_tokens}); the "
+            f"shortest has {min(lengths)} tokens"
+        )
+    wanted, batch = config.steps * config.batch, min(config.batch, len(fitting))
+    generator, order = torch.Generator().manual_seed(config.seed), list[int]()
+    while len(order) < wanted:
+        grouped = get_length_grouped_indices(
+            [lengths[i] for i in fitting], batch, generator=generator
+        )
+        batches = [grouped[i : i + batch] for i in range(0, len(grouped) - batch + 1, batch)]
+        shuffled = torch.randperm(len(batches), generator=generator).tolist()
+        order += [fitting[i] for number in shuffled for i in batches[number]]
+    trainer.train_dataset = trainer.train_dataset.select(order[:wanted])
+    return len(lengths) - len(fitting)
+
+
+def _last(history: Sequence[Mapping[str, Any]], name: str) -> float | None:
+    return next((row[name] for row in reversed(history) if name in row), None)

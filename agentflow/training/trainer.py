@@ -1,0 +1,60 @@
+"""What the trainers of supervised fine-tuning and of reinforcement learning share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from transformers import TrainerCallback
+
+from agentflow.runs import Notify
+from agentflow.training.config import TrainingConfig
+from agentflow.training.run import TrainingRun
+
+OPTIMISERS = {"adamw": "adamw_torch", "adamw_8bit": "adamw_bnb_8bit"}
+"""Our name of an optimiser -> the library's."""
+
+
+def library_options(config: TrainingConfig, run: TrainingRun) -> dict[str, Any]:
+    """The arguments that the configurations of TRL's trainers have in common."""
+    optimiser = config.optimiser
+    return {
+        "output_dir": str(run.path),
+        "max_steps": config.steps,
+        "seed": config.seed,
+        "use_cpu": config.device == "cpu" or not torch.cuda.is_available(),
+        "bf16": config.precision == "bfloat16",
+        "optim": OPTIMISERS[optimiser.name],
+        "learning_rate": optimiser.learning_rate,
+        "lr_scheduler_type": optimiser.schedule,
+        "warmup_steps": round(optimiser.warmup * config.steps),
+        "weight_decay": optimiser.weight_decay,
+        "adam_beta2": optimiser.beta2,
+        "max_grad_norm": optimiser.gradient_norm,
+        "gradient_checkpointing": config.model.tiny is None,
+        "logging_steps": config.log_every,
+        "logging_first_step": True,
+        "save_strategy": "steps",
+        "save_steps": config.save_every,
+        "save_total_limit": 2,
+        "report_to": "none",
+        "disable_tqdm": True,
+    }
+
+
+class Notes(TrainerCallback):
+    """Writes what the trainer logs into the curves of a run, and tells the user."""
+
+    def __init__(self, run: TrainingRun, names: Mapping[str, str], notify: Notify) -> None:
+        """`names`: the trainer's name of a number -> its name in the curves."""
+        self._run, self._names, self._notify = run, names, notify
+
+    def on_log(self, _args: Any, state: Any, _control: Any, **given: Any) -> None:
+        """Write one line."""
+        logs = given["logs"]
+        numbers = {ours: logs[name] for name, ours in self._names.items() if name in logs}
+        if numbers and state.is_world_process_zero:
+            self._run.note(state.global_step, numbers)
+            shown = ", ".join(f"{name} {value:.3g}" for name, value in numbers.items())
+            self._notify(f"step {state.global_step} of {state.max_steps}: {shown}")
