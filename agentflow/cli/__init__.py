@@ -17,6 +17,7 @@ USAGE, INTERRUPTED = 2, 130
 MODULES = (
     "benchmark",
     "design",
+    "diversity",
     "engines",
     "learning.evaluate",
     "learning.train",

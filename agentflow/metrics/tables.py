@@ -32,6 +32,8 @@ class Column:
     """Heading above several columns; "" for none."""
     name: str
     percent: bool = False
+    digits: int = 2
+    """Decimals of its floats."""
 
     @property
     def full(self) -> str:
@@ -62,12 +64,12 @@ class Table:
     notes: tuple[str, ...] = ()
 
 
-def cell_text(value: Value, percent: bool = False) -> str:
-    """A cell as text: floats with two decimals, counts as integers, a dash for no value."""
+def cell_text(value: Value, percent: bool = False, digits: int = 2) -> str:
+    """A cell as text: floats with a few decimals, counts as integers, a dash for no value."""
     if value is None:
         return NOTHING
     if isinstance(value, float):
-        return f"{value:.2%}" if percent else f"{value:.2f}"
+        return f"{value:.{digits}%}" if percent else f"{value:.{digits}f}"
     return str(value)
 
 
@@ -192,7 +194,7 @@ def _group_line(table: Table, widths: list[int]) -> list[str]:
 
 def _cells(table: Table, row: Row) -> list[str]:
     pairs = zip(row.values, table.columns, strict=True)
-    return [*row.labels, *(cell_text(value, column.percent) for value, column in pairs)]
+    return [*row.labels, *(cell_text(value, c.percent, c.digits) for value, c in pairs)]
 
 
 def _pipes(cells: Iterable[str]) -> str:

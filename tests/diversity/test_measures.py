@@ -85,6 +85,7 @@ def test_like_machines_have_like_graphs() -> None:
     assert 1 > near > far
 
 
+@pytest.mark.slow
 def test_results_are_the_same_in_every_process() -> None:
     code = (
         "from tests.diversity.test_measures import diversity, some_machines\n"

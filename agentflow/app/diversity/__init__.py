@@ -1,0 +1,1 @@
+"""How different the machines of runs, sweeps, training runs and folders are."""
