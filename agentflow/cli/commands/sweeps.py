@@ -98,15 +98,34 @@ def sweep(
 
 @commands.command(epilog="Example: agentflow table sweeps/inspector --format md --published")
 def table(
-    sweep: Annotated[Path, typer.Argument(help="Sweep directory, finished or not.")],
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Sweep directory, finished or not; or directories that are or contain "
+            "evaluations and training runs."
+        ),
+    ],
     show: Annotated[
-        Literal["published", "scores", "usage", "players", "expansions", "verified"],
+        Literal[
+            "published",
+            "scores",
+            "usage",
+            "players",
+            "expansions",
+            "verified",
+            "transfer",
+            "best",
+            "curves",
+        ],
         typer.Option(
-            help="View of the sweep. published: columns as in the table that the sweep is compared "
-            "with; scores: means with intervals, and Best@N (expected best score of N machines); "
-            "usage: calls, tokens, time; players: best score divided by the mean score of "
-            "experienced players; expansions: best score by number of new machines; "
-            "verified: scores of best machines and their verified scores."
+            help="View. published: columns as in the published table. scores: means with "
+            "intervals; of a sweep, also Best@N (expected best score of N machines). "
+            "Of a sweep only: usage (calls, tokens, time); players (best score divided by the "
+            "mean score of experienced players); expansions (best score by number of new "
+            "machines); verified (scores of best machines and their verified scores). Of "
+            "evaluations and training runs only: transfer (scores beside the tasks of training); "
+            "best (Best@N, also by step of training); curves (every number logged in training, "
+            "by step)."
         ),
     ] = "published",
     form: Annotated[
@@ -120,10 +139,19 @@ def table(
         ),
     ] = False,
 ) -> None:
-    """Compare the runs of a sweep in a table."""
+    """Compare the runs of a sweep, or evaluated models and their training, in a table.
+
+    Evaluations with the same name are pooled into one row.
+    """
+    from agentflow.app.sweeps.folder import is_sweep
     from agentflow.app.sweeps.views import format_view
 
-    text = format_view(sweep, show, form, published=published)
+    if len(folders) == 1 and is_sweep(folders[0]):
+        text = format_view(folders[0], show, form, published=published)
+    else:
+        from agentflow.training.evaluation.tables import format_tables
+
+        text = format_tables(folders, show, form, published=published)
     print(escape_controls(text, "\n") if form == "text" else text, end="")
 
 

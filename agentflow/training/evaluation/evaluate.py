@@ -36,6 +36,8 @@ from agentflow.training.evaluation.record import (
 )
 from agentflow.training.evaluation.replies import judge
 from agentflow.training.model.folder import read_folder
+from agentflow.training.record import ABOUT as TRAINING
+from agentflow.training.record import read_training
 
 if TYPE_CHECKING:
     from agentflow.training.model.loading import Sampler
@@ -107,6 +109,7 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
         name=name,
         model=config.model.name,
         label=_label(config),
+        trained_on=_trained_on(config),
         tasks=tuple(tasks),
         samples=samples,
         seed=config.seed,
@@ -129,6 +132,15 @@ def _label(config: DesignConfig) -> str:
     if folder is not None:
         return read_folder(folder).label
     return choose_models(config.model)[ROLE].display_name
+
+
+def _trained_on(config: DesignConfig) -> tuple[str, ...]:
+    """The tasks of the training run whose directory holds the model, if it names any."""
+    folder = _folder(config)
+    training = None if folder is None else folder.resolve().parent
+    if training is None or not (training / TRAINING).exists():
+        return ()
+    return tuple(read_training(training).config.get("tasks", ()))
 
 
 def _require_used(config: DesignConfig) -> None:

@@ -44,6 +44,8 @@ class Evaluation(BaseModel, frozen=True, extra="forbid"):
     """As given: a name at an endpoint, `procedural`, or a folder."""
     label: str
     """The model's name in results."""
+    trained_on: tuple[str, ...] = ()
+    """Tasks of the reinforcement learning that made the model, where its folder says so."""
     tasks: tuple[str, ...]
     samples: int
     """Replies to each task."""

@@ -1,0 +1,144 @@
+"""Finds the evaluations and training runs in folders, and pools evaluations of the same name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from agentflow.errors import RunError
+from agentflow.training.evaluation.record import (
+    ABOUT,
+    REPLIES,
+    Evaluation,
+    read_about,
+    read_replies,
+)
+from agentflow.training.evaluation.replies import JudgedReply
+from agentflow.training.evaluation.summary import Summary, summarise
+from agentflow.training.record import ABOUT as TRAINING
+from agentflow.training.record import TrainingRecord, read_training
+
+SAME = ("label", "trained_on", "sampling", "prompts", "knobs", "conditions")
+"""What must be the same in evaluations that are pooled, such as of models from several seeds."""
+
+
+@dataclass(frozen=True)
+class PooledEvaluation:
+    """Evaluations of the same name as one: their replies count alike."""
+
+    name: str
+    members: Mapping[Path, Evaluation]
+    replies: tuple[JudgedReply, ...]
+
+    @property
+    def first(self) -> Evaluation:
+        """One of them, for what they have in common."""
+        return next(iter(self.members.values()))
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """Every task of any of them, in order."""
+        return tuple(
+            dict.fromkeys(task for member in self.members.values() for task in member.tasks)
+        )
+
+    @property
+    def trained_on(self) -> tuple[str, ...]:
+        """The tasks of the reinforcement learning that made their models, where known."""
+        return self.first.trained_on
+
+    @property
+    def missing(self) -> int:
+        """Replies that are still to come."""
+        planned = sum(member.samples * len(member.tasks) for member in self.members.values())
+        return planned - len(self.replies)
+
+    @cached_property
+    def summaries(self) -> dict[str, Summary]:
+        """Task -> its numbers."""
+        return {
+            task: summarise(reply for reply in self.replies if reply.task == task)
+            for task in self.tasks
+        }
+
+
+@dataclass(frozen=True)
+class Collection:
+    """What folders hold."""
+
+    evaluations: tuple[PooledEvaluation, ...]
+    trainings: Mapping[str, TrainingRecord]
+    """Name (the path in its folder) -> training run."""
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """Tasks of all evaluations, in order."""
+        return tuple(dict.fromkeys(task for found in self.evaluations for task in found.tasks))
+
+    @property
+    def engines(self) -> tuple[str, ...]:
+        """The physics engines of the evaluations."""
+        return tuple(dict.fromkeys(found.first.conditions["engine"] for found in self.evaluations))
+
+
+def collect(folders: Sequence[Path]) -> Collection:
+    """Read the evaluations and training runs in folders, by path; the folders in their order.
+
+    Raises:
+        RunError: One holds none, or a damaged one; or evaluations of the same name cannot be
+            pooled.
+    """
+    evaluations: dict[Path, Evaluation] = {}
+    trainings: dict[str, TrainingRecord] = {}
+    for folder in folders:
+        found = [path.parent for path in _files(folder, ABOUT)]
+        runs = [path.parent for path in _files(folder, TRAINING)]
+        if not found and not runs:
+            raise RunError(
+                f"{folder} is not a sweep directory: it has no readable sweep.yaml, and it holds "
+                f"no evaluations ({ABOUT}) and no training runs ({TRAINING})"
+            )
+        evaluations |= {path: read_about(path) for path in found}
+        names = (str(path.relative_to(folder)) if path != folder else path.name for path in runs)
+        trainings |= {name: read_training(path) for name, path in zip(names, runs, strict=True)}
+    return Collection(tuple(_pool(evaluations)), trainings)
+
+
+def _files(folder: Path, name: str) -> list[Path]:
+    return sorted(path for path in folder.rglob(name) if path.is_file())
+
+
+def _pool(evaluations: Mapping[Path, Evaluation]) -> Iterable[PooledEvaluation]:
+    for name in dict.fromkeys(about.name for about in evaluations.values()):
+        members = {path: about for path, about in evaluations.items() if about.name == name}
+        _require_poolable(members)
+        replies = [
+            reply
+            for path in members
+            if (path / REPLIES).exists()
+            for reply in read_replies(path / REPLIES)
+        ]
+        yield PooledEvaluation(name, members, tuple(replies))
+
+
+def _require_poolable(members: Mapping[Path, Evaluation]) -> None:
+    """Refuse to pool replies that were sampled or judged in different ways, or twice."""
+    (first, about), *others = members.items()
+    for path, other in others:
+        different = [key for key in SAME if getattr(about, key) != getattr(other, key)]
+        if different:
+            raise RunError(
+                f"{first} and {path} are both named {about.name!r} but have another "
+                f"{different[0]}, so they cannot be pooled: evaluate one of them again with "
+                "another --name"
+            )
+    seen: dict[str, Path] = {}
+    for path, other in members.items():
+        known = seen.setdefault(f"{other.model} {other.seed}", path)
+        if known != path and set(members[known].tasks) & set(other.tasks):
+            raise RunError(
+                f"{known} and {path} are the same evaluation, with the same model and seed: name "
+                "only one of them"
+            )

@@ -1,0 +1,284 @@
+"""Tables of evaluations and training runs, in the layouts of the published ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+from agentflow.errors import RunError, UnknownNameError, UsageError
+from agentflow.metrics.cells import Value
+from agentflow.metrics.intervals import Interval, missing_scipy
+from agentflow.metrics.published import published
+from agentflow.metrics.scores import Scores
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
+from agentflow.training.evaluation.collection import Collection, PooledEvaluation, collect
+from agentflow.training.evaluation.record import read_replies
+from agentflow.training.evaluation.summary import Summary, summarise
+
+CURVES = "curves"
+"""Name of the view of training alone."""
+GENERAL, UNCERTAINTY = "post_training", "post_training_ci"
+"""Published tables."""
+MAIN = ("valid", "mean", "max")
+"""Numbers of the general table."""
+BASE = "Base"
+"""Name of the published model before training."""
+TO = " to "
+"""Between the tasks in the name of a published transfer, as in "Throwing to Movement"."""
+INTERVAL = "95 %"
+NUMBERS = (
+    Column("valid", "count"),
+    Column("valid", INTERVAL),
+    Column("all replies", "mean"),
+    Column("all replies", INTERVAL),
+    Column("all replies", "SD"),
+    Column("", "max"),
+)
+MEANING = (
+    "valid: replies with a valid machine. Means and SD (of the population) are over all replies, "
+    "invalid ones scored 0; max is over valid machines."
+)
+INTERVALS = "Shares have Wilson intervals, means have bootstrap intervals (10,000 resamples)."
+BEST = (
+    "Best@N is the expected best score of N replies, computed exactly over all replies, with "
+    "invalid ones scored 0."
+)
+
+
+def general_table(found: Collection, *, with_published: bool = False) -> Table:
+    """Validity, mean and greatest score by task, a row for each name."""
+    tasks = found.tasks
+    rows = tuple(
+        Row(_labels(item), tuple(value for task in tasks for value in _main(item, task)))
+        for item in found.evaluations
+    )
+    others = tuple(_published_general(tasks)) if with_published else ()
+    columns = tuple(Column(task, name) for task in tasks for name in MAIN)
+    notes = (*_notes(found), MEANING)
+    return Table("Trained models", ("name", "model"), columns, rows, others, notes)
+
+
+def uncertainty_table(found: Collection, *, with_published: bool = False) -> Table:
+    """Every number with its interval, by task."""
+    rows = tuple(
+        Row((task, *_labels(item)), _numbers(item.summaries[task]))
+        for task, item in _by_task(found)
+    )
+    others = _published_numbers(found.tasks, transfer=False) if with_published else ()
+    return Table(
+        "Trained models: uncertainty",
+        ("task", "name", "model"),
+        NUMBERS,
+        rows,
+        tuple(Row((task, name, model), values) for task, name, model, values in others),
+        (*_notes(found), MEANING, INTERVALS, *filter(None, [missing_scipy()])),
+    )
+
+
+def transfer_table(found: Collection, *, with_published: bool = False) -> Table:
+    """What models achieve at tasks, beside the tasks of their reinforcement learning."""
+    rows = tuple(
+        Row((", ".join(item.trained_on) or "-", task, *_labels(item)), values)
+        for task, item in _by_task(found)
+        for values in [_numbers(item.summaries[task])]
+    )
+    others = _published_numbers(found.tasks, transfer=True) if with_published else ()
+    return Table(
+        "Trained models: transfer",
+        ("trained on", "evaluated on", "name", "model"),
+        NUMBERS,
+        rows,
+        tuple(
+            Row((name.lower().partition(TO)[0], task, name, model), values)
+            for task, name, model, values in others
+        ),
+        (
+            *_notes(found),
+            "trained on: the tasks of the reinforcement learning; a dash for models without any.",
+            MEANING,
+            INTERVALS,
+            *filter(None, [missing_scipy()]),
+        ),
+    )
+
+
+def best_table(found: Collection) -> Table:
+    """Best@N of the evaluations, and of the samples that training runs took between steps."""
+    scores: dict[tuple[str, ...], Scores] = {
+        (task, item.name, "-"): item.summaries[task].scores for task, item in _by_task(found)
+    }
+    for name, run in found.trainings.items():
+        for step, path in run.samples.items():
+            replies = read_replies(path)
+            for task in dict.fromkeys(reply.task for reply in replies):
+                own = summarise(reply for reply in replies if reply.task == task)
+                scores[task, name, str(step)] = own.scores
+    best = {key: own.best_at() for key, own in scores.items()}
+    counts = sorted({n for own in best.values() for n in own})
+    return Table(
+        "Trained models: Best@N",
+        ("task", "name", "step"),
+        tuple(Column("Best@N, N =", str(n)) for n in counts),
+        tuple(Row(key, tuple(own.get(n) for n in counts)) for key, own in best.items()),
+        notes=(
+            *_notes(found),
+            BEST,
+            "Rows with a step are samples of a training run after that step.",
+        ),
+    )
+
+
+def curves_table(found: Collection) -> Table:
+    """Every number that training runs logged, a row for each step."""
+    runs = found.trainings
+    names = dict.fromkeys(
+        key
+        for run in runs.values()
+        for row in run.curves
+        for key, value in row.items()
+        if key != "step" and _is_number(value)
+    )
+    rows = tuple(
+        Row((name, str(row["step"])), tuple(_number(row.get(key)) for key in names))
+        for name, run in runs.items()
+        for row in run.curves
+    )
+    columns = tuple(Column("", key) for key in names)
+    notes = tuple(f"{name}: {run.about.label}." for name, run in runs.items())
+    return Table("Training runs: curves", ("run", "step"), columns, rows, notes=notes)
+
+
+VIEWS: Mapping[str, Callable[..., Table]] = MappingProxyType(
+    {
+        "published": general_table,
+        "scores": uncertainty_table,
+        "transfer": transfer_table,
+        "best": best_table,
+        CURVES: curves_table,
+    }
+)
+"""Name of a view -> function that makes its table."""
+COMPARED = ("published", "scores", "transfer")
+"""Views with published rows."""
+
+
+def format_tables(folders: Sequence[Path], name: str, form: str, *, published: bool) -> str:
+    """A view of the evaluations and training runs in folders, as text in one of the `FORMATS`.
+
+    Raises:
+        UnknownNameError: There is no such view of them.
+        UsageError: The view has no published rows.
+        RunError: A folder holds neither, or something is damaged.
+    """
+    if name not in VIEWS:
+        raise UnknownNameError("view of evaluations and training runs", name, VIEWS)
+    if published and name not in COMPARED:
+        views = ", ".join(COMPARED)
+        raise UsageError(f"only these views have published rows: {views}; not {name!r}")
+    found = collect(folders)
+    _require_rows(found, name)
+    table = VIEWS[name](found, with_published=True) if published else VIEWS[name](found)
+    return FORMATS[form](table)
+
+
+def _require_rows(found: Collection, name: str) -> None:
+    """Refuse a table without rows, and name one that has some."""
+    if name in COMPARED and not found.evaluations:
+        raise RunError(
+            f"there is no evaluation for the view {name!r}: make one with agentflow evaluate, or "
+            "use --show curves or --show best"
+        )
+    if name == CURVES and not found.trainings:
+        raise RunError(f"there is no training run for the view {name!r}, only evaluations")
+
+
+def _labels(item: PooledEvaluation) -> tuple[str, str]:
+    return item.name, item.first.label
+
+
+def _by_task(found: Collection) -> Iterator[tuple[str, PooledEvaluation]]:
+    """Every task with each evaluation of it."""
+    for task in found.tasks:
+        for item in found.evaluations:
+            if task in item.tasks:
+                yield task, item
+
+
+def _main(item: PooledEvaluation, task: str) -> tuple[Value, Value, Value]:
+    own = item.summaries.get(task)
+    if own is None or not own.replies:
+        return None, None, None
+    return own.valid, own.mean, own.scores.max
+
+
+def _numbers(own: Summary) -> tuple[Value, ...]:
+    return (
+        own.valid if own.replies else None,
+        _format_interval(own.valid.interval, percent=True),
+        own.mean,
+        _format_interval(own.scores.mean_all_interval(own.seed)),
+        own.sd,
+        own.scores.max,
+    )
+
+
+def _format_interval(interval: Interval | None, *, percent: bool = False) -> str | None:
+    if interval is None:
+        return None
+    return " - ".join(cell_text(end, percent) for end in interval)
+
+
+def _published_general(tasks: Sequence[str]) -> Iterator[Row]:
+    rows: dict[str, dict[tuple[str, str], str]] = {}
+    for item in published():
+        if item.table == GENERAL:
+            rows.setdefault(item.model, {})[item.task, item.metric] = item.value
+    for model, values in rows.items():
+        base, _, training = model.partition(" + ")
+        cells = tuple(
+            values.get((task, name)) for task in tasks for name in ("valid", "mean", "max")
+        )
+        if any(cell is not None for cell in cells):
+            yield Row((training or BASE, base), cells)
+
+
+def _published_numbers(
+    tasks: Sequence[str], *, transfer: bool
+) -> list[tuple[str, str, str, tuple[Value, ...]]]:
+    """Task, name, model and numbers of the published models, or of the published transfers."""
+    rows: dict[tuple[str, str, str], dict[str, str]] = {}
+    for item in published():
+        if item.table == UNCERTAINTY and item.task in tasks and (TO in item.condition) == transfer:
+            rows.setdefault((item.task, item.condition, item.model), {})[item.metric] = item.value
+    names = ("valid", "validity_ci95", "mean", "mean_ci95", "sd", "max")
+    ordered = sorted(rows.items(), key=lambda row: tasks.index(row[0][0]))
+    return [(*key, tuple(map(values.get, names))) for key, values in ordered]
+
+
+def _notes(found: Collection) -> tuple[str, ...]:
+    notes = []
+    for item in found.evaluations:
+        if len(item.members) > 1:
+            notes.append(f"{item.name}: {len(item.members)} evaluations, pooled.")
+        if item.missing:
+            total = item.missing + len(item.replies)
+            notes.append(f"INCOMPLETE: {item.name} lacks {item.missing} of {total} replies.")
+        for task, own in item.summaries.items():
+            if own.faults:
+                notes.append(
+                    f"{item.name}, {task}: left out {own.faults} of "
+                    f"{own.replies + own.faults} replies, whose simulation crashed or timed out."
+                )
+    if found.engines:
+        only = "; no number is of more than one" if len(found.engines) > 1 else ""
+        notes.append(f"Physics engine: {', '.join(found.engines)}{only}.")
+    return tuple(notes)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _number(value: object) -> Value:
+    return value if isinstance(value, int | float) and _is_number(value) else None
