@@ -82,6 +82,33 @@ def open_folder(path: Path) -> int:
     return os.open(path, os.O_RDONLY)
 
 
+@contextmanager
+def hold_folder(path: Path) -> Iterator[None]:
+    """Create a folder if it is missing, and lock it for this process.
+
+    Raises:
+        RunError: Another process holds it, or it cannot be written.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        folder = open_folder(path)
+    except OSError as error:
+        raise cannot_write(path, error) from None
+    try:
+        try:
+            lock_file(folder)
+        except OSError:
+            raise RunError(f"{path} is in use by another process; wait for it or stop it") from None
+        yield
+    finally:
+        os.close(folder)
+
+
+def cannot_write(folder: Path, error: OSError) -> RunError:
+    """The error of a folder that was named with --out."""
+    return RunError(f"cannot write to {folder}: {error.strerror}; choose another folder with --out")
+
+
 def require_plain_files(folder: Path) -> None:
     """Refuse a folder that holds links, pipes or devices, at any depth.
 

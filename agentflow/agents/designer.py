@@ -17,7 +17,8 @@ from agentflow.machine.tree import Machine
 
 MAX_RATIONALE = 4000
 """Maximum number of characters kept of a rationale."""
-_FENCE = re.compile(r"^[ \t]*```.*?(?:^[ \t]*```[ \t]*$|\Z)", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r"^[ \t]*```.*?(?:^[ \t]*```[ \t]*$|\Z)", re.MULTILINE | re.DOTALL)
+"""A code fence of a reply, closed or not."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Designer(Role[DesignerInput, Design]):
 
 def extract_rationale(text: str) -> str:
     """The prose of a reply: its text outside code fences, cut to `MAX_RATIONALE`."""
-    return _FENCE.sub("", text).strip()[:MAX_RATIONALE]
+    return FENCE.sub("", text).strip()[:MAX_RATIONALE]
 
 
 def _outline(blueprint: Blueprint | None, part: Structure | None) -> dict[str, Any] | None:

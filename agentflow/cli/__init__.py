@@ -19,6 +19,7 @@ MODULES = (
     "design",
     "diversity",
     "engines",
+    "learning.data",
     "learning.evaluate",
     "learning.train",
     "machines",

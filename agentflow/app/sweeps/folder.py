@@ -9,7 +9,6 @@ SWEEP/store/          machines and rollouts by content
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime, timezone
@@ -27,8 +26,8 @@ from agentflow.config.sweep import SweepConfig, read_sweep
 from agentflow.config.yaml import NOT_YAML
 from agentflow.errors import RunError
 from agentflow.files import (
-    lock_file,
-    open_folder,
+    cannot_write,
+    hold_folder,
     require_plain_files,
     whole_lines,
     write_atomically,
@@ -86,30 +85,12 @@ def lock_folder(path: Path, document: Mapping[str, Any], resume: bool) -> Iterat
         RunError: The folder holds a sweep that must not be resumed, is in use by another process,
             or cannot be written.
     """
-    with _lock(path):
+    with hold_folder(path):
         if is_sweep(path):
             _require_same_sweep(path, document, resume)
         else:
             _write_new(path / NAME, document)
         yield
-
-
-@contextmanager
-def _lock(path: Path) -> Iterator[None]:
-    """Create the folder if missing, and lock it for this process."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        folder = open_folder(path)
-    except OSError as error:
-        raise _cannot_write(path, error) from None
-    try:
-        try:
-            lock_file(folder)
-        except OSError:
-            raise RunError(f"{path} is in use by another process; wait for it or stop it") from None
-        yield
-    finally:
-        os.close(folder)
 
 
 def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -> None:
@@ -126,7 +107,7 @@ def _require_same_sweep(path: Path, document: Mapping[str, Any], resume: bool) -
         )
     whole = {"engine": document["sweep"]["base"]["engine"]}  # older sweeps do not name it
     begun = {**recorded["sweep"], "base": {**whole, **recorded["sweep"]["base"]}}
-    if different := _first_difference(begun, document["sweep"], ""):
+    if different := first_difference(begun, document["sweep"]):
         command = "benchmark" if "benchmark" in document["sweep"] else "sweep"
         raise RunError(
             f"{path} was started with a different {different}: resume it unchanged with "
@@ -139,14 +120,14 @@ def _conditions(document: Mapping[str, Any]) -> dict[str, str]:
     return physics_conditions(document["sweep"]["base"]["engine"])
 
 
-def _first_difference(one: Any, other: Any, place: str) -> str:
+def first_difference(one: Any, other: Any, place: str = "") -> str:
     """The first dotted key whose values differ; "" if there is none."""
     if one == other:
         return ""
     if not (isinstance(one, dict) and isinstance(other, dict)):
         return place
     key = next(k for k in {**one, **other} if one.get(k) != other.get(k))
-    return _first_difference(one.get(key), other.get(key), f"{place}.{key}" if place else key)
+    return first_difference(one.get(key), other.get(key), f"{place}.{key}" if place else key)
 
 
 def _write_new(file: Path, document: Mapping[str, Any]) -> None:
@@ -161,11 +142,7 @@ def _write_new(file: Path, document: Mapping[str, Any]) -> None:
         with write_atomically(file) as part:
             part.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise _cannot_write(file.parent, error) from None
-
-
-def _cannot_write(path: Path, error: OSError) -> RunError:
-    return RunError(f"cannot write to {path}: {error.strerror}; choose another folder with --out")
+        raise cannot_write(file.parent, error) from None
 
 
 def folder_name(name: str, sweep: SweepConfig) -> str:

@@ -6,11 +6,13 @@ they come from (`card.md` for people, `card.json` for programs).
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, field_serializer, field_validator
 
 from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.errors import UsageError
@@ -20,6 +22,8 @@ from agentflow.machine import Machine
 
 TRAIN, DEV = "train.jsonl", "dev.jsonl"
 """Files of a set. No objective is in both."""
+_SPECIAL = re.compile(r"<\|[^|<>\n]{1,40}\|>|</?s>|\[/?INST\]|<<?/?SYS>>?")
+"""Texts that chat templates use for themselves: `<|im_end|>`, `</s>`, `[INST]`."""
 
 
 class ChatMessage(BaseModel):
@@ -39,7 +43,8 @@ class Pair(BaseModel):
     messages: tuple[ChatMessage, ...]
     """The prompt, as designers get it in a run, then the reply: rationale and program."""
     machine: tuple[Mapping[str, int], ...]
-    """The construction tree in the reply, as in machine files."""
+    """The construction tree in the reply, as in machine files. In JSONL it is JSON text: libraries
+    that read tables need the same fields in every row, and two-ended blocks have others."""
     objective: str
     """Name of what the machine must do."""
     rationale: str
@@ -57,6 +62,18 @@ class Pair(BaseModel):
             raise ValueError("expected a prompt and, at the end, one message of the assistant")
         return messages
 
+    @field_validator("machine", mode="before")
+    @classmethod
+    def _read_text(cls, machine: object) -> object:
+        try:
+            return json.loads(machine) if isinstance(machine, str) else machine
+        except RecursionError:
+            raise ValueError("expected the JSON list of a machine") from None
+
+    @field_serializer("machine")
+    def _write_text(self, machine: tuple[Mapping[str, int], ...]) -> str:
+        return json.dumps([dict(step) for step in machine])
+
     @property
     def prompt(self) -> tuple[ChatMessage, ...]:
         """The messages before the reply."""
@@ -71,6 +88,11 @@ class Pair(BaseModel):
 def make_reply(rationale: str, machine: Machine) -> str:
     """A reply in the format that designers are asked for."""
     return f"{rationale}\n```json\n{machine.to_text()}\n```".lstrip()
+
+
+def clean_text(text: str) -> str:
+    """Text of a model without control characters, and without what ends or begins a message."""
+    return _SPECIAL.sub("", "".join(c for c in text if c in "\n\t" or c.isprintable())).strip()
 
 
 def read_pairs(path: Path) -> Iterator[Pair]:
@@ -105,10 +127,14 @@ def write_pairs(path: Path, pairs: Iterable[Pair]) -> int:
     return count
 
 
-def make_messages(prompt: Sequence[Mapping[str, str]], reply: str) -> tuple[ChatMessage, ...]:
-    """The messages of a pair, from a prompt such as `agentflow.design_prompt` returns."""
-    given = [ChatMessage.model_validate(message) for message in prompt]
-    return (*given, ChatMessage(role="assistant", content=reply))
+def make_prompt(prompt: Sequence[Mapping[str, str]]) -> tuple[ChatMessage, ...]:
+    """The messages of a prompt such as `agentflow.design_prompt` returns."""
+    return tuple(ChatMessage.model_validate(message) for message in prompt)
+
+
+def make_messages(prompt: Sequence[ChatMessage], reply: str) -> tuple[ChatMessage, ...]:
+    """The messages of a pair."""
+    return (*prompt, ChatMessage(role="assistant", content=reply))
 
 
 def _read_pair(line: bytes, where: str) -> Pair:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, SerializeAsAny, field_validator
 
 from agentflow.env.rollout import Broken, Feedback, Rollout, Trace
 from agentflow.env.rollout import Verdict as Score
@@ -48,7 +48,7 @@ class Objective(BaseModel):
     blocks: tuple[int, ...] = Field(min_length=1)
     """Allowed block types, of those that the level allows."""
     scene: LevelScene
-    test: Mapping[str, FunctionTest] = Field(min_length=1)
+    test: Mapping[str, SerializeAsAny[FunctionTest]] = Field(min_length=1)
     """Function tests by their name in `FUNCTIONS`; a machine works if it passes all of them."""
 
     @field_validator("name")

@@ -1,0 +1,212 @@
+"""Commands for data to learn from. Importing this module registers them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from agentflow.cli.root import (
+    BaseUrl,
+    Engine,
+    Json,
+    ModelName,
+    Quiet,
+    Settings,
+    commands,
+    print_json,
+    print_result,
+)
+
+data = typer.Typer(
+    help="Make data to learn from: pairs of a prompt and a machine that works.",
+    epilog="Example: agentflow data generate configs/objectives.yaml --samples 20 --out answers",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+commands.add_typer(data, name="data")
+
+Set = Annotated[Path, typer.Option("--out", help="Directory of the set; created if missing.")]
+Evaluation = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Run, or directory with runs, that models are evaluated with: leave its machines "
+        "out; repeatable.",
+    ),
+]
+Licence = Annotated[
+    str | None, typer.Option(help="Licence of the set, for its card.", show_default="by model")
+]
+Workers = Annotated[int, typer.Option(min=1, max=256, help="Worker processes for simulation.")]
+
+
+@data.command(
+    epilog="Example: agentflow data generate configs/objectives.yaml --samples 20 --variants 1 "
+    "--out answers"
+)
+def generate(
+    objectives: Annotated[Path, typer.Argument(help="YAML file with design objectives.")],
+    out: Annotated[Path, typer.Option(help="Directory of the answers; created if missing.")],
+    samples: Annotated[int, typer.Option(min=1, help="Answers to each objective.")] = 250,
+    limit: Annotated[
+        int | None,
+        typer.Option(min=1, help="Most answers in all, spread over the objectives."),
+    ] = None,
+    variants: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            max=100,
+            help="Machines to make from each valid answer by 1 to 3 random legal edits, on "
+            "average. Filtering keeps those that still work.",
+        ),
+    ] = 0.0,
+    model: ModelName = None,
+    base_url: BaseUrl = None,
+    settings: Settings = None,
+    seed: Annotated[int | None, typer.Option(help="Random seed of the first samples.")] = None,
+    workers: Annotated[
+        int, typer.Option(min=1, max=1024, help="Requests to the model at a time.")
+    ] = 8,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Ask a model for machines for design objectives, and record its answers.
+
+    The same command again continues: answers that are recorded are never asked for again.
+    """
+    from agentflow.app.design.config import load_config
+    from agentflow.cli.display.live import print_line
+    from agentflow.training.data.generate import generate as record
+    from agentflow.training.data.generate import plan_answers
+    from agentflow.training.objectives import read_objectives
+
+    options = {"model.name": model, "model.base_url": base_url, "seed": seed}
+    config = load_config(None, settings or (), options)
+    plan = plan_answers(
+        read_objectives(objectives), config, samples=samples, limit=limit, variants=variants
+    )
+    found = record(
+        plan,
+        config,
+        out,
+        workers,
+        lambda line: None if quiet else print_line(f"agentflow: {line}"),
+        _progress("answer", quiet),
+    )
+    print_result(found, as_json, _show_answers)
+
+
+@data.command(
+    epilog="Example: agentflow data filter answers --out set --evaluation runs/recorded-throwing"
+)
+def filter(
+    answers: Annotated[Path, typer.Argument(help="Directory made by agentflow data generate.")],
+    out: Set,
+    evaluation: Evaluation = None,
+    engine: Engine = None,
+    licence: Licence = None,
+    workers: Workers = 2,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Keep the answers whose machines work, are new, and are not in the evaluation.
+
+    Writes train.jsonl, dev.jsonl and a card (card.md, card.json). The same command again continues.
+    """
+    from agentflow.training.data.filter import filter_answers
+
+    card = filter_answers(
+        answers,
+        out,
+        evaluation=evaluation or (),
+        engine=engine or "auto",
+        licence=licence,
+        workers=workers,
+        show=_progress("machine", quiet),
+    )
+    _print_card(card, out, as_json)
+
+
+@data.command("import", epilog="Example: agentflow data import machines.jsonl --out set")
+def import_(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            help="JSON or JSONL file of conversations (messages of system, user and assistant, "
+            "with a machine in the last), or directory with Besiege machines (.bsg), each with a "
+            "caption in a .txt file of the same name."
+        ),
+    ],
+    out: Set,
+    evaluation: Evaluation = None,
+    licence: Licence = None,
+    as_json: Json = False,
+) -> None:
+    """Make a set from public conversations, or from Besiege machines with captions.
+
+    The machines are checked, but not simulated.
+    """
+    from agentflow.training.data.importing import import_set
+
+    card = import_set(source, out, evaluation=evaluation or (), licence=licence)
+    _print_card(card, out, as_json)
+
+
+@data.command(
+    epilog="Example: agentflow data prompts --tasks throwing,movement --count 512 --out "
+    "prompts.parquet"
+)
+def prompts(
+    out: Annotated[Path, typer.Option(help="Parquet file to write.")],
+    tasks: Annotated[
+        str, typer.Option(help="Tasks, such as throwing,movement/3.")
+    ] = "throwing,movement",
+    count: Annotated[int, typer.Option(min=1, help="Rows; the tasks take turns.")] = 512,
+    engine: Engine = None,
+    as_json: Json = False,
+) -> None:
+    """Write prompts for reinforcement learning, in the columns that verl reads.
+
+    Each row is the prompt of a designer; the seeds of the tasks' trials differ.
+    """
+    from agentflow.training.data.prompts import write_prompts
+
+    names = [name.strip() for name in tasks.split(",") if name.strip()]
+    written = write_prompts(out, names, count, engine or "auto")
+    print_result(written, as_json, lambda found: print(f"{found['rows']} prompts: {found['out']}"))
+
+
+def _progress(noun: str, quiet: bool) -> Any:
+    from agentflow.cli.display.text import show_count
+
+    return (lambda _done, _of: None) if quiet else show_count(noun)
+
+
+def _show_answers(found: dict[str, Any]) -> None:
+    from agentflow.cli.display.output import output
+
+    variants = f" and {found['variants']} variants" * bool(found["variants"])
+    output().print(
+        f"{found['answers']} of {found['planned']} answers{variants} of {found['model']}: "
+        f"{found['out']}"
+    )
+    if found["stopped"]:
+        output().print(f"stopped: {found['stopped']}")
+
+
+def _print_card(card: Any, out: Path, as_json: bool) -> None:
+    from agentflow.cli.display.output import columns, output
+
+    if as_json:
+        print_json({"out": str(out), **card.model_dump(mode="json")})
+        return
+    table = columns("gate", "machines before", "after", "passes if")
+    for item in card.gates:
+        table.add_row(item.gate, str(item.entered), str(item.passed), item.passes)
+    output().print_wide(table)
+    output().print(
+        f"{card.pairs['train']} pairs to train and {card.pairs['dev']} to measure "
+        f"({card.model}): {out}"
+    )

@@ -1,0 +1,124 @@
+"""Whether training data hold what models are evaluated with: texts of levels, machines of runs."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from agentflow.diversity.topology import tree_text
+from agentflow.env.tasks.records import read_records
+from agentflow.env.tasks.registry import get_task, task_names
+from agentflow.errors import RunError
+from agentflow.machine import Machine, library, read_machine
+from agentflow.runs import find_runs
+from agentflow.runs.reading import MACHINES
+from agentflow.training.libraries import require_libraries
+
+WORDS = 4
+"""Words of an n-gram: shorter ones, such as "as far as", are in many sentences."""
+MOST_SHARED = 0.25
+"""A text of which this share of n-grams, or more, is in a level's brief repeats it."""
+MOST_SIMILAR = 0.54
+"""A text whose TF-IDF cosine with a sentence of a brief is this or more says the same: paraphrases
+of briefs reach 0.54 to 0.85, our own objectives at most 0.52."""
+_WORD = re.compile(r"[a-z0-9]+")
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How near a text comes to the brief of a level."""
+
+    level: str
+    """The level that it is nearest to."""
+    shared: float
+    """Greatest share of its n-grams that are in the brief of one level."""
+    cosine: float
+    """Greatest TF-IDF cosine with one sentence of a brief."""
+
+    @property
+    def contaminated(self) -> bool:
+        """Whether a model that learns from the text knows the level."""
+        return self.shared >= MOST_SHARED or self.cosine >= MOST_SIMILAR
+
+
+def compare_texts(texts: Mapping[str, str]) -> dict[str, Likeness]:
+    """How near each text comes to the levels of all families.
+
+    The words of TF-IDF are runs of 3 to 5 characters, so that "throws" is like "throw".
+
+    Args:
+        texts: By name.
+
+    Raises:
+        ConfigError: scikit-learn is not installed.
+    """
+    require_libraries("sklearn")
+    from sklearn.feature_extraction.text import TfidfVectorizer
+
+    briefs = _briefs()
+    sentences = [(level, text) for level, told in briefs.items() for text in told]
+    vectorizer = TfidfVectorizer(analyzer="char_wb", ngram_range=(3, 5), sublinear_tf=True)
+    known = vectorizer.fit_transform([text for _, text in sentences])
+    cosines = (vectorizer.transform(texts.values()) @ known.T).toarray()
+    grams = {level: set(_ngrams(" ".join(told))) for level, told in briefs.items()}
+    found = {}
+    for (name, text), row in zip(texts.items(), cosines, strict=True):
+        own = _ngrams(text)
+        shares = {level: _share(own, theirs) for level, theirs in grams.items()}
+        best, nearest = int(row.argmax()), max(shares, key=shares.__getitem__)
+        level = nearest if shares[nearest] >= MOST_SHARED else sentences[best][0]
+        cosine = round(float(row[best]), 4)
+        found[name] = Likeness(level, round(shares[nearest], 4), cosine)
+    return found
+
+
+def _briefs() -> dict[str, tuple[str, ...]]:
+    """The sentences of each level's brief that say what to do, where, and how it is scored."""
+    briefs = {name: get_task(name).brief for name in task_names()}
+    return {name: (brief.objective, *brief.scene, *brief.score) for name, brief in briefs.items()}
+
+
+def _ngrams(text: str) -> list[tuple[str, ...]]:
+    words = _WORD.findall(text.lower())
+    return [tuple(words[i : i + WORDS]) for i in range(len(words) - WORDS + 1)]
+
+
+def _share(own: Sequence[tuple[str, ...]], theirs: set[tuple[str, ...]]) -> float:
+    return sum(gram in theirs for gram in own) / max(1, len(own))
+
+
+def tree_hash(machine: Machine) -> str:
+    """Hash of a machine as a tree of block types: equal where the tree edit distance is 0."""
+    return hashlib.sha256(tree_text(machine).encode()).hexdigest()[:16]
+
+
+def evaluation_trees(runs: Iterable[Path]) -> frozenset[str]:
+    """The trees of the machines in runs, and of the best known machine of every level.
+
+    Args:
+        runs: Run directories, or folders that hold some, such as sweeps.
+
+    Raises:
+        RunError: One holds no runs, or a machine cannot be read.
+    """
+    trees = {tree_hash(record.machine) for record in read_records().values()}
+    for folder in runs:
+        found = list(find_runs(folder))
+        if not found:
+            raise RunError(f"{folder} holds no runs; name a run directory, or a folder with some")
+        files = [file for run in found for file in (run / MACHINES).glob("[!.]*.json")]
+        trees.update(map(_tree_in, files))
+    return frozenset(trees)
+
+
+def _tree_in(file: Path) -> str:
+    try:
+        machine = read_machine(file.read_text(encoding="utf-8"), tuple(library())).machine
+    except (OSError, UnicodeDecodeError):
+        machine = None
+    if machine is None:
+        raise RunError(f"{file} is damaged: it holds no machine")
+    return tree_hash(machine)

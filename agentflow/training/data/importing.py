@@ -1,0 +1,233 @@
+"""Make a set of conversations from elsewhere, or of Besiege machines with captions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from agentflow.app.machines.files import read_text
+from agentflow.app.prompts import render_prompt
+from agentflow.errors import UsageError
+from agentflow.machine import Report, check, library
+from agentflow.machine.brief import Brief, Limits
+from agentflow.machine.formats.detect import read_any
+from agentflow.training.data.answers import split_reply
+from agentflow.training.data.card import Card, make_card
+from agentflow.training.data.contamination import compare_texts, evaluation_trees, tree_hash
+from agentflow.training.data.folder import hold_new
+from agentflow.training.data.gates import Gate, Judgement
+from agentflow.training.data.pairs import (
+    ChatMessage,
+    Pair,
+    clean_text,
+    make_messages,
+    make_prompt,
+    make_reply,
+)
+from agentflow.training.data.writing import write_set
+
+COMMAND = "agentflow data import"
+ROLES = {"human": "user", "gpt": "assistant", "bot": "assistant"}
+"""Names of roles in older chat formats."""
+KIND = "import"
+
+
+@dataclass(frozen=True)
+class Foreign:
+    """A prompt and a reply from elsewhere."""
+
+    name: str
+    """Of the objective: rows with the same prompt have the same one."""
+    text: str
+    """What is asked for."""
+    prompt: tuple[ChatMessage, ...]
+    rationale: str
+    report: Report
+    reply: str | None
+    """As it was written; None to write it from rationale and machine."""
+    source: str
+
+
+def import_set(
+    source: Path, out: Path, *, evaluation: Sequence[Path] = (), licence: str | None = None
+) -> Card:
+    """Write a set of what a file or folder holds, with its card; machines are not simulated.
+
+    Args:
+        source: JSON or JSONL file of conversations, or folder of .bsg files with captions.
+        out: Folder of the set: new or empty.
+        evaluation: Runs whose machines must not be in the set.
+        licence: Of the set.
+
+    Raises:
+        UsageError: The source cannot be read, or holds nothing to import.
+        RunError: `out` is not empty, or cannot be written.
+    """
+    rows = list(_read_folder(source) if source.is_dir() else _read_file(source))
+    if not rows:
+        raise UsageError(f"{source} holds nothing to import")
+    trees = evaluation_trees(evaluation)
+    likenesses = compare_texts({row.name: row.text for row in rows})
+    with hold_new(out):
+        judged, pairs, kept = [], [], set[str]()
+        for number, row in enumerate(rows):
+            contaminated = likenesses[row.name].contaminated
+            judgement = _judge(row, number, contaminated, trees, kept)
+            judged.append(judgement)
+            if judgement.dropped is None:
+                kept.add(judgement.tree)
+                pairs.append(_pair(row))
+        card = make_card(
+            pairs,
+            judged,
+            dict.fromkeys((row.name for row in rows), KIND),
+            model="; ".join(sorted({row.source for row in rows})),
+            made_with=COMMAND,
+            licence=licence or "not stated; see where the data come from",
+            engine=None,
+            planned=len(rows),
+            seed=0,
+            likenesses=likenesses,
+        )
+        write_set(out, pairs, card)
+        return card
+
+
+def _judge(
+    row: Foreign, number: int, contaminated: bool, trees: frozenset[str], kept: set[str]
+) -> Judgement:
+    machine, problems = row.report.machine, row.report.problems
+    tree = tree_hash(machine) if machine else ""
+    gates: Iterable[tuple[Gate, bool]] = (
+        ("objective", contaminated),
+        ("parse", machine is None),
+        ("validity", not row.report.machine_valid),
+        ("evaluation", tree in trees),
+        ("duplicate", tree in kept),
+    )
+    dropped = next((gate for gate, drops in gates if drops), None)
+    why = problems[0].code if dropped in ("parse", "validity") and problems else ""
+    return Judgement(
+        objective=row.name, sample=number, source=row.source, dropped=dropped, why=why, tree=tree
+    )
+
+
+def _pair(row: Foreign) -> Pair:
+    machine = row.report.machine
+    assert machine is not None, "it passed its gates"
+    reply = make_reply(row.rationale, machine) if row.reply is None else row.reply
+    return Pair(
+        messages=make_messages(row.prompt, reply),
+        machine=tuple(machine.to_json()),
+        objective=row.name,
+        rationale=row.rationale,
+        score=None,
+        source=row.source,
+    )
+
+
+def _read_file(path: Path) -> Iterator[Foreign]:
+    """The conversations in a JSON list or JSONL file."""
+    for number, row in _rows(read_text(str(path)), path):
+        yield _conversation(row, f"{path}, {number}", f"imported from {path.name}")
+
+
+def _rows(text: str, path: Path) -> Iterator[tuple[str, Any]]:
+    """Each row with its place."""
+    if text.lstrip().startswith("["):
+        try:
+            items = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise UsageError(f"{path} is not JSON: {error}") from None
+        yield from ((f"item {number}", item) for number, item in enumerate(items, start=1))
+        return
+    for number, line in enumerate(text.split("\n"), start=1):
+        if line.strip():
+            try:
+                yield f"line {number}", json.loads(line)
+            except (ValueError, RecursionError) as error:
+                raise UsageError(f"{path}, line {number} is not JSON: {error}") from None
+
+
+def _conversation(row: Any, where: str, source: str) -> Foreign:
+    """A row of a chat data set.
+
+    Raises:
+        UsageError: It is not a prompt followed by one reply.
+    """
+    given = row.get("messages", row.get("conversations")) if isinstance(row, Mapping) else row
+    try:
+        *prompt, reply = [_message(item) for item in given]
+        if not prompt or reply.role != "assistant" or any(m.role == "assistant" for m in prompt):
+            raise ValueError
+    except (TypeError, ValueError, AttributeError, ValidationError):
+        raise UsageError(
+            f'{where}: expected {{"messages": [...]}} with messages of system and user, then one '
+            'of assistant, each {"role": ..., "content": ...}'
+        ) from None
+    fields = row if isinstance(row, Mapping) else {}
+    text = prompt[-1].content
+    rationale, program = split_reply(reply.content)
+    return Foreign(
+        name=str(fields.get("objective") or _name_of(text)),
+        text=text,
+        prompt=tuple(prompt),
+        rationale=clean_text(rationale),
+        report=_checked(program),
+        reply=reply.content,
+        source=str(fields.get("source") or source),
+    )
+
+
+def _message(item: Any) -> ChatMessage:
+    """A message with `role` and `content`, or with `from` and `value`."""
+    role, content = item.get("role", item.get("from")), item.get("content", item.get("value"))
+    cleaned = clean_text(content) if isinstance(content, str) else content
+    return ChatMessage.model_validate({"role": ROLES.get(role, role), "content": cleaned})
+
+
+def _read_folder(folder: Path) -> Iterator[Foreign]:
+    """The .bsg files of a folder that have a caption."""
+    for path in sorted(folder.rglob("*.bsg")):
+        caption = path.with_suffix(".txt")
+        if not caption.is_file():
+            raise UsageError(f"{path} has no caption: write what it is in {caption.name}")
+        text = " ".join(clean_text(read_text(str(caption))).split())
+        if not text:
+            raise UsageError(f"{caption} is empty: write what the machine is")
+        report = _checked(read_text(str(path)), bsg=True)
+        yield Foreign(
+            name=_name_of(text),
+            text=text,
+            prompt=_prompt_for(text, report),
+            rationale="",
+            report=report,
+            reply=None,
+            source=f"imported from {folder.name}",
+        )
+
+
+def _prompt_for(text: str, report: Report) -> tuple[ChatMessage, ...]:
+    """The prompt of a designer for a caption, with the core blocks and those of the machine."""
+    used = {step.type for step in report.machine or ()}
+    blocks = tuple(sorted({*library().core, *used}))
+    brief = Brief("free design", text, (), (), (), blocks)
+    found = render_prompt("default", "designer", brief)
+    return make_prompt([{"role": name, "content": found[name]} for name in ("system", "user")])
+
+
+def _checked(source: str, bsg: bool = False) -> Report:
+    blocks = tuple(library())
+    reading = read_any(source, "bsg" if bsg else "tree", blocks)
+    return check(reading, limits=Limits())
+
+
+def _name_of(text: str) -> str:
+    """A short name of a text, the same for equal texts."""
+    return f"text-{sha256(text.encode()).hexdigest()[:12]}"

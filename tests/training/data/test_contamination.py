@@ -1,0 +1,83 @@
+"""Paraphrases of briefs and machines of the evaluation are found; our objectives are neither."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from agentflow.env.tasks.records import read_records
+from agentflow.errors import RunError
+from agentflow.machine import Machine, read_machine
+from agentflow.machine.tree import ROOT, Step
+from agentflow.training.data.contamination import compare_texts, evaluation_trees, tree_hash
+from agentflow.training.objectives import read_objectives
+
+pytest.importorskip("sklearn")
+ROOT_FOLDER = Path(__file__).parents[3]
+RECORDED = ROOT_FOLDER / "runs" / "recorded-throwing"
+PARAPHRASES = {
+    "throwing": "A machine which throws its boulder along z+ as far as it possibly can.",
+    "throwing/2": "Construct a device that hurls the boulder as far as possible towards z+.",
+    "movement": "Create a vehicle whose Starting Block is driven as far as it can go along z+.",
+    "lifting": "A machine has to lift an object that is placed on it and keep it up in the air.",
+    "jumping": "Design a machine to jump over an obstacle ahead and land beyond it.",
+    "picking": "A crane lifts the ball out of a pit and then carries it away.",
+    "flying": "A machine that flies as high as it possibly can.",
+    "throwing/5": "Throw the boulder through the rings.",
+}
+
+
+def test_paraphrases_of_briefs_are_found() -> None:
+    found = compare_texts(PARAPHRASES)
+    missed = {name: likeness for name, likeness in found.items() if not likeness.contaminated}
+    assert not missed
+    families = {name: found[name].level.partition("/")[0] for name in PARAPHRASES}
+    assert families == {name: name.partition("/")[0] for name in PARAPHRASES}
+
+
+def test_a_repeated_sentence_is_found_by_its_words() -> None:
+    text = (
+        "Once upon a time somebody wished for it: build a machine that flies as high as possible."
+    )
+    likeness = compare_texts({"copy": text})["copy"]
+    assert likeness.level.startswith("flying")
+    assert likeness.shared == pytest.approx(6 / 14, abs=1e-4)
+
+
+def test_the_shipped_objectives_are_not_contaminated() -> None:
+    objectives = read_objectives(ROOT_FOLDER / "configs" / "objectives.yaml")
+    found = compare_texts({item.name: item.text for item in objectives})
+    assert [name for name, likeness in found.items() if likeness.contaminated] == []
+
+
+def test_strange_texts_are_compared() -> None:
+    found = compare_texts({"empty": "", "one": "x", "symbols": "⛏ «»", "long": "word " * 5000})
+    assert not any(likeness.contaminated for likeness in found.values())
+
+
+def test_machines_of_runs_and_records_are_known(tmp_path: Path) -> None:
+    trees = evaluation_trees([])
+    assert {tree_hash(record.machine) for record in read_records().values()} == trees
+    file = next((RECORDED / "machines").glob("*.json"))
+    shutil.copytree(RECORDED, tmp_path / "sweep" / "runs" / "one")
+    machine = read_machine(file.read_text()).machine
+    assert machine is not None
+    assert tree_hash(machine) in evaluation_trees([tmp_path / "sweep"]) - trees
+
+
+def test_equal_trees_have_equal_hashes() -> None:
+    first = Machine((ROOT, Step(1, 15, 0, 0), Step(2, 2, 0, 3)))
+    renumbered = Machine((ROOT, Step(1, 2, 0, 3), Step(2, 15, 0, 0)))
+    other = Machine((ROOT, Step(1, 2, 0, 0), Step(2, 15, 0, 3)))
+    assert tree_hash(first) == tree_hash(renumbered) != tree_hash(other)
+
+
+def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="holds no runs; name a run directory"):
+        evaluation_trees([tmp_path])
+    shutil.copytree(RECORDED, tmp_path / "run")
+    (tmp_path / "run" / "machines" / "bad.json").write_text("no machine")
+    with pytest.raises(RunError, match=r"bad\.json is damaged: it holds no machine"):
+        evaluation_trees([tmp_path])
