@@ -18,7 +18,9 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 SWEEPS = [
     path
     for path in sorted(CONFIGS.glob("*.yaml"))
-    if "table" in load_document(path) and "benchmark" not in load_document(path)
+    if path.stem != "objectives"  # a list, not a configuration
+    and "table" in load_document(path)
+    and "benchmark" not in load_document(path)
 ]
 
 
