@@ -14,7 +14,11 @@ from agentflow.errors import ConfigError
 from agentflow.metrics.published import published
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-SWEEPS = [path for path in sorted(CONFIGS.glob("*.yaml")) if "table" in load_document(path)]
+SWEEPS = [
+    path
+    for path in sorted(CONFIGS.glob("*.yaml"))
+    if path.stem != "objectives" and "table" in load_document(path)
+]
 TABLE = {"metrics": ["mean"]}
 
 
