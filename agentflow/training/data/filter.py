@@ -13,7 +13,6 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from agentflow.agents.replies import read_reply
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import choose_engine
 from agentflow.env.pool.pool import RolloutPool
@@ -265,7 +264,7 @@ def _report(candidate: _Candidate, brief: Brief) -> Report:
     """The machine of a candidate, read and checked."""
     if candidate.variant:
         return check(list(candidate.answer.variants[candidate.variant - 1]), brief)
-    return read_reply(candidate.answer.program, brief, "tree")
+    return check(candidate.answer.program, brief)
 
 
 def _pairs(

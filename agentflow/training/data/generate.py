@@ -10,7 +10,6 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from agentflow.agents.replies import read_reply
 from agentflow.app.design.models import choose_models, known_prices, open_models
 from agentflow.app.prompts import render_prompt
 from agentflow.config.run import DesignConfig
@@ -20,7 +19,7 @@ from agentflow.llm.client import Client
 from agentflow.llm.messages import Request, Sampling
 from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
-from agentflow.machine import Brief
+from agentflow.machine import Brief, check
 from agentflow.runs import Notify
 from agentflow.training.data.answers import ANSWERS, Answer, AnswerPlan, Question, split_reply
 from agentflow.training.data.folder import AGAIN, map_in_order, read_lines, work_in
@@ -176,7 +175,7 @@ class _Asker:
     ) -> tuple[tuple[dict[str, int], ...], ...]:
         if not self.plan.variants:
             return ()
-        report = read_reply(program, brief, "tree")
+        report = check(program, brief)
         if report.machine is None or not report.task_valid:
             return ()
         made = make_variants(report.machine, brief, self.plan.variants, rng)
