@@ -11,7 +11,7 @@ from agentflow.app.machines.files import read_one
 from agentflow.errors import RunError, UsageError
 from agentflow.files import whole_lines
 from agentflow.machine import Machine, library, place, read_machine, spatial_problems
-from agentflow.runs import find_runs
+from agentflow.runs import find_runs, read_document
 from agentflow.runs.events import read_typed_events
 from agentflow.runs.record import RunRecord
 from agentflow.training.evaluation import JudgedReply
@@ -53,6 +53,7 @@ def read_sources(path: Path, valid: bool) -> list[Source]:
 
 
 def _candidates(run: Path, valid: bool) -> Iterator[Machine]:
+    read_document(run)  # refuses edited runs and links
     found = RunRecord.of(read_typed_events(run)).candidates
     for item in found:
         if item.place.name != found[-1].place.name or item.machine is None:
