@@ -237,6 +237,8 @@ def explain(error: ValidationError, root: type[BaseModel], key_name: str) -> str
     name = ".".join(place)
     if first["type"] == "extra_forbidden":
         return str(UnknownNameError(key_name, name, _names_beside(place, root)))
+    if not place:  # a rule about several keys, which names them
+        return describe_fault(first)
     if place[-1] == "key_variable":  # do not print it: it may be the key itself
         return f"{name} takes the name of an environment variable, not a key"
     if first["type"] == "missing":

@@ -9,6 +9,7 @@ import asyncio
 import json
 import os
 from collections.abc import Coroutine, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -50,7 +51,7 @@ class Scorer:
         Raises:
             UsageError: A task, knob or engine does not exist.
         """
-        return self._wait_for(self._score(samples))
+        return [work.result() for work in [self.submit(sample) for sample in samples]]
 
     async def reward(self, sample: Sample) -> Reward:
         """The reward of a sample, for callers with an event loop of their own.
@@ -58,9 +59,21 @@ class Scorer:
         Raises:
             UsageError: A task, knob or engine does not exist.
         """
-        work = asyncio.run_coroutine_threadsafe(self._score([sample]), self._loop)
-        [found] = await asyncio.wrap_future(work)
-        return found
+        return await asyncio.wrap_future(self.submit(sample))
+
+    def submit(self, sample: Sample) -> Future[Reward]:
+        """Begin to compute the reward of a sample, for callers with other work meanwhile."""
+        return asyncio.run_coroutine_threadsafe(
+            reward_async(
+                sample.task,
+                sample.text,
+                self._pool,
+                sample.seed,
+                knobs=sample.knobs,
+                engine=sample.engine,
+            ),
+            self._loop,
+        )
 
     def close(self) -> None:
         """End the worker processes."""
@@ -68,21 +81,6 @@ class Scorer:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
-
-    async def _score(self, samples: Sequence[Sample]) -> list[Reward]:
-        return await asyncio.gather(
-            *(
-                reward_async(
-                    sample.task,
-                    sample.text,
-                    self._pool,
-                    sample.seed,
-                    knobs=sample.knobs,
-                    engine=sample.engine,
-                )
-                for sample in samples
-            )
-        )
 
     def _wait_for(self, work: Coroutine[Any, Any, T]) -> T:
         return asyncio.run_coroutine_threadsafe(work, self._loop).result()

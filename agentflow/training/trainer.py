@@ -14,16 +14,19 @@ from agentflow.training.run import TrainingRun
 
 OPTIMISERS = {"adamw": "adamw_torch", "adamw_8bit": "adamw_bnb_8bit"}
 """Our name of an optimiser -> the library's."""
+SHOWN = 6
+"""Most numbers of a step that the user is told."""
 
 
 def library_options(config: TrainingConfig, run: TrainingRun) -> dict[str, Any]:
     """The arguments that the configurations of TRL's trainers have in common."""
     optimiser = config.optimiser
+    on_processor = config.device == "cpu" or not torch.cuda.is_available()
     return {
         "output_dir": str(run.path),
         "max_steps": config.steps,
         "seed": config.seed,
-        "use_cpu": config.device == "cpu" or not torch.cuda.is_available(),
+        "use_cpu": on_processor,
         "bf16": config.precision == "bfloat16",
         "optim": OPTIMISERS[optimiser.name],
         "learning_rate": optimiser.learning_rate,
@@ -32,7 +35,7 @@ def library_options(config: TrainingConfig, run: TrainingRun) -> dict[str, Any]:
         "weight_decay": optimiser.weight_decay,
         "adam_beta2": optimiser.beta2,
         "max_grad_norm": optimiser.gradient_norm,
-        "gradient_checkpointing": config.model.tiny is None,
+        "gradient_checkpointing": config.model.tiny is None and not on_processor,
         "logging_steps": config.log_every,
         "logging_first_step": True,
         "save_strategy": "steps",
@@ -53,8 +56,9 @@ class Notes(TrainerCallback):
     def on_log(self, _args: Any, state: Any, _control: Any, **given: Any) -> None:
         """Write one line."""
         logs = given["logs"]
-        numbers = {ours: logs[name] for name, ours in self._names.items() if name in logs}
+        named = {ours: logs.get(name) for name, ours in self._names.items()}
+        numbers = {name: value for name, value in named.items() if value is not None}
         if numbers and state.is_world_process_zero:
             self._run.note(state.global_step, numbers)
-            shown = ", ".join(f"{name} {value:.3g}" for name, value in numbers.items())
+            shown = ", ".join(f"{name} {numbers[name]:.3g}" for name in list(numbers)[:SHOWN])
             self._notify(f"step {state.global_step} of {state.max_steps}: {shown}")

@@ -69,3 +69,45 @@ def sft(
             print_line(f"agentflow: {line}")
 
     print_result(train_sft(built, out, resume, notify), as_json, show_training)
+
+
+@train.command(
+    epilog="Example: agentflow train grpo --config configs/train/grpo_tiny.yaml --model MODEL "
+    "--out DIR --set advantage.name=pkpo"
+)
+def grpo(
+    config: TrainingFile,
+    out: TrainingFolder,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="Model to begin with: a folder, such as the one that train sft leaves, or a name "
+            "at a hub (key model.name)."
+        ),
+    ] = None,
+    settings: TrainingSettings = None,
+    resume: Resume = False,
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Train a model by the simulated scores of its machines (reinforcement learning).
+
+    The model writes groups of replies to the prompts of tasks. Simulations turn each group into
+    rewards, and how much better or worse a reply is than its group changes the model (GRPO). The
+    model is then in the folder `model` of the training directory.
+    """
+    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.show_training import show_training
+    from agentflow.training.config import read_config
+    from agentflow.training.grpo.config import GrpoConfig
+    from agentflow.training.libraries import require_libraries
+
+    built = read_config(GrpoConfig, config, settings or (), {"model.name": model})
+    require_libraries("torch", "transformers", "trl", "datasets", "peft")
+    from agentflow.training.grpo.train import train_grpo
+
+    def notify(line: str) -> None:
+        if not quiet:
+            print_line(f"agentflow: {line}")
+
+    print_result(train_grpo(built, out, resume, notify), as_json, show_training)

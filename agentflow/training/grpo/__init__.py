@@ -1,0 +1,1 @@
+"""Reinforcement learning: TRL's GRPO with our advantages, rewards and log."""

@@ -1,0 +1,103 @@
+"""Configuration of reinforcement learning."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from agentflow.training.config import TrainingConfig
+
+
+class AdvantageConfig(BaseModel):
+    """How the rewards of a group of replies become advantages."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    name: Literal["pass1", "best", "pkpo", "maxpo"] = "pass1"
+    k: int | dict[int, int] = Field(
+        4,
+        description="for pkpo and maxpo: replies of which the best counts; or a schedule, "
+        "first step: k, such as {0: 8, 20: 1}",
+    )
+    scale: bool = Field(False, description="for pass1: divide by the deviation of the group")
+    novelty: float = Field(
+        0.0, ge=0, description="weight of a machine's edit distance to others, added to rewards"
+    )
+    nearest: int = Field(3, ge=1, description="others to which that distance is measured")
+
+    @field_validator("k")
+    @classmethod
+    def _begins(cls, k: int | dict[int, int]) -> int | dict[int, int]:
+        if isinstance(k, dict) and 0 not in k:
+            raise ValueError("a schedule of k must say what k is from step 0 on, as in {0: 8}")
+        return k
+
+    @property
+    def ks(self) -> tuple[int, ...]:
+        """Every k that occurs."""
+        return tuple(self.k.values()) if isinstance(self.k, dict) else (self.k,)
+
+    def k_at(self, step: int) -> int:
+        """The k of a step, counted from 0."""
+        if isinstance(self.k, int):
+            return self.k
+        return self.k[max(first for first in self.k if first <= step)]
+
+
+class GrpoConfig(TrainingConfig):
+    """Reinforcement learning: groups of replies, rewarded by simulation."""
+
+    fresh: bool = Field(
+        False, description="begin with random weights of the model's form: no cold start"
+    )
+    tasks: tuple[str, ...] = Field(("throwing",), min_length=1, description="levels, in turn")
+    engine: str = Field("auto", description="physics engine; auto is the first that is installed")
+    workers: int = Field(2, ge=1, description="processes for simulations")
+    reward: Literal["performance", "shaped"] = "performance"
+    advantage: AdvantageConfig = AdvantageConfig()
+    prompts: int = Field(4, ge=1, description="groups per step")
+    samples: int = Field(16, ge=2, description="replies per group")
+    device_batch: int | None = Field(
+        None, ge=1, description="replies per device at a time in updates; None is all of a step"
+    )
+    max_tokens: int = Field(260, ge=1, description="longer replies are cut off")
+    temperature: float = Field(1.0, gt=0)
+    top_p: float = Field(1.0, gt=0, le=1)
+    vllm: bool = Field(False, description="generate with vLLM, on the same GPU")
+    loss: Literal["grpo", "bnpo", "dr_grpo", "dapo"] = "dr_grpo"
+    kl: float = Field(0.0, ge=0, description="weight of the divergence from the first model")
+    clip: float = Field(0.2, gt=0, description="most that a token's probability ratio may fall")
+    clip_high: float = Field(0.28, gt=0, description="most that it may rise")
+    log_every: int = Field(1, ge=1, description="steps between lines of the curves")
+    save_every: int = Field(10, ge=1, description="steps between checkpoints")
+    eval_every: int = Field(10, ge=1, description="steps between evaluations")
+    eval_samples: int = Field(64, ge=1, description="replies of an evaluation, over all tasks")
+
+    @property
+    def batch(self) -> int:
+        """Replies per step."""
+        return self.prompts * self.samples
+
+    @model_validator(mode="after")
+    def _fits(self) -> GrpoConfig:
+        most = self.samples - (self.advantage.name == "maxpo")
+        if self.advantage.name in ("pkpo", "maxpo"):
+            for k in self.advantage.ks:
+                if not 1 <= k <= most:
+                    raise ValueError(
+                        f"advantage.k must be 1 to {most} for {self.advantage.name} with "
+                        f"samples = {self.samples}, not {k}"
+                    )
+        if self.batch % (self.device_batch or self.batch):
+            raise ValueError(
+                f"prompts * samples ({self.batch}) must be a multiple of device_batch "
+                f"({self.device_batch})"
+            )
+        if self.model.name is None:
+            raise ValueError(
+                "model must name the folder of a model, as train sft leaves one; give --model"
+            )
+        if self.fresh and self.kl:
+            raise ValueError("kl must be 0 with fresh: random weights are no model to stay near")
+        return self

@@ -1,0 +1,73 @@
+"""Judges replies in worker processes while the model still writes others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Future
+from typing import NamedTuple
+
+from agentflow.machine import Machine
+from agentflow.rewards import Reward
+from agentflow.rewards.scoring import Sample, Scorer
+from agentflow.training.rewards import RewardFunction
+
+REMEMBERED = 20_000
+"""Replies whose rewards are kept in memory."""
+
+
+class Judged(NamedTuple):
+    """What simulation says about a reply."""
+
+    reward: float | None
+    """None after a time-out or crash."""
+    score: float | None
+    """In the unit of the task; as `reward`."""
+    parsed: bool
+    spatial: bool
+    valid: bool
+    machine: Machine | None
+
+
+class Judging:
+    """Rewards of replies. Identical replies to a task are simulated once, unless it failed."""
+
+    def __init__(self, scorer: Scorer, reward: RewardFunction, engine: str) -> None:
+        self._scorer, self._reward, self._engine = scorer, reward, engine
+        self._known: dict[tuple[str, str], Judged] = {}
+        self._pending: dict[tuple[str, str], Future[Reward]] = {}
+
+    def hand_over(self, tasks: Sequence[str], texts: Sequence[str]) -> None:
+        """Begin to simulate the machines of replies; return at once."""
+        for task, text in zip(tasks, texts, strict=True):
+            if (task, text) not in self._known and (task, text) not in self._pending:
+                sample = Sample(task, text, engine=self._engine)
+                self._pending[task, text] = self._scorer.submit(sample)
+
+    def collect(self, tasks: Sequence[str], texts: Sequence[str]) -> list[Judged]:
+        """Wait for the rewards of replies, handed over before or not.
+
+        Raises:
+            UsageError: A task or engine does not exist.
+        """
+        self.hand_over(tasks, texts)
+        replies = list(zip(tasks, texts, strict=True))
+        found = {reply: self._wait_for(reply) for reply in dict.fromkeys(replies)}
+        return [found[reply] for reply in replies]
+
+    def _wait_for(self, reply: tuple[str, str]) -> Judged:
+        if reply in self._known:
+            return self._known[reply]
+        made = self._pending.pop(reply).result()
+        judged = Judged(
+            reward=self._reward(reply[0], made),
+            score=made.value,
+            parsed=made.parsed,
+            spatial=bool(made.spatial),
+            valid=made.valid,
+            machine=made.machine,
+        )
+        if judged.reward is not None:
+            self._known[reply] = judged
+            if len(self._known) > REMEMBERED:
+                self._known.pop(next(iter(self._known)))
+        return judged

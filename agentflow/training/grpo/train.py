@@ -1,0 +1,137 @@
+"""Reinforcement learning of a model from a folder, in a training directory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import torch
+from datasets import Dataset
+from transformers import AutoModelForCausalLM, PrinterCallback
+from trl import GRPOConfig as LibraryConfig
+
+from agentflow.api import design_prompt
+from agentflow.rewards.scoring import Scorer
+from agentflow.runs import Notify
+from agentflow.training.grpo.config import GrpoConfig
+from agentflow.training.grpo.evaluating import Evaluations
+from agentflow.training.grpo.judging import Judging
+from agentflow.training.grpo.trainer import NUMBERS, SimulationTrainer
+from agentflow.training.model.base import adapter_config, load_base, read_base, save_model
+from agentflow.training.model.folder import ModelFolder
+from agentflow.training.record import About
+from agentflow.training.rewards import REWARDS
+from agentflow.training.run import TrainingRun
+from agentflow.training.trainer import Notes, library_options
+
+CURVES: Mapping[str, str] = MappingProxyType(
+    {name: name for name in NUMBERS}
+    | {
+        "reward": "reward",
+        "completions/mean_length": "length",
+        "completions/clipped_ratio": "cut_off",
+        "entropy": "entropy",
+        "kl": "kl",
+        "clip_ratio/region_mean": "clipped",
+        "loss": "loss",
+        "learning_rate": "learning_rate",
+        "grad_norm": "gradient_norm",
+    }
+)
+"""The trainer's name of a number -> its name in the curves. Lengths are in tokens, entropy and
+divergence (kl) per token; `cut_off` and `clipped` are shares of the replies and tokens."""
+
+
+def train_grpo(config: GrpoConfig, out: Path, resume: bool, notify: Notify) -> Mapping[str, Any]:
+    """Train a model by the rewards of its replies.
+
+    Args:
+        config: What to do.
+        out: The training directory.
+        resume: Continue the run in `out`, if there is one.
+        notify: Receives remarks for the user.
+
+    Returns:
+        The content of result.json.
+
+    Raises:
+        UsageError: A task or engine does not exist, there is no such model, or the directory
+            cannot be used.
+    """
+    folder = _trained_folder(config)
+    rows = [
+        {"prompt": folder.prompt(design_prompt(task, engine=config.engine)), "task": task}
+        for task in config.tasks
+    ]
+    about = About(kind="grpo", label=folder.label)
+    with TrainingRun.open(out, about, config, resume) as run:
+        if run.result is not None:
+            return run.result
+        if run.checkpoint is not None:
+            notify(f"continuing after {run.checkpoint.name}")
+        with closing(Scorer(config.workers)) as scorer:
+            evaluations = Evaluations(config, folder, run, scorer)
+            trainer = _make_trainer(config, rows, run, scorer, notify)
+            trainer.add_callback(evaluations)
+            trainer.train(resume_from_checkpoint=run.checkpoint and str(run.checkpoint))
+        save_model(trainer.model, trainer.processing_class, folder, run.model)
+        return run.finish(
+            {
+                "model": str(run.model),
+                "label": folder.label,
+                "steps": config.steps,
+                "replies": config.steps * config.batch,
+                "eval": evaluations.last,
+            }
+        )
+
+
+def _trained_folder(config: GrpoConfig) -> ModelFolder:
+    base = read_base(str(config.model.name))
+    start = ", without a cold start" if config.fresh else ""
+    label = config.label or f"{base.label}{start}, GRPO ({config.advantage.name})"
+    return base.model_copy(update={"label": label})
+
+
+def _make_trainer(
+    config: GrpoConfig, rows: list[dict[str, Any]], run: TrainingRun, scorer: Scorer, notify: Notify
+) -> SimulationTrainer:
+    if config.threads is not None:
+        torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed)
+    model, tokenizer = load_base(config, ())
+    if config.fresh:
+        model = AutoModelForCausalLM.from_config(model.config, dtype=model.dtype)
+    repeats = -(-config.steps * config.prompts // len(rows))
+    size = config.device_batch or config.batch
+    trainer = SimulationTrainer(
+        judging=Judging(scorer, REWARDS[config.reward], config.engine),
+        advantage=config.advantage,
+        model=model,
+        args=LibraryConfig(
+            **library_options(config, run),
+            per_device_train_batch_size=size,
+            gradient_accumulation_steps=config.batch // size,
+            num_generations=config.samples,
+            max_completion_length=config.max_tokens,
+            temperature=config.temperature,
+            top_p=config.top_p,
+            top_k=0,
+            use_vllm=config.vllm,
+            loss_type=config.loss,
+            scale_rewards="none",
+            beta=config.kl,
+            epsilon=config.clip,
+            epsilon_high=config.clip_high,
+            shuffle_dataset=False,
+        ),
+        train_dataset=Dataset.from_list(rows * repeats),
+        processing_class=tokenizer,
+        peft_config=adapter_config(config.peft),
+        callbacks=[Notes(run, CURVES, notify)],
+    )
+    trainer.remove_callback(PrinterCallback)
+    return trainer
