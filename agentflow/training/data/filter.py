@@ -7,7 +7,6 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Literal
 
@@ -92,7 +91,7 @@ def filter_answers(
         InterruptedRunError: Ctrl-C; the same command continues.
     """
     answer_plan, answers = read_answers(folder)
-    candidates = [item for answer in answers for item in _candidates(answer)]
+    candidates = _candidates(list(answers))
     trees = evaluation_trees(evaluation)
     chosen = choose_engine(engine)
     plan = FilterPlan(
@@ -136,8 +135,11 @@ class _Candidate:
         return self.answer.source + EDITED * bool(self.variant)
 
 
-def _candidates(answer: Answer) -> Iterator[_Candidate]:
-    return (_Candidate(answer, number) for number in range(len(answer.variants) + 1))
+def _candidates(answers: Sequence[Answer]) -> list[_Candidate]:
+    """The machines of all answers, then their variants: those of machines that work are worth a
+    simulation."""
+    own = [_Candidate(answer, 0) for answer in answers]
+    return own + [_Candidate(a, n) for a in answers for n in range(1, len(a.variants) + 1)]
 
 
 @dataclass(frozen=True)
@@ -165,6 +167,8 @@ class _Judge:
         self._likenesses, self._trees = likenesses, trees
         self._seen: set[tuple[str, str]] = set()
         """Objective and tree of every candidate that came as far as its simulation."""
+        self._useless: set[tuple[str, int]] = set()
+        """Objective and sample of the answers whose variants are not worth a simulation."""
         self._kept: set[str] = set()
         """Trees in the set."""
 
@@ -180,15 +184,17 @@ class _Judge:
         judged = list(read_lines(log, Judgement))
         for judgement in judged:
             self._remember(judgement)
+        left = candidates[len(judged) :]
         try:
             async with RolloutPool(workers) as pool:
-                screened = map(self._screen, islice(candidates, len(judged), None))
                 work = partial(self._simulate, pool)
-                async for judgement in map_in_order(screened, work, AHEAD * workers):
-                    settled = self._settle(judgement)
-                    lines.append(settled.model_dump_json(exclude_defaults=True).encode())
-                    judged.append(settled)
-                    show(len(judged), len(candidates))
+                for variants in (False, True):
+                    screened = (self._screen(c) for c in left if bool(c.variant) == variants)
+                    async for judgement in map_in_order(screened, work, AHEAD * workers):
+                        settled = self._settle(judgement)
+                        lines.append(settled.model_dump_json(exclude_defaults=True).encode())
+                        judged.append(settled)
+                        show(len(judged), len(candidates))
         finally:
             lines.close()
         return judged
@@ -205,6 +211,8 @@ class _Judge:
         likeness = self._likenesses[answer.objective]
         if likeness.contaminated:
             return _drop(judgement, "objective", likeness.level)
+        if candidate.variant and (answer.objective, answer.sample) in self._useless:
+            return _drop(judgement, "original")
         report = _report(candidate, self._briefs[answer.objective])
         if report.machine is None:
             return _drop(judgement, "parse", report.problems[0].code)
@@ -245,6 +253,8 @@ class _Judge:
         return judgement
 
     def _remember(self, judgement: Judgement) -> None:
+        if not judgement.variant and judgement.dropped not in (None, "evaluation", "duplicate"):
+            self._useless.add((judgement.objective, judgement.sample))
         if judgement.tree and judgement.dropped not in ("evaluation", "duplicate"):
             self._seen.add((judgement.objective, judgement.tree))
         if judgement.dropped is None:

@@ -9,11 +9,19 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 Gate = Literal[
-    "objective", "parse", "validity", "evaluation", "duplicate", "simulation", "function"
+    "objective",
+    "original",
+    "parse",
+    "validity",
+    "evaluation",
+    "duplicate",
+    "simulation",
+    "function",
 ]
 GATES: Mapping[Gate, str] = MappingProxyType(
     {
         "objective": "the objective's text is not too near the brief of a level",
+        "original": "it is no variant of a machine that another gate dropped, duplicates apart",
         "parse": "the reply holds a machine",
         "validity": "the machine meets the rules of space and of the task",
         "evaluation": "the machine is in no evaluation run and no record of a level",

@@ -12,8 +12,8 @@ from agentflow.errors import UsageError
 from agentflow.machine import Brief, Machine, library
 from agentflow.machine.edits.random import random_edit
 
-MOST_EDITS = 3
-"""A variant differs from its machine by 1 to 3 edits: with more, few machines keep working."""
+MOST_EDITS = 2
+"""A variant differs from its machine by 1 or 2 edits: with up to 3, half of them stop working."""
 EDITED = ", edited at random"
 """Follows the name of the model in the source of a variant."""
 

@@ -59,6 +59,7 @@ def test_each_gate_drops_what_it_should(objectives: Path, tmp_path: Path, capsys
     steps = [{"type": 15, "id": n, "parent": n - 1, "face_id": 0} for n in range(1, 21)]
     too_long = json.dumps([{"type": 0, "id": 0, "parent": -1, "face_id": -1}, *steps])
     change_programs(answers, {4: good, 5: too_long, 8: "<|im_end|>[" * 3000})
+    emptied = {("log-wagon", 1), ("small-cart", 2)}
     capsys.readouterr()
     assert main(filtered(answers, out, "--json")) == 0
     card = json.loads(capsys.readouterr().out)
@@ -70,7 +71,18 @@ def test_each_gate_drops_what_it_should(objectives: Path, tmp_path: Path, capsys
         ("log-wagon", 1)
     ]
     assert ("small-cart", 1) in [(i.objective, i.sample) for i in judged if i.dropped]
-    assert {i.dropped for i in judged if i.objective == "statue"} <= {"function", "duplicate"}
+    assert {i.dropped for i in judged if i.objective == "statue"} <= {
+        "function",
+        "duplicate",
+        "original",
+    }
+    useless = {
+        (i.objective, i.sample)
+        for i in judged
+        if i.dropped not in (None, "duplicate", "original") and not i.variant
+    }
+    original = {(i.objective, i.sample) for i in judged if i.dropped == "original"}
+    assert original == {(o, n) for o, n in useless if o != "copied" and (o, n) not in emptied}
     entered = len(judged)
     for count in card["gates"]:
         assert (count["entered"], count["passed"]) == (entered, entered - dropped[count["gate"]])

@@ -58,8 +58,8 @@ def generate(
         typer.Option(
             min=0,
             max=100,
-            help="Machines to make from each valid answer by 1 to 3 random legal edits, on "
-            "average. Filtering keeps those that still work.",
+            help="Machines to make from each valid answer by 1 or 2 random legal edits, on "
+            "average. Filtering keeps those that work like the answer does.",
         ),
     ] = 0.0,
     model: ModelName = None,
