@@ -164,7 +164,7 @@ def _kept_apart(kept: Mapping[str, int], seed: int) -> frozenset[str]:
 
 def _gate_counts(entered: int, dropped: Mapping[Any, int], simulated: bool) -> Iterable[GateCount]:
     for gate, meaning in GATES.items():
-        if simulated or gate not in ("simulation", "function"):
+        if simulated or gate not in ("original", "simulation", "function"):
             passed = entered - dropped[gate]
             yield GateCount(gate=gate, passes=meaning, entered=entered, passed=passed)
             entered = passed
