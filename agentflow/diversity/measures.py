@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import count
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -46,35 +48,44 @@ def diversity(machines: Sequence[Machine], seed: int) -> Measures:
     return compare([machines], seed)[0]
 
 
-def compare(sets: Sequence[Sequence[Machine]], seed: int) -> list[Measures]:
+def compare(
+    sets: Sequence[Sequence[Machine]],
+    seed: int,
+    say: Callable[[int, int], None] = lambda _done, _of: None,
+) -> list[Measures]:
     """The measures of several sets of machines. Their graphs are embedded together.
 
     Args:
         sets: Machines by set; their order and the ids of their blocks do not matter.
         seed: Of the embedding and of the intervals.
+        say: Told the number of pairs done, and of all pairs, after each pair.
     """
+    total, done = sum(comb(len(machines), 2) for machines in sets), count(1)
     every = [machine for machines in sets for machine in machines]
-    vectors = embed(every, seed) if any(len(machines) > 1 for machines in sets) else np.empty(0)
+    vectors = embed(every, seed) if total else np.empty(0)
     ends = np.cumsum([len(machines) for machines in sets])
     return [
-        _measure(machines, vectors[end - len(machines) : end], seed)
+        _measure(machines, vectors[end - len(machines) : end], seed, lambda: say(next(done), total))
         for machines, end in zip(sets, ends, strict=True)
     ]
 
 
-def _measure(machines: Sequence[Machine], vectors: Array, seed: int) -> Measures:
-    count = len(machines)
-    if count < 2:
-        return Measures(count, *[Measure(None, None)] * 5)
+def _measure(
+    machines: Sequence[Machine], vectors: Array, seed: int, tell: Callable[[], None]
+) -> Measures:
+    number = len(machines)
+    if number < 2:
+        return Measures(number, *[Measure(None, None)] * 5)
     shapes = [Shape.of(machine) for machine in machines]
-    shape = np.zeros((3, count, count))
-    edits = np.zeros((count, count))
-    for i in range(count):
+    shape = np.zeros((3, number, number))
+    edits = np.zeros((number, number))
+    for i in range(number):
         for j in range(i):
             shape[:, i, j] = shape[:, j, i] = shapes[i].distances(shapes[j])
             edits[i, j] = edits[j, i] = tree_edit_distance(machines[i], machines[j])
-    pairs = np.tril_indices(count, -1)
+            tell()
+    pairs = np.tril_indices(number, -1)
     found = (*shape, cosines(vectors), edits)
     return Measures(
-        count, *(Measure(float(m[pairs].mean()), bootstrap_pairs(m, seed)) for m in found)
+        number, *(Measure(float(m[pairs].mean()), bootstrap_pairs(m, seed)) for m in found)
     )

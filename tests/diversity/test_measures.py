@@ -78,6 +78,12 @@ def test_sets_are_embedded_together() -> None:
     assert second.graph_similarity.mean == cosines(vectors[3:])[pairs].mean()
 
 
+def test_pairs_are_counted_over_all_sets() -> None:
+    told: list[tuple[int, int]] = []
+    compare([[CAR] * 3, [], [CATAPULT], [CAR] * 2], 0, lambda done, of: told.append((done, of)))
+    assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
 def test_like_machines_have_like_graphs() -> None:
     """A car with one wheel fewer is nearer to the car than a catapult is."""
     vectors = embed([CAR, Machine(CAR.steps[:-1]), CATAPULT], 0)

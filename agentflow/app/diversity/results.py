@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -72,7 +72,9 @@ class Result:
         return notes
 
 
-def measure_sources(paths: Iterable[Path], valid: bool, most: int, seed: int) -> list[Result]:
+def measure_sources(
+    paths: Iterable[Path], valid: bool, most: int, seed: int, say: Callable[[int, int], None]
+) -> list[Result]:
     """Measure the machines of directories.
 
     Args:
@@ -80,13 +82,14 @@ def measure_sources(paths: Iterable[Path], valid: bool, most: int, seed: int) ->
         valid: Leave out invalid machines.
         most: Machines of a source that are used; if it has more, they are drawn at random.
         seed: Of the draw, the embedding and the intervals.
+        say: Told the number of pairs done, and of all pairs.
 
     Raises:
         RunError: A path is no source, or is damaged.
     """
     sources = [source for path in paths for source in read_sources(path, valid)]
     drawn = [_draw(source.machines, most, seed) for source in sources]
-    return [Result(*pair) for pair in zip(sources, compare(drawn, seed), strict=True)]
+    return [Result(*pair) for pair in zip(sources, compare(drawn, seed, say), strict=True)]
 
 
 def _draw(machines: Sequence[Machine], most: int, seed: int) -> Sequence[Machine]:

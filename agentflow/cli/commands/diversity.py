@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from agentflow.cli.display.text import escape_controls
+from agentflow.cli.display.text import escape_controls, show_count
 from agentflow.cli.root import Json, commands, print_json
 from agentflow.errors import ConfigError
 
@@ -50,7 +50,7 @@ def diversity(
     from agentflow.app.diversity.results import format_results, measure_sources, published_json
 
     try:
-        results = measure_sources(sources, valid, most, seed)
+        results = measure_sources(sources, valid, most, seed, show_count("pair"))
     except ModuleNotFoundError as error:
         library = str(error.name).partition(".")[0]
         raise ConfigError(
