@@ -60,10 +60,10 @@ def check_endpoint(config: DesignConfig, role: str) -> dict[str, Any]:
     choices = choose_models(config.model)
     if role not in choices:
         raise UnknownNameError("role", role, choices)
-    if choices[role].procedural:
+    if choices[role].local:
+        what = "procedural model" if choices[role].procedural else f"model in {choices[role].model}"
         raise ConfigError(
-            "the procedural model has no endpoint to check; name a model with --model or "
-            "AGENTFLOW_MODEL"
+            f"the {what} has no endpoint to check; name a model with --model or AGENTFLOW_MODEL"
         )
     http = config.model.endpoint.http
     settings = http.model_copy(

@@ -52,7 +52,12 @@ class ModelConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", protected_namespaces=())
 
-    name: str = Field(PROCEDURAL, min_length=1, description="model name at the endpoint")
+    name: str = Field(
+        PROCEDURAL, min_length=1, description="model name at the endpoint, or a model's folder"
+    )
+    label: str | None = Field(
+        None, min_length=1, description="name in results of a model in a folder, which tells it"
+    )
     base_url: str | None = Field(None, min_length=1, description="URL before /chat/completions")
     key_variable: str = Field(
         KEY_VARIABLE, pattern=_VARIABLE, description="environment variable of the key"
@@ -68,6 +73,11 @@ class ModelConfig(BaseModel):
     budget: BudgetSettings = Field(
         BudgetSettings(), description="limits on calls, tokens and money"
     )
+
+    @property
+    def local(self) -> bool:
+        """Whether the model answers in this process: no endpoint, no key, no cost."""
+        return self.name == PROCEDURAL or self.label is not None
 
 
 class DesignConfig(BaseModel):

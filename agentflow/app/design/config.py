@@ -17,6 +17,7 @@ from agentflow.config.run import (
     load_document,
     set_key,
 )
+from agentflow.env.tasks.knobs import deep_merge
 from agentflow.errors import ConfigError
 from agentflow.llm.endpoint.address import Endpoint
 
@@ -61,7 +62,8 @@ def complete_config(document: Mapping[str, Any]) -> DesignConfig:
     Raises:
         ConfigError: A key is unknown, a value is out of range, or a base URL has no model.
     """
-    config = build_config(fill_from_environment(document, os.environ))
+    filled = fill_from_environment(document, os.environ)
+    config = build_config(complete_local_model(filled))
     require_model_name(config.model)
     return config
 
@@ -85,6 +87,29 @@ def fill_from_environment(
     if url and model.get("name", PROCEDURAL) != PROCEDURAL:
         model.setdefault("base_url", url)
     return {**result, "model": model} if model else result
+
+
+def complete_local_model(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Add the label of a model in a folder, and, if it only writes whole machines, what that means.
+
+    Such a model cannot revise a machine: unless the document says otherwise, the workflow is
+    `single`, without revisions. A name with a base URL is a name at an endpoint.
+
+    Raises:
+        ConfigError: The model's name is a folder without a model.
+    """
+    model = document.get("model")
+    given = model if isinstance(model, Mapping) else {}
+    path = Path(str(given.get("name", PROCEDURAL)))
+    if given.get("base_url") is not None or "label" in given or not path.is_dir():
+        return document
+    from agentflow.training.model.folder import find_model, read_folder
+
+    path = find_model(path)
+    folder = read_folder(path)
+    named = {"model": {"name": str(path), "label": folder.label}}
+    fitting = {"workflow": "single", "settings": {"search": {"rounds": 0}}}
+    return deep_merge(deep_merge(fitting if folder.whole_machines_only else {}, document), named)
 
 
 def require_model_name(model: ModelConfig) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from agentflow.agents.registry import model_roles
 from agentflow.config.run import PROCEDURAL, DesignConfig, ModelConfig, RoleModel
@@ -31,16 +32,23 @@ class ModelChoice:
     base_url: str | None
     key_variable: str | None
     sampling: Sampling
+    label: str | None = None
+    """Name in results of a model in a folder, whose path is `model`."""
 
     @property
     def procedural(self) -> bool:
-        """Whether this is the built-in model, which has no endpoint."""
+        """Whether this is the built-in model."""
         return self.model == PROCEDURAL
+
+    @property
+    def local(self) -> bool:
+        """Whether it answers in this process: no endpoint, no key, no cost."""
+        return self.procedural or self.label is not None
 
     @property
     def display_name(self) -> str:
         """The model's name in results."""
-        return ProceduralClient.name if self.procedural else self.model
+        return ProceduralClient.name if self.procedural else self.label or self.model
 
     def endpoint(self) -> Endpoint:
         """The endpoint, with the key from the environment."""
@@ -65,7 +73,7 @@ def choose_models(model: ModelConfig) -> dict[str, ModelChoice]:
             raise UnknownNameError("role in model.roles", role, roles)
     choices = {role: _choose_model(model, model.roles.get(role)) for role in roles}
     for choice in choices.values():
-        priced = choice.procedural or choice.model in model.prices
+        priced = choice.local or choice.model in model.prices
         if model.budget.money is not None and not priced:
             raise ConfigError(
                 f"model.budget.money needs a price for {choice.model!r}: set model.prices to "
@@ -76,7 +84,9 @@ def choose_models(model: ModelConfig) -> dict[str, ModelChoice]:
 
 def _choose_model(model: ModelConfig, role: RoleModel | None) -> ModelChoice:
     if role is None:
-        return ModelChoice(model.name, model.base_url, model.key_variable, model.sampling)
+        return ModelChoice(
+            model.name, model.base_url, model.key_variable, model.sampling, model.label
+        )
     variable = role.key_variable or (None if role.base_url else model.key_variable)
     sampling = role.sampling or model.sampling
     return ModelChoice(role.name, role.base_url or model.base_url, variable, sampling)
@@ -118,8 +128,8 @@ def open_models(
     settings = config.model.endpoint
 
     def open_choice(choice: ModelChoice) -> Client:
-        if choice.procedural:
-            return wrap(ProceduralClient(config.seed), tape=tape, budget=budget, price=FREE)
+        if choice.local:
+            return wrap(_local_client(choice, config.seed), tape=tape, budget=budget, price=FREE)
         endpoint = choice.endpoint()
         return open_client(
             endpoint,
@@ -143,6 +153,17 @@ def open_models(
     return Models(clients, choices)
 
 
+def _local_client(choice: ModelChoice, seed: int) -> Client:
+    if choice.procedural:
+        return ProceduralClient(seed)
+    from agentflow.training.libraries import require_libraries
+
+    require_libraries("torch", "transformers")
+    from agentflow.training.model.client import LocalClient
+
+    return LocalClient(Path(choice.model), seed)
+
+
 def use_client(client: Client, config: DesignConfig, tape: Tape, budget: Budget) -> Models:
     """One client for all roles, recorded on a tape and charged to a budget."""
     wrapped = wrap(client, tape=tape, budget=budget, price=config.model.prices.get(client.name))
@@ -161,8 +182,9 @@ def replay_models(config: DesignConfig, tape: Tape, *, budget_spent: bool) -> Mo
 
 
 def known_prices(config: ModelConfig) -> dict[str, Price]:
-    """Name of a recorded model -> price, if configured; the procedural model is free."""
-    return {**config.prices, ProceduralClient.name: FREE}
+    """Name of a recorded model -> price, if configured; models in this process are free."""
+    free = {ProceduralClient.name, *filter(None, [config.label])}
+    return {**config.prices, **dict.fromkeys(free, FREE)}
 
 
 def cost_function(config: ModelConfig) -> Cost:

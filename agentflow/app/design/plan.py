@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow import __version__
+from agentflow.agents.designer import Designer
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.config import config_json
 from agentflow.app.design.models import choose_models
@@ -106,8 +107,35 @@ class RunPlan:
         return cls.of(config, level_of_run(path, document))
 
     def require_workflow(self) -> None:
-        """Raise ConfigError unless the workflow can begin here: perhaps it needs a program."""
+        """Raise ConfigError unless the workflow can begin here.
+
+        It may need a program, or roles that a model in a folder cannot play.
+        """
         WORKFLOWS[self.config.workflow].require(self.config.settings)
+        others = [role for role in self._roles_of_designing_model() if role != Designer.name]
+        if others:
+            raise ConfigError(
+                f"{self.config.model.name} writes whole machines and nothing else, but the "
+                f"workflow {self.config.workflow}, as configured, also asks it to be "
+                f"{' and '.join(others)}; use --workflow single --set search.rounds=0, or another "
+                "model"
+            )
+
+    def _roles_of_designing_model(self) -> list[str]:
+        """The roles that the workflow asks of a model that only designs whole machines."""
+        model = self.config.model
+        if model.label is None:
+            return []
+        from agentflow.training.model.folder import read_folder
+
+        if not read_folder(Path(model.name)).whole_machines_only:
+            return []
+        calls = WORKFLOWS[self.config.workflow].calls(self.config.settings)
+        return [
+            role
+            for role, count in calls.items()
+            if count and (ROLES[role].model_role or role) not in model.roles
+        ]
 
     @property
     def conditions(self) -> dict[str, str]:
@@ -139,10 +167,16 @@ class RunPlan:
 
     @property
     def model_note(self) -> str:
-        """A message if the procedural model does not know the purpose of the task; "" if it does.
+        """A message if the model cannot do what others can; "" if it can.
 
-        It then builds machines that stand or drive.
+        The procedural model may not know the purpose of the task: it then builds machines that
+        stand or drive. Models from scratch write whole machines, but revise none.
         """
+        if self._roles_of_designing_model():
+            return (
+                f"{self.config.model.name} writes whole machines and nothing else: workflow "
+                f"{self.config.workflow}, without revisions"
+            )
         calls = WORKFLOWS[self.config.workflow].calls(self.config.settings)
         choices = choose_models(self.config.model)
         asked = {ROLES[role].model_role or role for role, count in calls.items() if count}

@@ -70,7 +70,7 @@ def unnamed(model: ModelConfig, named: Mapping[str, Any]) -> Iterator[str]:
     origins = {Endpoint("", url).origin for url in urls}
     variables = {KEY_VARIABLE, *(group.get("key_variable") for group in groups), None}
     for choice in choose_models(model).values():
-        if choice.procedural:
+        if choice.local:
             continue
         origin = _origin(choice)
         if origin not in origins or choice.key_variable not in variables:

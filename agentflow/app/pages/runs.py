@@ -22,7 +22,7 @@ from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note, recorded_machine
 from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
-from agentflow.config.run import PROCEDURAL, build_config
+from agentflow.config.run import build_config
 from agentflow.env.archive import load_npz
 from agentflow.env.physics.engines import usable_engine
 from agentflow.env.pool.pool import RolloutPool
@@ -104,7 +104,7 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
     result = read_finished(path) if (path / "result.json").exists() else None
     best = best_machine(result)
     story = RunStory.read(path, result, best.digest if best else None)
-    priced = bool(config.model.prices) or config.model.name == PROCEDURAL
+    priced = bool(config.model.prices) or config.model.local
     data = story.to_json(cost_function(config.model), priced)
     data["failures"] = count_failures(path)["kinds"]  # last: the run may be in progress
     shapes = Shapes()

@@ -83,7 +83,8 @@ def _total_money(config: DesignConfig, calls: Mapping[str, int]) -> float | None
         role_model = config.model.roles.get(ROLES[role].model_role or role)
         name = role_model.name if role_model else config.model.name
         price = config.model.prices.get(name)
-        if count and name != PROCEDURAL:
+        free = name == PROCEDURAL or (role_model is None and config.model.local)
+        if count and not free:
             if price is None:
                 return None
             prompt, completion = ROLES[role].tokens

@@ -12,6 +12,7 @@ from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.errors import ConfigError
 from agentflow.files import write_atomically
 from agentflow.training.model.shorthand import shorten
+from agentflow.training.record import MODEL
 
 FILE_NAME = "agentflow.json"
 MODEL_FILES = ("config.json", "adapter_config.json")
@@ -58,12 +59,9 @@ def read_folder(path: Path) -> ModelFolder:
     """What the folder of a model says; the name of a chat model's folder is its label.
 
     Raises:
-        ConfigError: It is not the folder of a model, or its agentflow.json is damaged.
+        ConfigError: It holds no model, or its agentflow.json is damaged.
     """
-    if not holds_model(path):
-        inner = path / "model"
-        hint = f"; name the model in it: {inner}" if holds_model(inner) else ""
-        raise ConfigError(f"{path} is not a model: it has no {MODEL_FILES[0]}{hint}")
+    path = find_model(path)
     try:
         return ModelFolder.model_validate_json((path / FILE_NAME).read_bytes())
     except FileNotFoundError:
@@ -74,6 +72,16 @@ def read_folder(path: Path) -> ModelFolder:
         raise ConfigError(f"{path / FILE_NAME}: {key} {describe_fault(fault)}") from None
 
 
-def holds_model(path: Path) -> bool:
-    """Whether `transformers` could load the folder."""
-    return any((path / name).is_file() for name in MODEL_FILES)
+def find_model(path: Path) -> Path:
+    """The folder of a model: this one, or that of the model in this training directory.
+
+    Raises:
+        ConfigError: It holds neither.
+    """
+    for found in (path, path / MODEL):
+        if any((found / name).is_file() for name in MODEL_FILES):
+            return found
+    raise ConfigError(
+        f"{path} holds no model: it has neither {MODEL_FILES[0]} nor, as training directories "
+        f"have when they are finished, {MODEL}/{MODEL_FILES[0]}"
+    )

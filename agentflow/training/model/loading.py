@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import torch
 from transformers import AutoModelForCausalLM, AutoTokenizer
 
-from agentflow.training.model.folder import Messages, ModelFolder, read_folder
+from agentflow.training.model.folder import Messages, ModelFolder, find_model, read_folder
 
 BATCH = 64
 """Replies sampled at a time; more gain little speed on processors and need memory."""
@@ -118,7 +118,7 @@ def load_model(path: Path, device: str | None = None) -> Sampler:
     Raises:
         ConfigError: It is not the folder of a model.
     """
-    folder = read_folder(path)
+    path, folder = find_model(path), read_folder(path)
     where = device or ("cuda" if torch.cuda.is_available() else "cpu")
     tokenizer = AutoTokenizer.from_pretrained(path)
     if tokenizer.pad_token_id is None:
