@@ -125,7 +125,7 @@ def test_a_damaged_evaluation_json_is_named(tmp_path: Path, capsys: Captured) ->
         (["evaluate", "procedural", "--task", "sailing", "--out", "OUT"], "unknown task 'sailing'"),
         (
             ["evaluate", str(ROOT), "--task", "throwing", "--out", "OUT"],
-            f"{ROOT} is not a model: it has no config.json",
+            f"{ROOT} holds no model: it has neither config.json nor",
         ),
         ([*PROCEDURAL, "--samples", "0", "--out", "OUT"], "Invalid value for '--samples'"),
         (

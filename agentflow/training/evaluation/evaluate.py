@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agentflow.api import design_prompt
+from agentflow.app.design.config import complete_config
 from agentflow.app.design.models import choose_models, open_models
 from agentflow.app.design.plan import physics_conditions
 from agentflow.app.prompts import render_prompt
@@ -145,7 +146,8 @@ def _trained_on(config: DesignConfig) -> tuple[str, ...]:
 
 def _require_used(config: DesignConfig) -> None:
     """Refuse settings of runs that an evaluation does not have."""
-    default = DesignConfig(model=config.model)
+    given = config.model.model_dump(exclude={"label"}, exclude_unset=True)
+    default = complete_config({"model": given})  # a model in a folder may have its own workflow
     for key in ("workflow", "settings", "rationale_from", "max_retry", "verify", "keep_rollouts"):
         if getattr(config, key) != getattr(default, key):
             raise UsageError(
