@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import BaseModel
 from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
@@ -18,6 +19,7 @@ from agentflow.app.machines.files import read_one
 from agentflow.app.pages.compare import compare
 from agentflow.app.pages.gallery import gallery
 from agentflow.app.pages.runs import report
+from agentflow.app.pages.training import training_report
 from agentflow.env.drawing.gltf import machine_glb
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine
@@ -26,9 +28,12 @@ from agentflow.metrics.tables import Column, Row, Table
 from agentflow.report.page import page as whole_page
 from agentflow.report.sweep import sweep_data
 from agentflow.runs import read_result
+from agentflow.training.record import About
+from agentflow.training.run import TrainingRun
 from tests.machine.builders import CAR
 from tests.report.browser import chromium, complaints
 from tests.report.hostile import LONG, NASTY, hostile_run
+from tests.training.folders import throws, write_training
 
 pytestmark = pytest.mark.slow
 PATIENCE = 60.0
@@ -323,6 +328,70 @@ def test_a_sweep_shows_its_tables_and_spreads(browser: webdriver.Chrome, tmp_pat
     assert "failed" in cells  # its reason is in sight
     assert browser.execute_script("return window.owned ?? null") is None
     assert complaints(browser) == []
+
+
+def test_training_shows_curves_and_films_and_executes_nothing(
+    browser: webdriver.Chrome, tmp_path: Path
+) -> None:
+    path = tmp_path / "run"
+    about = About(kind="grpo", label=NASTY)
+    with TrainingRun.open(path, about, Hostile(), resume=False) as run:
+        for step in range(1, 6):
+            run.note(step, {"reward": step / 2, "score": step / 3, NASTY: 0.1 * step})
+        run.note(5, {"eval": {"throwing": {"valid": {"share": 0.5}, "best_at": {"4": 9.0}}}})
+        best, worst = throws()[2], throws()[3]
+        run.samples(5, [*throws(), worst.model_copy(update={"text": NASTY, "problem": NASTY})])
+        run.samples(4, [best.model_copy(update={"text": NASTY})])
+    out = training_report(path, tmp_path / "r.html", films=1, workers=1, say=quiet)
+    complaints(browser)
+    browser.get(out.as_uri())
+    until(browser, lambda: title(browser) == f"step 5 · {best.score:.2f}")
+    find(browser, ".play").click()
+    until(browser, lambda: time_of(browser) > 0.3)
+    until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .line")) == 5 + 1)
+    keys = [item.text for item in browser.find_elements(By.CSS_SELECTOR, ".key span")]
+    assert keys == ["reward", "score"]
+    find(browser, ".picks button + button").click()
+    until(browser, lambda: title(browser) == f"step 5 · {throws()[1].score:.2f}")
+    browser.execute_script("document.querySelectorAll('details').forEach((e) => (e.open = true))")
+    buttons = browser.find_elements(By.CSS_SELECTOR, ".picks button")
+    buttons[-1].click()
+    until(browser, lambda: title(browser) == f"step 4 · {best.score:.2f}")
+    browser.execute_script("document.querySelectorAll('details').forEach((e) => (e.open = true))")
+    texts = browser.execute_script(
+        "return [...document.querySelectorAll('main pre')].map((pre) => pre.textContent)"
+    )
+    assert texts.count(VISIBLE) == 2
+    assert find(browser, ".lede").get_property("textContent") == VISIBLE
+    assert browser.execute_script("return window.owned ?? null") is None
+    assert browser.find_elements(By.CSS_SELECTOR, "main img, main a, main script") == []
+    assert complaints(browser) == []
+
+
+class Hostile(BaseModel):
+    """Settings of a training run."""
+
+    tasks: tuple[str, ...] = ("throwing",)
+    name: str = NASTY
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_training_page_fits_a_phone(tmp_path: Path, dark: bool) -> None:
+    path = write_training(tmp_path / "run", label="m")
+    out = training_report(path, tmp_path / "r.html", films=0, workers=1, say=quiet)
+    with chromium(tmp_path / "profile", (500, 844), dark=dark) as driver:
+        metrics = {"width": 360, "height": 760, "deviceScaleFactor": 2, "mobile": True}
+        driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        driver.get(out.as_uri())
+        until(driver, lambda: find(driver, "body").get_attribute("data-ready") == "training")
+        driver.execute_script(
+            "document.querySelectorAll('details').forEach((e) => (e.open = true))"
+        )
+        until(driver, lambda: driver.find_elements(By.CSS_SELECTOR, ".chart .line"))
+        width = driver.execute_script("return document.documentElement.scrollWidth")
+        assert width == 360
+        paper = "return getComputedStyle(document.body).backgroundColor"
+        assert driver.execute_script(paper) == ("rgb(20, 24, 26)" if dark else "rgb(252, 251, 248)")
 
 
 def test_where_nothing_scored_the_axis_has_plain_numbers(

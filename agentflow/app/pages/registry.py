@@ -13,6 +13,7 @@ PAGES: Registry[Callable[..., Path]] = Registry(
     {
         "run": "agentflow.app.pages.runs:report",
         "sweep": "agentflow.app.pages.sweeps:sweep_report",
+        "training": "agentflow.app.pages.training:training_report",
     },
     is_callable,
 )

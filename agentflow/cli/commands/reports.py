@@ -21,7 +21,7 @@ Films = Annotated[int, typer.Option(min=0, help="Number of machines to film, bes
 
 @commands.command(epilog="Example: agentflow report runs/recorded-throwing --out report.html")
 def report(
-    run: Annotated[Path, typer.Argument(help="Run directory or sweep directory.")],
+    run: Annotated[Path, typer.Argument(help="Directory of a run, a sweep or a training run.")],
     out: Out = None,
     films: Films = 200,
     workers: Workers = 2,
@@ -32,10 +32,12 @@ def report(
         ),
     ] = None,
 ) -> None:
-    """Write an HTML report about a run (3D films) or a sweep (tables)."""
+    """Write an HTML report about a run (3D films), a sweep (tables) or training (curves, films)."""
+    from agentflow.app.pages.training import is_training
     from agentflow.app.sweeps.folder import is_sweep
 
-    write = PAGES[page or ("sweep" if is_sweep(run) else "run")]
+    kind = "sweep" if is_sweep(run) else "training" if is_training(run) else "run"
+    write = PAGES[page or kind]
     say = show_count("simulation")
     print(write(run, out or run / "report.html", films=films, workers=workers, say=say))
 

@@ -1,4 +1,4 @@
-// Small SVG charts: score curves, bars of counts, means with intervals.
+// Small SVG charts: score curves, lines, bars of counts, means with intervals.
 
 import { el, formatNumber, svg } from "./dom.js";
 
@@ -26,6 +26,30 @@ export function scoreChart(title, across, points) {
       svg("path", { class: "line", d: `${way}H${width - RIGHT}` }),
     ];
   });
+}
+
+const COLOURS = 6; // lines with a colour of their own; further ones begin again
+const SINGLE = 60; // fewest points of a line that are not marked one by one
+
+/** Numbers over steps, a line each: {name, points}, where points are [x, y] in order of x. */
+export function lineChart(title, up, across, lines) {
+  const every = lines.flatMap(({ points }) => points);
+  const hue = (index) => `hue${index % COLOURS}`;
+  const chart = figure(title, (width) => {
+    const xs = scale([Math.min(...every.map(([x]) => x)), Math.max(...every.map(([x]) => x))], [LEFT, width - RIGHT]);
+    const [low, high] = valueRange(every.map(([, y]) => y));
+    const ys = scale(low === high ? [Math.min(0, 2 * low), Math.max(0, 2 * high)] : [low, high], [HEIGHT - BOTTOM, UPPER]);
+    return [
+      ...axes(xs, ys, across, up),
+      ...lines.flatMap(({ name, points }, index) => [
+        svg("path", { class: `line ${hue(index)}`, d: points.map(([x, y], i) => `${i ? "L" : "M"}${xs(x)} ${ys(y)}`).join("") }, svg("title", {}, name)),
+        ...(points.length < SINGLE ? points : []).map(([x, y]) => svg("circle", { class: `point ${hue(index)}`, cx: xs(x), cy: ys(y), r: 2.4 },
+          svg("title", {}, `${name}, ${across} ${x}: ${y}`))),
+      ]),
+    ];
+  });
+  if (lines.length > 1) chart.append(el("p", { class: "key" }, ...lines.map(({ name }, index) => el("span", { class: hue(index) }, el("i", {}), name))));
+  return chart;
 }
 
 /** Bars of counts; items are [name, count, detail]. */

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from agentflow.rewards import Reward
 from agentflow.rewards.scoring import Sample, Scorer
@@ -29,7 +29,7 @@ class JudgedReply(BaseModel, frozen=True, extra="forbid"):
     """ok, invalid, diverged, timeout or crashed."""
     problem: str = ""
     """Code of the first reason why there is no valid machine."""
-    score: float | None
+    score: float | None = Field(allow_inf_nan=False)
     """In the unit of the task, 0 without a valid machine; None after an infrastructure fault (a
     simulation that crashed or timed out), which says nothing about the reply."""
     machine: list[dict[str, Any]] | None

@@ -12,6 +12,7 @@ from agentflow.metrics.intervals import Interval, missing_scipy
 from agentflow.metrics.published import published
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
+from agentflow.training.curves import flatten
 from agentflow.training.evaluation.collection import Collection, PooledEvaluation, collect
 from agentflow.training.evaluation.record import read_replies
 from agentflow.training.evaluation.summary import Summary, summarise
@@ -131,22 +132,20 @@ def best_table(found: Collection) -> Table:
 
 def curves_table(found: Collection) -> Table:
     """Every number that training runs logged, a row for each step."""
-    runs = found.trainings
-    names = dict.fromkeys(
-        key
-        for run in runs.values()
-        for row in run.curves
-        for key, value in row.items()
-        if key != "step" and _is_number(value)
+    runs = {name: [flatten(row) for row in run.curves] for name, run in found.trainings.items()}
+    names = dict.fromkeys(key for rows in runs.values() for row in rows for key in row)
+    names.pop("step", None)
+    return Table(
+        "Training runs: curves",
+        ("run", "step"),
+        tuple(Column("", key) for key in names),
+        tuple(
+            Row((name, str(row["step"])), tuple(row.get(key) for key in names))
+            for name, rows in runs.items()
+            for row in rows
+        ),
+        notes=tuple(f"{name}: {run.about.label}." for name, run in found.trainings.items()),
     )
-    rows = tuple(
-        Row((name, str(row["step"])), tuple(_number(row.get(key)) for key in names))
-        for name, run in runs.items()
-        for row in run.curves
-    )
-    columns = tuple(Column("", key) for key in names)
-    notes = tuple(f"{name}: {run.about.label}." for name, run in runs.items())
-    return Table("Training runs: curves", ("run", "step"), columns, rows, notes=notes)
 
 
 VIEWS: Mapping[str, Callable[..., Table]] = MappingProxyType(
@@ -274,11 +273,3 @@ def _notes(found: Collection) -> tuple[str, ...]:
         only = "; no number is of more than one" if len(found.engines) > 1 else ""
         notes.append(f"Physics engine: {', '.join(found.engines)}{only}.")
     return tuple(notes)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _number(value: object) -> Value:
-    return value if isinstance(value, int | float) and _is_number(value) else None

@@ -1,0 +1,243 @@
+"""Pages of training runs: curves, samples by step with films, diversity by step."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from agentflow.app.machines.simulate import Progress
+from agentflow.app.pages.films import Shapes
+from agentflow.app.pages.runs import (
+    COARSE,
+    FINE,
+    ReportedMachine,
+    film_machines,
+    require_writable,
+    write_page,
+)
+from agentflow.env.physics.engines import AUTO, usable_engine
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine import Machine, check, read_machine
+from agentflow.machine.brief import Brief
+from agentflow.report.page import page
+from agentflow.training.curves import flatten
+from agentflow.training.evaluation import JudgedReply, summarise
+from agentflow.training.evaluation.record import read_replies
+from agentflow.training.record import ABOUT, TrainingRecord, read_training
+
+CHARTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("Reward", "per reply", ("reward", "score")),
+    ("Greatest score of a step", "score", ("score_max",)),
+    ("Replies", "share", ("parsed", "spatial", "valid", "non_zero", "distinct", "cut_off")),
+    ("Loss", "per token", ("loss", "dev_loss")),
+    ("Accuracy", "share of tokens", ("token_accuracy", "dev_token_accuracy")),
+    ("Entropy", "nats per token", ("entropy", "dev_entropy")),
+    ("Divergence from the first model", "nats per token", ("kl",)),
+    ("Length of replies", "tokens", ("length",)),
+    (
+        "Seconds of a step",
+        "s",
+        ("seconds_generation", "seconds_simulation", "seconds_update"),
+    ),
+    ("Time so far", "s", ("seconds",)),
+)
+"""Title, unit and numbers of each chart, where a run has any of them; other numbers follow."""
+EVALUATED: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("Best@N of the samples", "score", tuple(f"best_at.{1 << power}" for power in range(11))),
+    ("Valid samples", "share", ("parsed.share", "spatial.share", "valid.share")),
+    (
+        "Diversity: difference of shapes",
+        "diagonals of a machine",
+        ("diversity.chamfer", "diversity.hausdorff"),
+    ),
+    (
+        "Diversity: likeness, the less the more diverse",
+        "at most 1",
+        ("diversity.iou", "diversity.graph_similarity"),
+    ),
+    ("Diversity: tree edit distance", "blocks", ("diversity.tree_edit_distance",)),
+)
+"""The same for the numbers of a task's samples."""
+PREFIX = "eval."
+"""Before the numbers of samples: eval.TASK.NAME."""
+FILMED = 3
+"""Machines of each task with a film after a step, best first."""
+REFUSED = 2
+"""Replies without a valid machine that are shown after a step."""
+Row = Mapping[str, float]
+
+
+def is_training(path: Path) -> bool:
+    """Whether a folder holds a training run."""
+    return (path / ABOUT).is_file()
+
+
+def training_report(path: Path, out: Path, *, films: int, workers: int, say: Progress) -> Path:
+    """Write the page of a training run, finished or not.
+
+    Args:
+        path: Training directory.
+        out: File to write.
+        films: Number of machines with a film, those of the last steps first.
+        workers: Worker processes for simulation.
+        say: Receives progress.
+    """
+    run = read_training(path)
+    require_writable(out)
+    shapes = Shapes()
+    shown = _Samples(run)
+    chosen = shown.to_film(films)
+    machines = asyncio.run(film_machines(chosen, shapes, workers, say))
+    rows = [flatten(row) for row in run.curves]
+    data = {
+        "kind": "training",
+        "title": run.path.resolve().name,
+        "label": run.about.label,
+        "about": _about(run),
+        "charts": _charts(CHARTS, rows, others=True),
+        "tasks": [
+            {"task": task, "charts": _charts(EVALUATED, _of_task(rows, task), others=False)}
+            for task in shown.tasks
+        ],
+        "steps": shown.to_json(),
+        "facts": [[key, _setting(value)] for key, value in _settings(run.config)],
+        "machines": machines,
+        "shapes": shapes.rows,
+        "files": shapes.files,
+    }
+    write_page(out, page(f"{run.path.resolve().name} · agentflow", data))
+    return out
+
+
+class _Samples:
+    """The samples that a run saved, and which of them the page shows."""
+
+    def __init__(self, run: TrainingRecord) -> None:
+        engine = usable_engine(str(run.config.get("engine", AUTO)))
+        self._steps = {
+            (step, task): [reply for reply in replies if reply.task == task]
+            for step, path in run.samples.items()
+            for replies in [read_replies(path)]
+            for task in dict.fromkeys(reply.task for reply in replies)
+        }
+        self.tasks = tuple(dict.fromkeys(task for _, task in self._steps))
+        self._levels = {task: get_task(task, engine=engine) for task in self.tasks}
+        self._best = {
+            (step, task): _best_machines(replies, self._levels[task].brief)
+            for (step, task), replies in self._steps.items()
+        }
+
+    def to_film(self, most: int) -> dict[str, ReportedMachine]:
+        """Key of a machine -> the machine; those after the last steps first."""
+        found: dict[str, ReportedMachine] = {}
+        for (_, task), machines in reversed(self._best.items()):
+            for rank, (key, (reply, machine)) in enumerate(machines.items()):
+                film = (FINE if rank == 0 else COARSE) if len(found) < most else None
+                found.setdefault(
+                    key,
+                    ReportedMachine(
+                        machine, self._levels[task], reply.seed, reply.score, film, None, ""
+                    ),
+                )
+        return found
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """What the page shows of each step and task."""
+        return [
+            {
+                "step": step,
+                "task": task,
+                **_numbers(replies),
+                "best": [
+                    {"machine": key, "score": reply.score, "text": reply.text}
+                    for key, (reply, _) in self._best[step, task].items()
+                ],
+                "refused": [
+                    {"problem": reply.problem, "text": reply.text}
+                    for reply in replies
+                    if not reply.valid
+                ][:REFUSED],
+            }
+            for (step, task), replies in self._steps.items()
+        ]
+
+
+def _numbers(replies: Sequence[JudgedReply]) -> dict[str, Any]:
+    """Counts, scores and interval of a step's replies to a task."""
+    found = summarise(replies)
+    interval = found.scores.mean_all_interval()
+    return {
+        "count": found.replies,
+        "valid": found.valid.count,
+        "faults": found.faults,
+        "mean": found.mean,
+        "low": interval and interval.low,
+        "high": interval and interval.high,
+        "values": sorted(found.scores.all),
+    }
+
+
+def _best_machines(
+    replies: Iterable[JudgedReply], brief: Brief
+) -> dict[str, tuple[JudgedReply, Machine]]:
+    """Key -> reply and machine of the best different machines; they must be valid today."""
+    found: dict[str, tuple[JudgedReply, Machine]] = {}
+    scored = [reply for reply in replies if reply.valid and reply.score is not None]
+    for reply in sorted(scored, key=lambda reply: -(reply.score or 0.0)):
+        parsed = read_machine(reply.machine, brief.blocks, brief.given)
+        machine = check(parsed, brief).machine
+        if machine is not None and len(found) < FILMED:
+            found.setdefault(f"{reply.task} {reply.seed} {machine.digest}", (reply, machine))
+    return found
+
+
+def _about(run: TrainingRecord) -> str:
+    kind = {"sft": "supervised fine-tuning", "grpo": "reinforcement learning (GRPO)"}
+    last = run.curves[-1]["step"] if run.curves else 0
+    steps = "1 step" if last == 1 else f"{last} steps"
+    return f"{kind[run.about.kind]}, {steps}{'' if run.result else ', unfinished'}"
+
+
+def _of_task(rows: Iterable[Row], task: str) -> list[Row]:
+    """The numbers of a task's samples, by their own names, and the step."""
+    prefix = f"{PREFIX}{task}."
+    return [
+        {"step": row["step"]}
+        | {key.removeprefix(prefix): value for key, value in row.items() if key.startswith(prefix)}
+        for row in rows
+    ]
+
+
+def _charts(
+    wanted: Sequence[tuple[str, str, tuple[str, ...]]], rows: Sequence[Row], *, others: bool
+) -> list[dict[str, Any]]:
+    """The charts of numbers that the rows have; each other number in a chart of its own."""
+    known = {"step", *(name for _, _, names in wanted for name in names)}
+    names = dict.fromkeys(name for row in rows for name in row)
+    rest = [name for name in names if name not in known and not name.startswith(PREFIX)]
+    every = [*wanted, *((name, "", (name,)) for name in rest if others)]
+    charts = []
+    for title, unit, lines in every:
+        found = [
+            {"name": name, "points": [[row["step"], row[name]] for row in rows if name in row]}
+            for name in lines
+            if name in names
+        ]
+        if found:
+            charts.append({"title": title, "unit": unit, "lines": found})
+    return charts
+
+
+def _settings(config: Mapping[str, Any], above: str = "") -> Iterable[tuple[str, Any]]:
+    """Dotted key and value of every setting of a run."""
+    for key, value in config.items():
+        if isinstance(value, Mapping) and value:
+            yield from _settings(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def _setting(value: Any) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, list) else str(value)
