@@ -14,7 +14,7 @@ from agentflow.app.design.config import complete_config
 from agentflow.app.design.models import choose_models, open_models
 from agentflow.app.design.plan import physics_conditions
 from agentflow.app.prompts import render_prompt
-from agentflow.config.run import PROCEDURAL, DesignConfig
+from agentflow.config.run import DesignConfig
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import (
     BudgetSpentError,
@@ -36,7 +36,7 @@ from agentflow.training.evaluation.record import (
     open_evaluation,
 )
 from agentflow.training.evaluation.replies import judge
-from agentflow.training.model.folder import read_folder
+from agentflow.training.libraries import require_libraries
 from agentflow.training.record import ABOUT as TRAINING
 from agentflow.training.record import read_training
 
@@ -109,7 +109,7 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
     return Evaluation(
         name=name,
         model=config.model.name,
-        label=_label(config),
+        label=choose_models(config.model)[ROLE].display_name,
         trained_on=_trained_on(config),
         tasks=tuple(tasks),
         samples=samples,
@@ -123,16 +123,7 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
 
 def _folder(config: DesignConfig) -> Path | None:
     """The folder of the model, if it is one in a folder."""
-    path = Path(config.model.name)
-    return path if config.model.name != PROCEDURAL and path.is_dir() else None
-
-
-def _label(config: DesignConfig) -> str:
-    """The model's name in results; refuses folders that hold none."""
-    folder = _folder(config)
-    if folder is not None:
-        return read_folder(folder).label
-    return choose_models(config.model)[ROLE].display_name
+    return None if config.model.label is None else Path(config.model.name)
 
 
 def _trained_on(config: DesignConfig) -> tuple[str, ...]:
@@ -221,11 +212,7 @@ async def _open_model(
 
 
 def _load_model(folder: Path) -> Sampler:
-    try:
-        from agentflow.training.model.loading import load_model
-    except ModuleNotFoundError as error:
-        library = str(error.name).partition(".")[0]
-        raise ConfigError(
-            f"{library} is not installed; install it with: pip install 'agentflow[train]'"
-        ) from None
+    require_libraries("torch", "transformers")
+    from agentflow.training.model.loading import load_model
+
     return load_model(folder)
