@@ -21,6 +21,8 @@ from agentflow.training.evaluation.record import Evaluation, read_about
 from tests.integrations.foreign import CAR
 from tests.llm.foreign import ROOT
 from tests.llm.hostile import body, completion, serving
+from tests.training.folders import LABEL, throws, write_training
+from tests.training.libraries import INSTALLED, needs_training
 
 Captured = pytest.CaptureFixture[str]
 PROCEDURAL = ["evaluate", "procedural", "--task", "movement"]
@@ -220,6 +222,47 @@ def test_an_evaluation_killed_at_any_moment_gives_the_same_result(tmp_path: Path
         process.join()
         begin(out)
         assert contents(out) == expected
+
+
+@needs_training
+def test_a_model_in_a_folder_repeats_itself_where_it_was_interrupted(
+    tmp_path: Path, capsys: Captured
+) -> None:
+    from agentflow.training.config import TinyModel
+    from agentflow.training.model.base import save_model
+    from agentflow.training.model.folder import ModelFolder
+    from agentflow.training.model.tiny import make_decoder, train_tokenizer
+
+    run = write_training(tmp_path / "run")
+    tokenizer = train_tokenizer([reply.text for reply in throws()], 300)
+    decoder = make_decoder(TinyModel(hidden=16, layers=1, heads=2, feed_forward=16), tokenizer)
+    save_model(decoder, tokenizer, ModelFolder(label=LABEL, prompts="shorthand"), run / "model")
+    command = ["evaluate", str(run), "--task", "throwing", "--samples", "34", "--json"]
+    command += ["--set", "model.sampling.max_tokens=12"]
+    assert main([*command, "--out", str(tmp_path / "it")]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["label"], found["trained_on"]) == (LABEL, ["throwing"])
+    assert (found["model"], found["results"]["throwing"]["replies"]) == (str(run / "model"), 34)
+    lines = (tmp_path / "it" / "samples.jsonl").read_bytes().splitlines(keepends=True)
+    assert len(set(lines)) > 30
+    (tmp_path / "again").mkdir()
+    again = copied(tmp_path / "it", tmp_path / "again" / "it", samples=b"".join(lines[:33]))
+    assert main([*command, "--out", str(again)]) == 0
+    assert contents(again) == contents(tmp_path / "it")
+    assert "calls.jsonl" not in contents(again)
+
+
+@pytest.mark.skipif(INSTALLED, reason="the libraries are there")
+def test_without_the_libraries_a_folder_is_refused_and_leaves_nothing(
+    tmp_path: Path, capsys: Captured
+) -> None:
+    (tmp_path / "model").mkdir()
+    (tmp_path / "model" / "config.json").write_text("{}")
+    command = ["evaluate", str(tmp_path / "model"), "--task", "throwing"]
+    assert main([*command, "--out", str(tmp_path / "it")]) == 2
+    told = "agentflow: torch is not installed; install it with: pip install 'agentflow[train]'\n"
+    assert capsys.readouterr().err == told
+    assert not (tmp_path / "it").exists()
 
 
 def test_two_processes_cannot_evaluate_in_one_folder(finished: Path) -> None:

@@ -82,6 +82,8 @@ def evaluate(
         EndpointError: The model cannot be used; what it has answered is kept.
         InterruptedRunError: Ctrl-C.
     """
+    if _folder(config) is not None:
+        require_libraries("torch", "transformers")
     about = _describe(config, tasks, samples, name or out.resolve().name)
     if missing := missing_scipy():
         notify(missing)
@@ -212,7 +214,6 @@ async def _open_model(
 
 
 def _load_model(folder: Path) -> Sampler:
-    require_libraries("torch", "transformers")
     from agentflow.training.model.loading import load_model
 
     return load_model(folder)
