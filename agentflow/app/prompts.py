@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from difflib import unified_diff
+from functools import cache
 from typing import Any
 
 from agentflow.agents.context import EXAMPLE
@@ -35,7 +36,7 @@ def render_prompt(name: str, role: str, brief: Brief, source: str | None = None)
         brief: The task.
         source: A machine as text, for roles that receive one; by default a small one.
     """
-    asker, prompts = ROLES[role](), PromptSet(name)
+    asker, prompts = ROLES[role](), _open_set(name)
     given = asker.sample(brief, _machine(brief, source))
     system, user = prompts.render(asker.name, asker.variables(given))
     return {
@@ -62,6 +63,12 @@ def compare_prompt_sets(first: str, second: str) -> str:
             lineterm="",
         )
     return "\n".join(lines)
+
+
+@cache
+def _open_set(name: str) -> PromptSet:
+    """A prompt set, whose templates are compiled once."""
+    return PromptSet(name)
 
 
 def _machine(brief: Brief, source: str | None) -> Machine:
