@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -14,11 +12,9 @@ from pydantic import BaseModel, ConfigDict
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import choose_engine
-from agentflow.env.pool.pool import RolloutPool
-from agentflow.env.tasks.base import Task
-from agentflow.files import LineFile
+from agentflow.errors import RunError
 from agentflow.llm.procedural import ProceduralClient
-from agentflow.machine import Brief, Machine, Report, check
+from agentflow.machine import Brief, Machine
 from agentflow.training.data.answers import (
     ANSWERS,
     COMMAND,
@@ -29,21 +25,16 @@ from agentflow.training.data.answers import (
 )
 from agentflow.training.data.card import Card, make_card
 from agentflow.training.data.contamination import (
-    Likeness,
     compare_texts,
     evaluation_trees,
-    tree_hash,
 )
-from agentflow.training.data.folder import map_in_order, read_lines, work_in
-from agentflow.training.data.gates import Gate, Judgement
+from agentflow.training.data.folder import work_in
+from agentflow.training.data.gates import Candidate, Judge, Judgement
 from agentflow.training.data.pairs import Pair, clean_text, make_messages, make_reply
-from agentflow.training.data.variants import EDITED, describe_changes
+from agentflow.training.data.variants import describe_changes
 from agentflow.training.data.writing import write_set
-from agentflow.training.objectives import Objective, works
 
 JUDGED = "judged.jsonl"
-AHEAD = 8
-"""Simulations begun for each worker, so that a slow one does not keep the others waiting."""
 
 
 class FilterPlan(BaseModel):
@@ -92,6 +83,8 @@ def filter_answers(
     """
     answer_plan, answers = read_answers(folder)
     candidates = _candidates(list(answers))
+    if not candidates:
+        raise RunError(f"{folder} holds no answers; record some with {COMMAND}")
     trees = evaluation_trees(evaluation)
     chosen = choose_engine(engine)
     plan = FilterPlan(
@@ -104,7 +97,7 @@ def filter_answers(
     texts = {item.objective.name: item.objective.text for item in answer_plan.questions}
     likenesses = compare_texts(texts)
     with work_in(out, plan, JUDGED):
-        judge = _Judge(answer_plan, likenesses, trees, chosen.name)
+        judge = Judge(answer_plan, likenesses, trees, chosen.name)
         judged = asyncio.run(judge.judge(candidates, out / JUDGED, workers, show))
         pairs = list(_pairs(answer_plan, candidates, judged))
         card = make_card(
@@ -123,162 +116,15 @@ def filter_answers(
         return card
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """The machine of an answer, or one of its variants."""
-
-    answer: Answer
-    variant: int
-
-    @property
-    def source(self) -> str:
-        return self.answer.source + EDITED * bool(self.variant)
-
-
-def _candidates(answers: Sequence[Answer]) -> list[_Candidate]:
+def _candidates(answers: Sequence[Answer]) -> list[Candidate]:
     """The machines of all answers, then their variants: those of machines that work are worth a
     simulation."""
-    own = [_Candidate(answer, 0) for answer in answers]
-    return own + [_Candidate(a, n) for a in answers for n in range(1, len(a.variants) + 1)]
-
-
-@dataclass(frozen=True)
-class _Screened:
-    """A candidate after the gates that need no simulation."""
-
-    judgement: Judgement
-    machine: Machine | None
-    """To simulate; None if a gate dropped it."""
-
-
-class _Judge:
-    """Applies the gates to candidates in their order; the outcome does not depend on timing."""
-
-    def __init__(
-        self,
-        plan: AnswerPlan,
-        likenesses: Mapping[str, Likeness],
-        trees: frozenset[str],
-        engine: str,
-    ) -> None:
-        self._objectives = {item.objective.name: item.objective for item in plan.questions}
-        self._tasks = {name: _task(item, engine) for name, item in self._objectives.items()}
-        self._briefs = {name: task.brief for name, task in self._tasks.items()}
-        self._likenesses, self._trees = likenesses, trees
-        self._seen: set[tuple[str, str]] = set()
-        """Objective and tree of every candidate that came as far as its simulation."""
-        self._useless: set[tuple[str, int]] = set()
-        """Objective and sample of the answers whose variants are not worth a simulation."""
-        self._kept: set[str] = set()
-        """Trees in the set."""
-
-    async def judge(
-        self,
-        candidates: Sequence[_Candidate],
-        log: Path,
-        workers: int,
-        show: Callable[[int, int], None],
-    ) -> list[Judgement]:
-        """Judge what the log lacks, and note each judgement there."""
-        lines = LineFile(log)
-        judged = list(read_lines(log, Judgement))
-        for judgement in judged:
-            self._remember(judgement)
-        left = candidates[len(judged) :]
-        try:
-            async with RolloutPool(workers) as pool:
-                work = partial(self._simulate, pool)
-                for variants in (False, True):
-                    screened = (self._screen(c) for c in left if bool(c.variant) == variants)
-                    async for judgement in map_in_order(screened, work, AHEAD * workers):
-                        settled = self._settle(judgement)
-                        lines.append(settled.model_dump_json(exclude_defaults=True).encode())
-                        judged.append(settled)
-                        show(len(judged), len(candidates))
-        finally:
-            lines.close()
-        return judged
-
-    def _screen(self, candidate: _Candidate) -> _Screened:
-        """Apply the gates that need no simulation."""
-        answer = candidate.answer
-        judgement = Judgement(
-            objective=answer.objective,
-            sample=answer.sample,
-            variant=candidate.variant,
-            source=candidate.source,
-        )
-        likeness = self._likenesses[answer.objective]
-        if likeness.contaminated:
-            return _drop(judgement, "objective", likeness.level)
-        if candidate.variant and (answer.objective, answer.sample) in self._useless:
-            return _drop(judgement, "original")
-        report = _report(candidate, self._briefs[answer.objective])
-        if report.machine is None:
-            return _drop(judgement, "parse", report.problems[0].code)
-        if not report.task_valid:
-            return _drop(judgement, "validity", report.problems[0].code)
-        tree = tree_hash(report.machine)
-        judgement = judgement.model_copy(update={"tree": tree})
-        if tree in self._trees:
-            return _drop(judgement, "evaluation")
-        if tree in self._kept or (answer.objective, tree) in self._seen:
-            return _drop(judgement, "duplicate")
-        self._seen.add((answer.objective, tree))
-        return _Screened(judgement, report.machine)
-
-    async def _simulate(self, pool: RolloutPool, screened: _Screened) -> Judgement:
-        """Apply the gates that need a simulation."""
-        judgement, machine = screened.judgement, screened.machine
-        if machine is None:
-            return judgement
-        rollout = await pool.run(machine, self._tasks[judgement.objective])
-        if rollout.score is None:
-            return _drop(judgement, "simulation", rollout.status).judgement
-        if rollout.status != "ok":
-            return _drop(judgement, "function", rollout.status).judgement
-        verdict = works(self._objectives[judgement.objective], rollout, machine)
-        if not verdict.passed:
-            failed = (name for name, finding in verdict.found.items() if not finding.passed)
-            return _drop(judgement, "function", ", ".join(failed)).judgement
-        return judgement.model_copy(update={"score": rollout.score})
-
-    def _settle(self, judgement: Judgement) -> Judgement:
-        """The judgement, unless the same tree has come into the set since it was screened."""
-        if judgement.tree in self._kept:
-            judgement = judgement.model_copy(
-                update={"dropped": "duplicate", "why": "", "score": None}
-            )
-        self._remember(judgement)
-        return judgement
-
-    def _remember(self, judgement: Judgement) -> None:
-        if not judgement.variant and judgement.dropped not in (None, "evaluation", "duplicate"):
-            self._useless.add((judgement.objective, judgement.sample))
-        if judgement.tree and judgement.dropped not in ("evaluation", "duplicate"):
-            self._seen.add((judgement.objective, judgement.tree))
-        if judgement.dropped is None:
-            self._kept.add(judgement.tree)
-
-
-def _task(objective: Objective, engine: str) -> Task:
-    task = objective.task
-    return replace(task, engine=engine, base=replace(task.base, engine=engine))
-
-
-def _drop(judgement: Judgement, gate: Gate, why: str = "") -> _Screened:
-    return _Screened(judgement.model_copy(update={"dropped": gate, "why": why}), None)
-
-
-def _report(candidate: _Candidate, brief: Brief) -> Report:
-    """The machine of a candidate, read and checked."""
-    if candidate.variant:
-        return check(list(candidate.answer.variants[candidate.variant - 1]), brief)
-    return check(candidate.answer.program, brief)
+    own = [Candidate(answer, 0) for answer in answers]
+    return own + [Candidate(a, n) for a in answers for n in range(1, len(a.variants) + 1)]
 
 
 def _pairs(
-    plan: AnswerPlan, candidates: Sequence[_Candidate], judged: Sequence[Judgement]
+    plan: AnswerPlan, candidates: Sequence[Candidate], judged: Sequence[Judgement]
 ) -> Iterator[Pair]:
     """The pairs of the set, in the order of the answers."""
     questions = {item.objective.name: item for item in plan.questions}
@@ -288,11 +134,11 @@ def _pairs(
             yield _pair(question, candidate, judgement)
 
 
-def _pair(question: Question, candidate: _Candidate, judgement: Judgement) -> Pair:
+def _pair(question: Question, candidate: Candidate, judgement: Judgement) -> Pair:
     answer, brief = candidate.answer, question.objective.task.brief
     rationale, machine = clean_text(answer.rationale), _read(candidate, brief)
     if candidate.variant:
-        own = _read(_Candidate(answer, 0), brief)
+        own = _read(Candidate(answer, 0), brief)
         rationale = f"{rationale} {describe_changes(own, machine)}".lstrip()
     return Pair(
         messages=make_messages(question.prompt, make_reply(rationale, machine)),
@@ -304,8 +150,8 @@ def _pair(question: Question, candidate: _Candidate, judgement: Judgement) -> Pa
     )
 
 
-def _read(candidate: _Candidate, brief: Brief) -> Machine:
-    machine = _report(candidate, brief).machine
+def _read(candidate: Candidate, brief: Brief) -> Machine:
+    machine = candidate.report(brief).machine
     assert machine is not None, "it passed its gates"
     return machine
 

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ValidationError
 from agentflow.app.sweeps.folder import first_difference
 from agentflow.errors import InterruptedRunError, RunError
 from agentflow.files import (
+    LineFile,
     cannot_write,
     hold_folder,
     parse_object,
@@ -107,6 +108,32 @@ def read_lines(file: Path, kind: type[_Model]) -> Iterator[_Model]:
             yield kind.model_validate_json(line)
         except ValidationError:
             raise RunError(f"{file} is damaged in line {number}") from None
+
+
+@contextmanager
+def open_log(file: Path, kind: type[_Model]) -> Iterator[tuple[LineFile, list[_Model]]]:
+    """A growing file, open for further lines, and its complete lines; a half one is removed.
+
+    Raises:
+        RunError: A line is damaged.
+    """
+    lines = LineFile(file)
+    try:
+        yield lines, list(read_lines(file, kind))
+    finally:
+        lines.close()
+
+
+def require_same(file: Path, found: Iterable[object], expected: Iterable[object]) -> None:
+    """Refuse a growing file whose lines are not the first ones of the plan.
+
+    Raises:
+        RunError: They are not; the message names the first such line.
+    """
+    wanted = iter(expected)
+    for number, item in enumerate(found, start=1):
+        if item != next(wanted, None):
+            raise RunError(f"{file} is damaged in line {number}: the plan has another one there")
 
 
 async def map_in_order(

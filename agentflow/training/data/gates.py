@@ -1,12 +1,27 @@
-"""The gates that pairs pass on their way into a set, and what each of them said."""
+"""The gates that machines pass on their way into a set, in the order of their cost."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
+
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.tasks.base import Task
+from agentflow.machine import Brief, Machine, Report, check
+from agentflow.training.data.answers import Answer, AnswerPlan
+from agentflow.training.data.contamination import Likeness, tree_hash
+from agentflow.training.data.folder import map_in_order, open_log, require_same
+from agentflow.training.data.variants import EDITED
+from agentflow.training.objectives import Objective, works
+
+AHEAD = 8
+"""Simulations begun for each worker, so that a slow one does not keep the others waiting."""
 
 Gate = Literal[
     "objective",
@@ -50,3 +65,151 @@ class Judgement(BaseModel):
     tree: str = ""
     """Hash of its tree of block types."""
     score: float | None = None
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """The machine of an answer, or one of its variants."""
+
+    answer: Answer
+    variant: int
+
+    @property
+    def key(self) -> tuple[str, int, int]:
+        return self.answer.objective, self.answer.sample, self.variant
+
+    @property
+    def source(self) -> str:
+        return self.answer.source + EDITED * bool(self.variant)
+
+    def report(self, brief: Brief) -> Report:
+        """The machine, read and checked."""
+        if self.variant:
+            return check(list(self.answer.variants[self.variant - 1]), brief)
+        return check(self.answer.program, brief)
+
+
+@dataclass(frozen=True)
+class _Screened:
+    """A candidate after the gates that need no simulation."""
+
+    judgement: Judgement
+    machine: Machine | None
+    """To simulate; None if a gate dropped it."""
+
+
+class Judge:
+    """Applies the gates to candidates in their order; the outcome does not depend on timing."""
+
+    def __init__(
+        self,
+        plan: AnswerPlan,
+        likenesses: Mapping[str, Likeness],
+        trees: frozenset[str],
+        engine: str,
+    ) -> None:
+        self._objectives = {item.objective.name: item.objective for item in plan.questions}
+        self._tasks = {name: _task(item, engine) for name, item in self._objectives.items()}
+        self._briefs = {name: task.brief for name, task in self._tasks.items()}
+        self._likenesses, self._trees = likenesses, trees
+        self._seen: set[tuple[str, str]] = set()
+        """Objective and tree of every candidate that came as far as its simulation."""
+        self._useless: set[tuple[str, int]] = set()
+        """Objective and sample of the answers whose variants are not worth a simulation."""
+        self._kept: set[str] = set()
+        """Trees in the set."""
+
+    async def judge(
+        self,
+        candidates: Sequence[Candidate],
+        log: Path,
+        workers: int,
+        show: Callable[[int, int], None],
+    ) -> list[Judgement]:
+        """Judge what the log lacks, and note each judgement there."""
+        with open_log(log, Judgement) as (lines, judged):
+            known = ((item.objective, item.sample, item.variant) for item in judged)
+            require_same(log, known, (candidate.key for candidate in candidates))
+            for judgement in judged:
+                self._remember(judgement)
+            left = candidates[len(judged) :]
+            async with RolloutPool(workers) as pool:
+                work = partial(self._simulate, pool)
+                for variants in (False, True):
+                    screened = (self._screen(c) for c in left if bool(c.variant) == variants)
+                    async for judgement in map_in_order(screened, work, AHEAD * workers):
+                        settled = self._settle(judgement)
+                        lines.append(settled.model_dump_json(exclude_defaults=True).encode())
+                        judged.append(settled)
+                        show(len(judged), len(candidates))
+        return judged
+
+    def _screen(self, candidate: Candidate) -> _Screened:
+        """Apply the gates that need no simulation."""
+        answer = candidate.answer
+        judgement = Judgement(
+            objective=answer.objective,
+            sample=answer.sample,
+            variant=candidate.variant,
+            source=candidate.source,
+        )
+        likeness = self._likenesses[answer.objective]
+        if likeness.contaminated:
+            return _drop(judgement, "objective", likeness.level)
+        if candidate.variant and (answer.objective, answer.sample) in self._useless:
+            return _drop(judgement, "original")
+        report = candidate.report(self._briefs[answer.objective])
+        if report.machine is None:
+            return _drop(judgement, "parse", report.problems[0].code)
+        if not report.task_valid:
+            return _drop(judgement, "validity", report.problems[0].code)
+        tree = tree_hash(report.machine)
+        judgement = judgement.model_copy(update={"tree": tree})
+        if tree in self._trees:
+            return _drop(judgement, "evaluation")
+        if tree in self._kept or (answer.objective, tree) in self._seen:
+            return _drop(judgement, "duplicate")
+        self._seen.add((answer.objective, tree))
+        return _Screened(judgement, report.machine)
+
+    async def _simulate(self, pool: RolloutPool, screened: _Screened) -> Judgement:
+        """Apply the gates that need a simulation."""
+        judgement, machine = screened.judgement, screened.machine
+        if machine is None:
+            return judgement
+        rollout = await pool.run(machine, self._tasks[judgement.objective])
+        if rollout.score is None:
+            return _drop(judgement, "simulation", rollout.status).judgement
+        if rollout.status != "ok":
+            return _drop(judgement, "function", rollout.status).judgement
+        verdict = works(self._objectives[judgement.objective], rollout, machine)
+        if not verdict.passed:
+            failed = (name for name, finding in verdict.found.items() if not finding.passed)
+            return _drop(judgement, "function", ", ".join(failed)).judgement
+        return judgement.model_copy(update={"score": rollout.score})
+
+    def _settle(self, judgement: Judgement) -> Judgement:
+        """The judgement, unless the same tree has come into the set since it was screened."""
+        if judgement.tree in self._kept:
+            judgement = judgement.model_copy(
+                update={"dropped": "duplicate", "why": "", "score": None}
+            )
+        self._remember(judgement)
+        return judgement
+
+    def _remember(self, judgement: Judgement) -> None:
+        if not judgement.variant and judgement.dropped not in (None, "evaluation", "duplicate"):
+            self._useless.add((judgement.objective, judgement.sample))
+        if judgement.tree and judgement.dropped not in ("evaluation", "duplicate"):
+            self._seen.add((judgement.objective, judgement.tree))
+        if judgement.dropped is None:
+            self._kept.add(judgement.tree)
+
+
+def _task(objective: Objective, engine: str) -> Task:
+    task = objective.task
+    return replace(task, engine=engine, base=replace(task.base, engine=engine))
+
+
+def _drop(judgement: Judgement, gate: Gate, why: str = "") -> _Screened:
+    return _Screened(judgement.model_copy(update={"dropped": gate, "why": why}), None)

@@ -14,7 +14,6 @@ from agentflow.app.design.models import choose_models, known_prices, open_models
 from agentflow.app.prompts import render_prompt
 from agentflow.config.run import DesignConfig
 from agentflow.errors import BudgetSpentError, EndpointError
-from agentflow.files import LineFile
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Request, Sampling
 from agentflow.llm.wrappers.budget import Budget
@@ -22,7 +21,13 @@ from agentflow.llm.wrappers.tape import Tape
 from agentflow.machine import Brief, check
 from agentflow.runs import Notify
 from agentflow.training.data.answers import ANSWERS, Answer, AnswerPlan, Question, split_reply
-from agentflow.training.data.folder import AGAIN, map_in_order, read_lines, work_in
+from agentflow.training.data.folder import (
+    AGAIN,
+    map_in_order,
+    open_log,
+    require_same,
+    work_in,
+)
 from agentflow.training.data.pairs import make_prompt
 from agentflow.training.data.variants import make_variants
 from agentflow.training.objectives import Objective
@@ -118,29 +123,35 @@ class _Work:
         self, plan: AnswerPlan, config: DesignConfig, out: Path, workers: int, show: Progress
     ) -> None:
         self._plan, self._config, self._workers, self._show = plan, config, workers, show
-        self._lines = LineFile(out / ANSWERS)
-        known = list(read_lines(out / ANSWERS, Answer))
-        self.done, self.variants = len(known), sum(len(answer.variants) for answer in known)
+        self._file = out / ANSWERS
+        self.done = self.variants = 0
         self._briefs = {item.objective.name: item.objective.task.brief for item in plan.questions}
 
     async def carry_out(self, tape: Tape, budget: Budget, notify: Notify) -> str | None:
         """Record the answers that are missing; why it stopped before the end, or None."""
-        models = open_models(self._config, tape, budget, notify, {})
-        left = islice(self._plan.asked(), self.done, None)
-        asker = _Asker(self._plan, models.clients[ROLE], self._briefs)
-        try:
-            async for answer in map_in_order(left, asker.ask, self._workers):
-                self._lines.append(answer.model_dump_json().encode())
-                self.done, self.variants = self.done + 1, self.variants + len(answer.variants)
-                self._show(self.done, self._plan.count)
-        except BudgetSpentError as error:
-            return str(error)
-        except EndpointError as error:
-            raise type(error)(f"{error}; {AGAIN}") from error
-        finally:
-            self._lines.close()
-            await models.aclose()
+        with open_log(self._file, Answer) as (lines, known):
+            asked = ((question.objective.name, sample) for question, sample in self._plan.asked())
+            require_same(self._file, ((a.objective, a.sample) for a in known), asked)
+            for answer in known:
+                self._count(answer)
+            models = open_models(self._config, tape, budget, notify, {})
+            asker = _Asker(self._plan, models.clients[ROLE], self._briefs)
+            left = islice(self._plan.asked(), self.done, None)
+            try:
+                async for answer in map_in_order(left, asker.ask, self._workers):
+                    lines.append(answer.model_dump_json().encode())
+                    self._count(answer)
+                    self._show(self.done, self._plan.count)
+            except BudgetSpentError as error:
+                return str(error)
+            except EndpointError as error:
+                raise type(error)(f"{error}; {AGAIN}") from error
+            finally:
+                await models.aclose()
         return None
+
+    def _count(self, answer: Answer) -> None:
+        self.done, self.variants = self.done + 1, self.variants + len(answer.variants)
 
 
 @dataclass(frozen=True)

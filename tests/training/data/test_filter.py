@@ -145,6 +145,30 @@ def test_a_finished_set_stays_as_it_is_and_another_is_refused(
     (answers / "answers.jsonl").write_text('{"half":\n{}\n')
     assert main(filtered(answers, tmp_path / "c")) == 2
     assert capsys.readouterr().err.endswith("answers.jsonl is damaged in line 1\n")
+    (answers / "answers.jsonl").write_text("")
+    assert main(filtered(answers, tmp_path / "c")) == 2
+    assert capsys.readouterr().err == (
+        f"agentflow: {answers} holds no answers; record some with agentflow data generate\n"
+    )
+
+
+def test_a_log_of_other_machines_is_refused(
+    objectives: Path, tmp_path: Path, capsys: Captured
+) -> None:
+    answers, out = tmp_path / "a", tmp_path / "set"
+    assert main(generate(objectives, answers, "--samples", "1")) == 0
+    assert main(filtered(answers, out)) == 0
+    capsys.readouterr()
+    for file, command in (
+        (out / "judged.jsonl", filtered(answers, out)),
+        (answers / "answers.jsonl", generate(objectives, answers, "--samples", "1")),
+    ):
+        lines = file.read_text().splitlines(keepends=True)
+        file.write_text("".join([lines[0], *lines]))
+        assert main(command) == 2
+        assert capsys.readouterr().err == (
+            f"agentflow: {file} is damaged in line 2: the plan has another one there\n"
+        )
 
 
 @pytest.mark.slow
