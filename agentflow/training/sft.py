@@ -61,7 +61,7 @@ def train_sft(config: SftConfig, out: Path, resume: bool, notify: Notify) -> Map
             return run.result
         if run.checkpoint is not None:
             notify(f"continuing after {run.checkpoint.name}")
-        trainer = _make_trainer(config, folder, pairs, dev, run, notify)
+        trainer = make_trainer(config, folder, pairs, dev, run, notify)
         left_out = _order_pairs(trainer, config)
         if left_out:
             notify(f"{left_out} pairs are longer than {config.max_tokens} tokens and left out")
@@ -89,7 +89,7 @@ def _read(path: Path) -> list[Pair]:
     return pairs
 
 
-def _make_trainer(
+def make_trainer(
     config: SftConfig,
     folder: ModelFolder,
     pairs: Sequence[Pair],
@@ -97,6 +97,7 @@ def _make_trainer(
     run: TrainingRun,
     notify: Notify,
 ) -> Any:
+    """The library's trainer with its pairs tokenised, in the order of the data set."""
     rows, dev_rows = _rows(folder, pairs), _rows(folder, dev)
     if config.threads is not None:
         torch.set_num_threads(config.threads)

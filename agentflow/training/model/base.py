@@ -10,8 +10,9 @@ from typing import Any
 from peft import LoraConfig, OFTConfig
 from transformers import AutoModelForCausalLM, AutoTokenizer
 
+from agentflow.errors import ConfigError
 from agentflow.training.config import Adapter, TrainingConfig
-from agentflow.training.model.folder import ModelFolder, read_folder
+from agentflow.training.model.folder import ModelFolder, find_model, read_folder
 from agentflow.training.model.tiny import make_decoder, train_tokenizer
 
 PROCEDURAL = "procedural"
@@ -48,13 +49,21 @@ def load_base(config: TrainingConfig, texts: Iterable[str]) -> tuple[Any, Any]:
     Args:
         config: Where it comes from.
         texts: What the tokenizer of a model from scratch is trained on.
+
+    Raises:
+        ConfigError: The named model cannot be loaded.
     """
     if config.model.tiny is not None:
         tokenizer = train_tokenizer(texts, config.model.tiny.vocabulary)
         return make_decoder(config.model.tiny, tokenizer), tokenizer
-    tokenizer = AutoTokenizer.from_pretrained(config.model.name)
-    model = AutoModelForCausalLM.from_pretrained(config.model.name, dtype=config.precision)
-    return model, tokenizer
+    path = Path(str(config.model.name))
+    name = str(find_model(path)) if path.is_dir() else config.model.name
+    try:
+        tokenizer = AutoTokenizer.from_pretrained(name)
+        return AutoModelForCausalLM.from_pretrained(name, dtype=config.precision), tokenizer
+    except OSError as error:
+        why = str(error).strip().partition("\n")[0]
+        raise ConfigError(f"cannot load the model {name!r} (model.name): {why}") from None
 
 
 def adapter_config(adapter: Adapter | None) -> Any:
