@@ -28,19 +28,32 @@ OPTIONS = {
 
 @needs_training
 @pytest.mark.slow
-def test_trl_reads_its_recipe_and_finds_the_reward() -> None:
+def test_trl_reads_its_recipe_and_finds_the_reward(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from accelerate.commands.config.config_args import load_config_from_file
     from trl.import_utils import is_vllm_available
+    from trl import get_dataset
     from trl.scripts.grpo import make_parser
 
     from agentflow.integrations.trl import simulation_reward
+    from agentflow.training.data.prompts import write_prompts
 
     arguments = ["--config", str(RECIPES / "trl" / "grpo.yaml"), "--bf16", "false"]
     read = make_parser().parse_args_and_config([*arguments, "--use_cpu", "true"])
     script, training, model, data = read[:4]
     [name] = script.reward_funcs
     assert name == f"{simulation_reward.__module__}.{simulation_reward.__name__}"
-    assert data.datasets[0].columns == ["prompt", "task", "seed", "knobs"]
+    monkeypatch.setattr("datasets.config.HF_DATASETS_CACHE", str(tmp_path / "cache"))
+    data.datasets[0].data_files = str(tmp_path / "prompts.parquet")
+    write_prompts(tmp_path / "prompts.parquet", ["throwing", "movement"], 4, "auto")
+    rows = get_dataset(data)["train"]
+    assert list(zip(rows["task"], rows["seed"], strict=True))[1:3] == [
+        ("movement", 1),
+        ("throwing", 2),
+    ]
+    texts = [[{"role": "assistant", "content": "I would build a car."}]] * 4
+    assert simulation_reward(texts, list(rows["task"]), list(rows["seed"])) == [0.0] * 4
     assert (model.lora_r, model.lora_target_modules) == (64, "all-linear")
     assert training.use_vllm
     assert not is_vllm_available()  # so that this is all there is to check here

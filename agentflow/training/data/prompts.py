@@ -1,4 +1,4 @@
-"""Prompts for reinforcement learning, as a parquet file with the columns that verl reads."""
+"""Prompts for reinforcement learning: a parquet file with the columns that verl and TRL read."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ DATA_SOURCE = "agentflow"
 
 
 def prompt_rows(tasks: Sequence[str], count: int, engine: str) -> list[dict[str, Any]]:
-    """Rows for `integrations.verl.compute_score`: the tasks take turns, each row has its own seed.
+    """Rows for the rewards in `integrations`: the tasks take turns, each row has its own seed.
+
+    `task` and `seed` are for TRL, the rest but `prompt` is for verl.
 
     Raises:
         UsageError: A task or the engine does not exist, or there is no task.
@@ -32,6 +34,8 @@ def prompt_rows(tasks: Sequence[str], count: int, engine: str) -> list[dict[str,
             "ability": "design",
             "reward_model": {"style": "rule", "ground_truth": task},
             "extra_info": {"index": index, "seed": index, "knobs": "{}"},
+            "task": task,
+            "seed": index,
         }
         for index, task in enumerate(islice(cycle(tasks), count))
     ]

@@ -167,7 +167,7 @@ def prompts(
     engine: Engine = None,
     as_json: Json = False,
 ) -> None:
-    """Write prompts for reinforcement learning, in the columns that verl reads.
+    """Write prompts for reinforcement learning, in the columns that verl and TRL read.
 
     Each row is the prompt of a designer; the seeds of the tasks' trials differ.
     """
