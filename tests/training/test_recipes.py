@@ -32,8 +32,8 @@ def test_trl_reads_its_recipe_and_finds_the_reward(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from accelerate.commands.config.config_args import load_config_from_file
-    from trl.import_utils import is_vllm_available
     from trl import get_dataset
+    from trl.import_utils import is_vllm_available
     from trl.scripts.grpo import make_parser
 
     from agentflow.integrations.trl import simulation_reward
