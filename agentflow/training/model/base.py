@@ -7,14 +7,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from peft import LoraConfig, OFTConfig
-from transformers import AutoModelForCausalLM, AutoTokenizer
+from peft import AutoPeftModelForCausalLM, LoraConfig, OFTConfig
+from transformers import AutoConfig, AutoModelForCausalLM, AutoTokenizer
 
 from agentflow.errors import ConfigError
 from agentflow.training.config import Adapter, TrainingConfig
 from agentflow.training.model.folder import ModelFolder, find_model, read_folder
 from agentflow.training.model.tiny import make_decoder, train_tokenizer
 
+ADAPTER = "adapter_config.json"
+"""The file that shows that a folder holds an adapter."""
 PROCEDURAL = "procedural"
 """How the name of the procedural model, and of data made with it, begins."""
 
@@ -38,13 +40,26 @@ def base_folder(config: TrainingConfig, sources: Iterable[str]) -> ModelFolder:
 
 
 def read_base(name: str) -> ModelFolder:
-    """What a model says about itself; those of a hub are chat models."""
+    """What a model says about itself; those of a hub are chat models.
+
+    Raises:
+        ConfigError: There is no such model, or its folder is damaged.
+    """
     path = Path(name)
-    return read_folder(path) if path.is_dir() else ModelFolder(label=path.name)
+    if path.is_dir():
+        return read_folder(path)
+    try:
+        AutoConfig.from_pretrained(name)
+    except (OSError, ValueError):
+        raise ConfigError(
+            f"{name} is neither the folder of a model nor the name of one at the Hugging Face hub "
+            "that can be loaded"
+        ) from None
+    return ModelFolder(label=path.name)
 
 
 def load_base(config: TrainingConfig, texts: Iterable[str]) -> tuple[Any, Any]:
-    """The model to train, and its tokenizer.
+    """The model to train, and its tokenizer. An adapter is merged into the model it belongs to.
 
     Args:
         config: Where it comes from.
@@ -57,13 +72,16 @@ def load_base(config: TrainingConfig, texts: Iterable[str]) -> tuple[Any, Any]:
         tokenizer = train_tokenizer(texts, config.model.tiny.vocabulary)
         return make_decoder(config.model.tiny, tokenizer), tokenizer
     path = Path(str(config.model.name))
-    name = str(find_model(path)) if path.is_dir() else config.model.name
+    place = find_model(path) if path.is_dir() else path
     try:
-        tokenizer = AutoTokenizer.from_pretrained(name)
-        return AutoModelForCausalLM.from_pretrained(name, dtype=config.precision), tokenizer
+        tokenizer = AutoTokenizer.from_pretrained(str(place))
+        if (place / ADAPTER).is_file():
+            model = AutoPeftModelForCausalLM.from_pretrained(str(place), dtype=config.precision)
+            return model.merge_and_unload(), tokenizer
+        return AutoModelForCausalLM.from_pretrained(str(place), dtype=config.precision), tokenizer
     except OSError as error:
         why = str(error).strip().partition("\n")[0]
-        raise ConfigError(f"cannot load the model {name!r} (model.name): {why}") from None
+        raise ConfigError(f"cannot load the model {path} (model.name): {why}") from None
 
 
 def adapter_config(adapter: Adapter | None) -> Any:
