@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+OF_SAMPLES = "eval."
+"""Before the names of numbers of the samples taken between steps: eval.TASK.NAME."""
 MOST = 1e300
 """Largest number that counts."""
 

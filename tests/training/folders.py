@@ -86,6 +86,10 @@ def write_training(folder: Path, label: str = LABEL, steps: int = 6) -> Path:
         for step in range(1, steps + 1):
             run.note(step, {"reward_mean": step / 2, "valid": 0.5 + step / 20, "kl": 0.01 * step})
             if step % 3 == 0:
+                valid = {"count": 3, "of": 4, "share": 0.75}
+                run.note(
+                    step, {"eval": {"throwing": {"valid": valid, "best_at": {"2": 3.5 + step / 2}}}}
+                )
                 run.samples(step, [*throws(), *throws()[: step // 3]])
         run.finish({"model": "model", "steps": steps})
     return folder

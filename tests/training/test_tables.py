@@ -132,6 +132,8 @@ def test_curves_are_the_logged_numbers(learned: Path, capsys: Captured) -> None:
     ]
     assert [float(row["reward_mean"]) for row in rows] == [0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
     assert float(rows[5]["kl"]) == pytest.approx(0.06)
+    assert list(rows[0])[-2:] == ["eval.throwing.valid.share", "eval.throwing.best_at.2"]
+    assert [row["eval.throwing.best_at.2"] for row in rows] == [*("", "", "5.0"), *("", "", "6.5")]
 
 
 def test_folders_are_shown_in_the_order_given(learned: Path, capsys: Captured) -> None:

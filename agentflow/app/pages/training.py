@@ -22,7 +22,7 @@ from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine, check, read_machine
 from agentflow.machine.brief import Brief
 from agentflow.report.page import page
-from agentflow.training.curves import flatten
+from agentflow.training.curves import OF_SAMPLES, flatten
 from agentflow.training.evaluation import JudgedReply, summarise
 from agentflow.training.evaluation.record import read_replies
 from agentflow.training.record import ABOUT, TrainingRecord, read_training
@@ -60,8 +60,6 @@ EVALUATED: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("Diversity: tree edit distance", "blocks", ("diversity.tree_edit_distance",)),
 )
 """The same for the numbers of a task's samples."""
-PREFIX = "eval."
-"""Before the numbers of samples: eval.TASK.NAME."""
 FILMED = 3
 """Machines of each task with a film after a step, best first."""
 REFUSED = 2
@@ -202,7 +200,7 @@ def _about(run: TrainingRecord) -> str:
 
 def _of_task(rows: Iterable[Row], task: str) -> list[Row]:
     """The numbers of a task's samples, by their own names, and the step."""
-    prefix = f"{PREFIX}{task}."
+    prefix = f"{OF_SAMPLES}{task}."
     return [
         {"step": row["step"]}
         | {key.removeprefix(prefix): value for key, value in row.items() if key.startswith(prefix)}
@@ -216,7 +214,7 @@ def _charts(
     """The charts of numbers that the rows have; each other number in a chart of its own."""
     known = {"step", *(name for _, _, names in wanted for name in names)}
     names = dict.fromkeys(name for row in rows for name in row)
-    rest = [name for name in names if name not in known and not name.startswith(PREFIX)]
+    rest = [name for name in names if name not in known and not name.startswith(OF_SAMPLES)]
     every = [*wanted, *((name, "", (name,)) for name in rest if others)]
     charts = []
     for title, unit, lines in every:

@@ -12,7 +12,7 @@ from agentflow.metrics.intervals import Interval, missing_scipy
 from agentflow.metrics.published import published
 from agentflow.metrics.scores import Scores
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
-from agentflow.training.curves import flatten
+from agentflow.training.curves import OF_SAMPLES, flatten
 from agentflow.training.evaluation.collection import Collection, PooledEvaluation, collect
 from agentflow.training.evaluation.record import read_replies
 from agentflow.training.evaluation.summary import Summary, summarise
@@ -23,6 +23,8 @@ GENERAL, UNCERTAINTY = "post_training", "post_training_ci"
 """Published tables."""
 MAIN = ("valid", "mean", "max")
 """Numbers of the general table."""
+IN_SHARES = (".count", ".of")
+"""Ends of the names of logged numbers that are left out, as the share of both is there."""
 BASE = "Base"
 """Name of the published model before training."""
 TO = " to "
@@ -133,8 +135,9 @@ def best_table(found: Collection) -> Table:
 def curves_table(found: Collection) -> Table:
     """Every number that training runs logged, a row for each step."""
     runs = {name: [flatten(row) for row in run.curves] for name, run in found.trainings.items()}
-    names = dict.fromkeys(key for rows in runs.values() for row in rows for key in row)
-    names.pop("step", None)
+    every = dict.fromkeys(key for rows in runs.values() for row in rows for key in row)
+    names = [key for key in every if key != "step" and not key.endswith(IN_SHARES)]
+    names.sort(key=lambda key: key.startswith(OF_SAMPLES))  # the numbers of every step come first
     return Table(
         "Training runs: curves",
         ("run", "step"),
