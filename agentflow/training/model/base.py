@@ -52,8 +52,8 @@ def read_base(name: str) -> ModelFolder:
         AutoConfig.from_pretrained(name)
     except (OSError, ValueError):
         raise ConfigError(
-            f"{name} is neither the folder of a model nor the name of one at the Hugging Face hub "
-            "that can be loaded"
+            f"cannot load the model {name!r} (model.name): it is neither a folder nor the name of "
+            "a model that is at hand here or at the Hugging Face hub"
         ) from None
     return ModelFolder(label=path.name)
 
@@ -81,7 +81,7 @@ def load_base(config: TrainingConfig, texts: Iterable[str]) -> tuple[Any, Any]:
         return AutoModelForCausalLM.from_pretrained(str(place), dtype=config.precision), tokenizer
     except OSError as error:
         why = str(error).strip().partition("\n")[0]
-        raise ConfigError(f"cannot load the model {path} (model.name): {why}") from None
+        raise ConfigError(f"cannot load the model {str(path)!r} (model.name): {why}") from None
 
 
 def adapter_config(adapter: Adapter | None) -> Any:

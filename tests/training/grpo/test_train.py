@@ -148,7 +148,7 @@ def test_an_adapter_is_merged_before_a_new_one_is_trained(model: Path, tmp_path:
 
 def test_a_missing_model_is_named_before_anything_is_written(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    words = f"{tmp_path / 'nowhere'} is neither the folder of a model nor the name of one"
+    words = f"cannot load the model '{tmp_path / 'nowhere'}' .model.name.: it is neither a folder"
     with pytest.raises(ConfigError, match=words):
         train_grpo(config(tmp_path / "nowhere"), out, resume=False, notify=lambda _: None)
     assert not out.exists()
