@@ -34,14 +34,14 @@ def embed(machines: Sequence[Machine], seed: int) -> Array:
     from gensim.models.word2vec import Word2Vec  # an extra, under the LGPL
 
     texts = [tree_text(machine) for machine in machines]
-    trees = {text: _Tree(text) for text in set(texts)}
+    graphs = {text: Graph(text) for text in set(texts)}
     rng = np.random.default_rng(seed)
-    walks = list(chain.from_iterable(trees[text].walks(rng) for text in sorted(texts)))
+    walks = list(chain.from_iterable(graphs[text].walks(rng) for text in sorted(texts)))
     vectors = Word2Vec(
         walks, vector_size=DIMENSIONS, window=WINDOW, min_count=1, sg=1, sample=0, epochs=1,
         seed=seed, workers=1,
     ).wv  # fmt: skip
-    return np.stack([vectors[trees[text].names].mean(axis=0, dtype=np.float64) for text in texts])
+    return np.stack([vectors[graphs[text].names].mean(axis=0, dtype=np.float64) for text in texts])
 
 
 def cosines(vectors: Array) -> Array:
@@ -51,8 +51,8 @@ def cosines(vectors: Array) -> Array:
     return found
 
 
-class _Tree:
-    """A tree as a graph, its nodes in preorder."""
+class Graph:
+    """A tree, given in bracket notation, as a graph; its nodes in preorder."""
 
     def __init__(self, text: str) -> None:
         from apted.helpers import Tree
@@ -69,6 +69,7 @@ class _Tree:
                 self._around[parent].append(place)
             stack += [(child, place) for child in reversed(node.children)]
         self.names = [self._name(place, types) for place in range(len(types))]
+        """Of the nodes: type of the parent, own type, types of the children."""
 
     def _name(self, place: int, types: list[str]) -> str:
         above = [types[other] for other in self._around[place] if other < place]

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from itertools import combinations
+from collections import Counter
+from itertools import combinations, pairwise
 from random import Random
 from statistics import fmean
 
 import numpy as np
 import pytest
 
-from agentflow.diversity.embedding import cosines, embed
+from agentflow.diversity.embedding import LENGTH, WALKS, Graph, cosines, embed
 from agentflow.diversity.measures import Measure, Measures, compare, diversity
 from agentflow.diversity.topology import tree_edit_distance
 from agentflow.machine import ROOT, Machine
@@ -82,6 +83,29 @@ def test_pairs_are_counted_over_all_sets() -> None:
     told: list[tuple[int, int]] = []
     compare([[CAR] * 3, [], [CATAPULT], [CAR] * 2], 0, lambda done, of: told.append((done, of)))
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def test_the_seed_decides_the_interval_but_not_the_mean_of_a_distance() -> None:
+    one, two = (diversity(some_machines(10), seed).chamfer for seed in (0, 1))
+    assert one.mean == two.mean
+    assert one.interval != two.interval
+
+
+def test_nodes_are_named_by_their_type_and_those_around_them() -> None:
+    assert Graph("{0{15{63}{2}}{1}}").names == ["/0/1,15", "0/15/2,63", "15/63/", "15/2/", "0/1/"]
+
+
+def test_walks_go_to_any_neighbour_with_equal_chance() -> None:
+    around = {"0": "1", "1": "023", "2": "1", "3": "1"}
+    graph = Graph("{0{1{2}{3}}}")
+    walks = graph.walks(np.random.default_rng(0))
+    assert [walk[0] for walk in walks] == graph.names * WALKS
+    steps = Counter((a.split("/")[1], b.split("/")[1]) for walk in walks for a, b in pairwise(walk))
+    assert set(steps) == {(a, b) for a, found in around.items() for b in found}
+    assert [steps["1", b] / sum(steps["1", c] for c in "023") for b in "023"] == pytest.approx(
+        [1 / 3] * 3, abs=0.05
+    )
+    assert {len(walk) for walk in walks} == {LENGTH}
 
 
 def test_like_machines_have_like_graphs() -> None:

@@ -41,6 +41,11 @@ def test_a_brace_is_a_rod_between_its_ends() -> None:
     assert len(Solid.of(build((63, 0, 0), (63, 0, 1))).ends) == 0
 
 
+def test_it_does_not_matter_which_end_of_a_brace_is_the_first() -> None:
+    turned = build((63, 0, 0), (63, 0, 1), (7, 2, 0, 1, 0))
+    assert shape(BRACED).distances(shape(turned)) == (0, 0, 1)
+
+
 def test_points_lie_on_the_surface_of_the_union() -> None:
     """On some box, and within none: the points of a machine without overlaps or rods."""
     solid = Solid.of(CAR)
@@ -94,11 +99,18 @@ def test_cells_hold_the_volume_of_the_blocks() -> None:
     assert grid[CELLS // 2, CELLS // 2].all()
 
 
-def test_thin_blocks_and_braces_fill_at_least_one_cell() -> None:
-    far = Solid.of(build((63, 0, 0))).occupancy(1e3)
-    assert far.sum() >= 1
-    plain = build((63, 0, 0), (63, 0, 1))
-    assert Solid.of(BRACED).occupancy(0.9).sum() > Solid.of(plain).occupancy(0.9).sum()
+def test_a_thin_block_fills_one_layer_of_cells() -> None:
+    low, high = np.array([[-0.5, -0.5, 0.399]]), np.array([[0.5, 0.5, 0.401]])
+    grid = Solid(low, high, np.empty((0, 2, 3)), 0).occupancy(1)
+    assert grid[:, :, int(0.9 * CELLS)].all()
+    assert grid.sum() == CELLS**2
+
+
+def test_a_brace_fills_the_cells_along_its_axis() -> None:
+    plain = Solid.of(build((63, 0, 0), (63, 0, 1))).occupancy(0.9)
+    braced = Solid.of(BRACED).occupancy(0.9)
+    assert braced[plain].all()
+    assert CELLS // 4 < braced.sum() - plain.sum() < 3 * CELLS
 
 
 def test_overlap_of_two_machines_by_hand() -> None:
