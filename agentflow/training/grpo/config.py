@@ -59,7 +59,7 @@ class GrpoConfig(TrainingConfig):
     prompts: int = Field(4, ge=1, description="groups per step")
     samples: int = Field(16, ge=2, description="replies per group")
     device_batch: int | None = Field(
-        None, ge=1, description="replies per device at a time in updates; None is all of a step"
+        None, ge=1, description="most replies per device at a time in updates; None is all"
     )
     max_tokens: int = Field(260, ge=1, description="longer replies are cut off")
     temperature: float = Field(1.0, gt=0)
@@ -79,6 +79,11 @@ class GrpoConfig(TrainingConfig):
         """Replies per step."""
         return self.prompts * self.samples
 
+    @property
+    def part(self) -> int:
+        """Replies of an update at a time."""
+        return min(self.device_batch or self.batch, self.batch)
+
     @model_validator(mode="after")
     def _fits(self) -> GrpoConfig:
         most = self.samples - (self.advantage.name == "maxpo")
@@ -89,7 +94,7 @@ class GrpoConfig(TrainingConfig):
                         f"advantage.k must be 1 to {most} for {self.advantage.name} with "
                         f"samples = {self.samples}, not {k}"
                     )
-        if self.batch % (self.device_batch or self.batch):
+        if self.batch % self.part:
             raise ValueError(
                 f"prompts * samples ({self.batch}) must be a multiple of device_batch "
                 f"({self.device_batch})"

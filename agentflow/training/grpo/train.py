@@ -106,15 +106,14 @@ def _make_trainer(
     if config.fresh:
         model = AutoModelForCausalLM.from_config(model.config, dtype=model.dtype)
     repeats = -(-config.steps * config.prompts // len(rows))
-    size = config.device_batch or config.batch
     trainer = SimulationTrainer(
         judging=Judging(scorer, REWARDS[config.reward], config.engine),
         advantage=config.advantage,
         model=model,
         args=LibraryConfig(
             **library_options(config, run),
-            per_device_train_batch_size=size,
-            gradient_accumulation_steps=config.batch // size,
+            per_device_train_batch_size=config.part,
+            gradient_accumulation_steps=config.batch // config.part,
             num_generations=config.samples,
             max_completion_length=config.max_tokens,
             temperature=config.temperature,

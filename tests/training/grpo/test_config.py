@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from agentflow.cli import main
 from agentflow.errors import ConfigError
 from agentflow.training.config import read_config
 from agentflow.training.grpo.config import AdvantageConfig, GrpoConfig
 from tests.llm.foreign import ROOT
+from tests.training.libraries import INSTALLED
 
 TINY, REAL = (ROOT / "configs" / "train" / f"grpo_{size}.yaml" for size in ("tiny", "real"))
 
@@ -34,6 +36,7 @@ def test_the_tiny_preset_fits_two_processor_cores() -> None:
     config = read(TINY)
     assert (config.batch, config.device, config.workers) == (64, "cpu", 2)
     assert (config.reward, config.kl, config.loss) == ("shaped", 0, "dr_grpo")
+    assert (config.part, read(TINY, "samples=2").part) == (16, 8)
 
 
 def test_k_may_follow_a_schedule() -> None:
@@ -67,6 +70,18 @@ def test_k_may_follow_a_schedule() -> None:
 def test_what_is_wrong_is_named_in_one_sentence(setting: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         read(TINY, *setting.split(" ") if "{" not in setting else (setting,))
+
+
+def test_the_command_says_what_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["--config", str(TINY), "--out", str(tmp_path / "out"), "--model", "/nowhere"]
+    assert main(["train", "grpo", *out]) == 2
+    told = capsys.readouterr().err
+    wanted = "cannot load the model '/nowhere'" if INSTALLED else "pip install 'agentflow[train]'"
+    assert wanted in told
+    assert told.count("\n") == 1
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_model_must_be_named() -> None:
