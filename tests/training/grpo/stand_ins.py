@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import Future
+from types import MappingProxyType
 
 from agentflow.env.rollout import Feedback, Rollout
+from agentflow.machine import Machine
 from agentflow.rewards import Reward
 from agentflow.rewards.scoring import Sample
 
@@ -13,17 +15,23 @@ from agentflow.rewards.scoring import Sample
 class TableScorer:
     """Submits like `Scorer`; the score of a text is in the table, and None is a crash."""
 
-    def __init__(self, scores: Mapping[str, float | None]) -> None:
-        self._scores = scores
+    def __init__(
+        self,
+        scores: Mapping[str, float | None],
+        machines: Mapping[str, Machine] = MappingProxyType({}),
+    ) -> None:
+        """`machines`: those in replies that have one."""
+        self._scores, self._machines = scores, machines
         self.submitted: list[str] = []
 
     def submit(self, sample: Sample) -> Future[Reward]:
         self.submitted.append(sample.text)
         future: Future[Reward] = Future()
-        future.set_result(self._reward(self._scores[sample.text]))
+        future.set_result(self._reward(sample.text))
         return future
 
-    def _reward(self, score: float | None) -> Reward:
+    def _reward(self, text: str) -> Reward:
+        score, machine = self._scores[text], self._machines.get(text)
         status = "ok" if score is not None else "crashed"
         rollout = Rollout(status, score, Feedback("", {}), {"distance": score})
-        return Reward(score, True, True, True, status, (), None, rollout)
+        return Reward(score, True, True, True, status, (), machine, rollout)

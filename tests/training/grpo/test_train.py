@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,20 @@ def test_fresh_weights_know_nothing_of_the_car(model: Path, tmp_path: Path) -> N
     result = train_grpo(wanted, tmp_path / "run", resume=False, notify=lambda _: None)
     assert "without a cold start" in result["label"]
     assert result["eval"]["movement"]["parsed"]["count"] == 0
+
+
+def test_a_chat_model_gets_the_real_prompt(model: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "chat"
+    shutil.copytree(model, folder)
+    ModelFolder(label="chat").save(folder)
+    template = "{% for message in messages %}{{ message.content }}\n{% endfor %}"
+    (folder / "chat_template.jinja").write_text(template)
+    wanted = config(folder, "steps=1", "save_every=1", "prompts=1", "max_tokens=4")
+    result = train_grpo(wanted, tmp_path / "run", resume=False, notify=lambda _: None)
+    assert result["eval"]["movement"]["replies"] == 4
+    (first, second) = read_training(tmp_path / "run").curves
+    assert (second["faults"], second["length"], second["parsed"]) == (0, 4, 0)
+    assert first["eval"]["movement"]["mean"] == 0
 
 
 def test_an_adapter_is_merged_before_a_new_one_is_trained(model: Path, tmp_path: Path) -> None:

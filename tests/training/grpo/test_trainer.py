@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.integrations.foreign import CAR
 from tests.training.grpo.stand_ins import TableScorer
 from tests.training.libraries import require_training
 
@@ -20,6 +21,7 @@ from tokenizers import Tokenizer, models, pre_tokenizers
 from transformers import LlamaConfig, LlamaForCausalLM, PreTrainedTokenizerFast
 from trl import GRPOConfig as LibraryConfig
 
+from agentflow.machine import Machine, read_machine
 from agentflow.training.advantages import best, maxpo, pass1, pkpo
 from agentflow.training.grpo.config import AdvantageConfig
 from agentflow.training.grpo.judging import Judging
@@ -54,10 +56,10 @@ def two_token_model() -> tuple[Any, Any]:
 
 
 def make_trainer(
-    folder: Path, advantage: AdvantageConfig, scores: dict[str, float | None]
+    folder: Path, advantage: AdvantageConfig, scores: dict[str, float | None], **given: Any
 ) -> SimulationTrainer:
     model, tokenizer = two_token_model()
-    judging = Judging(TableScorer(scores), performance, "auto")  # type: ignore[arg-type]
+    judging = Judging(TableScorer(scores, **given), performance, "auto")  # type: ignore[arg-type]
     options = LibraryConfig(
         str(folder), per_device_train_batch_size=SAMPLES, num_generations=SAMPLES,
         max_completion_length=LENGTH, loss_type="dr_grpo", beta=0.0, scale_rewards="group",
@@ -134,6 +136,26 @@ def test_the_advantages_differ_from_the_library_s(tmp_path: Path) -> None:
     """Its own, with `scale_rewards: group`, have a deviation of 1."""
     inputs, _ = first_batch(make_trainer(tmp_path, AdvantageConfig(), dict(SCORES)))
     assert inputs["advantages"].std().item() > 5
+
+
+def test_novelty_adds_the_distance_to_other_machines(tmp_path: Path) -> None:
+    """Replies that begin with 1 have a car, those with 0 0 its root, the others none."""
+    car = read_machine(CAR).machine
+    assert car is not None
+    root = Machine(car.steps[:1])
+    machines = {x: car if x[0] == "1" else root for x in SCORES if x[:3] != "0 1"}
+    wanted = AdvantageConfig(novelty=0.5, nearest=9)
+    trainer = make_trainer(tmp_path, wanted, dict.fromkeys(SCORES, 2.0), machines=machines)
+    inputs, texts = first_batch(trainer)
+    cars = sum(text[0] == "1" for text in texts)
+    roots = sum(text[:3] == "0 0" for text in texts)
+    assert min(cars, roots) > 0
+    apart = len(car) - 1
+    rewards = []
+    for text in texts:
+        others = {"1": roots, "0": cars}[text[0]] if text in machines else 0
+        rewards.append(2 + 0.5 * apart * others / (cars + roots - 1))
+    assert inputs["advantages"].tolist() == pytest.approx(pass1(rewards).tolist(), abs=1e-5)
 
 
 def test_training_moves_the_model_towards_the_best_reply(tmp_path: Path) -> None:
