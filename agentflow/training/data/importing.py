@@ -73,11 +73,11 @@ def import_set(
     if not rows:
         raise UsageError(f"{source} holds nothing to import")
     trees = evaluation_trees(evaluation)
-    likenesses = compare_texts({row.name: row.text for row in rows})
+    likenesses = compare_texts({_name_of(row.text): row.text for row in rows})
     with hold_new(out):
         judged, pairs, kept = [], [], set[str]()
         for number, row in enumerate(rows):
-            contaminated = likenesses[row.name].contaminated
+            contaminated = likenesses[_name_of(row.text)].contaminated
             judgement = _judge(row, number, contaminated, trees, kept)
             judged.append(judgement)
             if judgement.dropped is None:
@@ -134,8 +134,20 @@ def _pair(row: Foreign) -> Pair:
 
 def _read_file(path: Path) -> Iterator[Foreign]:
     """The conversations in a JSON list or JSONL file."""
-    for number, row in _rows(read_text(str(path)), path):
+    for number, row in _rows(_whole_text(path), path):
         yield _conversation(row, f"{path}, {number}", f"imported from {path.name}")
+
+
+def _whole_text(path: Path) -> str:
+    """The text of a file, which may be as large as memory allows."""
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{path} is neither a file nor a folder")
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise UsageError(f"{path} is not UTF-8 text") from None
 
 
 def _rows(text: str, path: Path) -> Iterator[tuple[str, Any]]:

@@ -49,7 +49,9 @@ def test_conversations_become_pairs(tmp_path: Path, capsys: Captured) -> None:
         conversation("A cart for hay.", CART),
         conversation("A plank.", PLANK, objective="plank", source="somebody"),
         conversation("Nothing.", "no machine"),
-        conversation("Build a machine that flies as high as possible.", CART[:1]),
+        conversation(
+            "Build a machine that flies as high as possible.", CART[:1], objective="plank"
+        ),
     ]
     file = tmp_path / "public.jsonl"
     file.write_text("".join(json.dumps(row) + "\n" for row in rows))
@@ -116,6 +118,17 @@ def test_damaged_files_are_named(
     assert main(import_(tmp_path / "rows.jsonl", tmp_path / "set")) == 2
     assert problem in capsys.readouterr().err
     assert not (tmp_path / "set").exists()
+
+
+def test_files_that_are_no_text_are_named(tmp_path: Path, capsys: Captured) -> None:
+    (tmp_path / "rows.jsonl").write_bytes(b"\xff\xfe\x00")
+    for source, problem in (
+        (tmp_path / "rows.jsonl", "rows.jsonl is not UTF-8 text"),
+        (tmp_path / "missing", "cannot read "),
+        (Path("/dev/null"), "/dev/null is neither a file nor a folder"),
+    ):
+        assert main(import_(source, tmp_path / "set")) == 2
+        assert problem in capsys.readouterr().err
 
 
 def test_a_machine_without_caption_and_a_full_folder_are_refused(
