@@ -107,6 +107,12 @@ class TrainingConfig(_Group):
     save_every: int = Field(100, ge=1, description="steps between checkpoints")
     label: str | None = Field(None, min_length=1, description="name in results; None derives it")
 
+    @property
+    def libraries(self) -> tuple[str, ...]:
+        """What must be installed."""
+        eight_bit = self.optimiser.name == "adamw_8bit"
+        return ("torch", "transformers", "trl", "datasets", "peft", *["bitsandbytes"] * eight_bit)
+
     @model_validator(mode="after")
     def _saves_between_lines(self) -> TrainingConfig:
         if self.save_every % self.log_every:  # else a continued run would have another line

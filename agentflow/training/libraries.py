@@ -17,6 +17,10 @@ ENVIRONMENT = {
 """How the libraries should behave, unless the user has said otherwise."""
 
 
+APART = ("bitsandbytes",)
+"""Libraries that the extra leaves out: they need a GPU."""
+
+
 def require_libraries(*names: str) -> None:
     """Refuse to go on without these libraries; set the environment that the others read.
 
@@ -25,8 +29,7 @@ def require_libraries(*names: str) -> None:
     """
     for name in names:
         if find_spec(name) is None:
-            raise ConfigError(
-                f"{name} is not installed; install it with: pip install 'agentflow[train]'"
-            )
+            what = name if name in APART else "'agentflow[train]'"
+            raise ConfigError(f"{name} is not installed; install it with: pip install {what}")
     for key, value in ENVIRONMENT.items():
         os.environ.setdefault(key, value)

@@ -19,7 +19,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from agentflow.config.yaml import NOT_YAML, describe_fault, first_fault, read_yaml
+from agentflow.config.run import explain
+from agentflow.config.yaml import NOT_YAML, read_yaml
 from agentflow.errors import RunError
 from agentflow.files import parse_object, whole_lines
 
@@ -68,7 +69,7 @@ def read_training(path: Path) -> TrainingRecord:
         RunError: It is not a training directory, or a file of it is damaged.
     """
     try:
-        about = About.model_validate_json((path / ABOUT).read_bytes())
+        about = About.model_validate(parse_object((path / ABOUT).read_bytes()) or {})
         config = read_yaml((path / CONFIG).read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         missing = Path(str(error.filename)).name
@@ -76,9 +77,7 @@ def read_training(path: Path) -> TrainingRecord:
     except OSError as error:
         raise RunError(f"cannot read {path}: {error.strerror}") from None
     except ValidationError as error:
-        fault = first_fault(error)
-        key = ".".join(map(str, fault["loc"]))
-        raise RunError(f"{path / ABOUT}: {key} {describe_fault(fault)}".rstrip()) from None
+        raise RunError(f"{path / ABOUT}: {explain(error, About, 'key')}") from None
     except NOT_YAML as error:
         raise RunError(f"{path / CONFIG} is damaged: {error}") from None
     if not isinstance(config, dict):

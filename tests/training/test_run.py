@@ -140,7 +140,7 @@ def test_reading_names_what_is_wrong(tmp_path: Path) -> None:
         read_training(tmp_path)
     begin(tmp_path / "run", 1, 1)
     (tmp_path / "run" / "training.json").write_text('{"kind": "sft", "label": "x", "format": 2}')
-    with pytest.raises(RunError, match="format expected 1"):
+    with pytest.raises(RunError, match="format: expected 1, not 2"):
         read_training(tmp_path / "run")
     (tmp_path / "run" / "training.json").write_text(ABOUT.model_dump_json())
     (tmp_path / "run" / "curves.jsonl").write_text('{"loss": 1}\n')

@@ -8,9 +8,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from agentflow.config.yaml import describe_fault, first_fault
+from agentflow.config.run import explain
 from agentflow.errors import ConfigError
-from agentflow.files import write_atomically
+from agentflow.files import parse_object, write_atomically
 from agentflow.training.model.shorthand import shorten
 from agentflow.training.record import MODEL
 
@@ -62,14 +62,16 @@ def read_folder(path: Path) -> ModelFolder:
         ConfigError: It holds no model, or its agentflow.json is damaged.
     """
     path = find_model(path)
-    try:
-        return ModelFolder.model_validate_json((path / FILE_NAME).read_bytes())
-    except FileNotFoundError:
+    file = path / FILE_NAME
+    if not file.exists():
         return ModelFolder(label=path.resolve().name)
+    document = parse_object(file.read_bytes())
+    if document is None:
+        raise ConfigError(f"{file} is not a JSON object")
+    try:
+        return ModelFolder.model_validate(document)
     except ValidationError as error:
-        fault = first_fault(error)
-        key = ".".join(map(str, fault["loc"]))
-        raise ConfigError(f"{path / FILE_NAME}: {key} {describe_fault(fault)}") from None
+        raise ConfigError(f"{file}: {explain(error, ModelFolder, 'key')}") from None
 
 
 def find_model(path: Path) -> Path:

@@ -61,7 +61,7 @@ def sft(
     from agentflow.training.libraries import require_libraries
 
     built = read_config(SftConfig, config, settings or (), {"data": data})
-    require_libraries("torch", "transformers", "trl", "datasets", "peft")
+    require_libraries(*built.libraries)
     from agentflow.training.sft import train_sft
 
     def notify(line: str) -> None:
@@ -103,7 +103,7 @@ def grpo(
     from agentflow.training.libraries import require_libraries
 
     built = read_config(GrpoConfig, config, settings or (), {"model.name": model})
-    require_libraries("torch", "transformers", "trl", "datasets", "peft")
+    require_libraries(*built.libraries)
     from agentflow.training.grpo.train import train_grpo
 
     def notify(line: str) -> None:
