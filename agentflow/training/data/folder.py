@@ -71,9 +71,10 @@ def _require_plan(folder: Path, plan: BaseModel, log: str) -> None:
     if begun == wanted:
         return
     if begun is not None and (folder / log).exists() and (folder / log).stat().st_size:
+        key = first_difference(begun, wanted)
         raise RunError(
-            f"{folder} was started with a different {first_difference(begun, wanted)}: repeat the "
-            "command that started it, or choose another folder with --out"
+            f"{folder} was started with a different value of {key}: repeat "
+            "the command that started it, or choose another folder with --out"
         )
     with write_atomically(file) as part:
         part.write_text(json.dumps(wanted, indent=1) + "\n", encoding="utf-8")

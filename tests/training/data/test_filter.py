@@ -132,8 +132,8 @@ def test_a_finished_set_stays_as_it_is_and_another_is_refused(
     capsys.readouterr()
     assert main(filtered(answers, out, "--licence", "CC0-1.0")) == 2
     assert capsys.readouterr().err == (
-        f"agentflow: {out} was started with a different licence: repeat the command that started "
-        "it, or choose another folder with --out\n"
+        f"agentflow: {out} was started with a different value of licence: repeat the command that "
+        "started it, or choose another folder with --out\n"
     )
     assert main(filtered(tmp_path, out)) == 2
     assert capsys.readouterr().err == (

@@ -127,8 +127,8 @@ def test_other_plans_and_other_folders_are_refused(
     capsys.readouterr()
     assert main(generate(objectives, out, "--samples", "2")) == 2
     assert capsys.readouterr().err == (
-        f"agentflow: {out} was started with a different samples: repeat the command that started "
-        "it, or choose another folder with --out\n"
+        f"agentflow: {out} was started with a different value of samples: repeat the command that "
+        "started it, or choose another folder with --out\n"
     )
     assert main(generate(objectives, tmp_path, "--samples", "2")) == 2
     assert capsys.readouterr().err == (
