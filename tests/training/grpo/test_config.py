@@ -36,6 +36,7 @@ def test_the_tiny_preset_fits_two_processor_cores() -> None:
     config = read(TINY)
     assert (config.batch, config.device, config.workers) == (64, "cpu", 2)
     assert (config.reward, config.kl, config.loss) == ("shaped", 0, "dr_grpo")
+    assert config.advantage == AdvantageConfig(name="pass1", scale=True)
     assert (config.part, read(TINY, "samples=2").part) == (16, 8)
 
 
