@@ -136,6 +136,15 @@ def test_curves_are_the_logged_numbers(learned: Path, capsys: Captured) -> None:
     assert [row["eval.throwing.best_at.2"] for row in rows] == [*("", "", "5.0"), *("", "", "6.5")]
 
 
+def test_training_runs_of_several_folders_are_named_by_path(
+    learned: Path, tmp_path: Path, capsys: Captured
+) -> None:
+    other = write_training(tmp_path / "trainings" / "no-kl", steps=1)
+    folders = [str(learned / "trainings"), str(other.parent), "--show", "curves"]
+    runs = [row["run"] for row in table(capsys, *folders)["measured"]]
+    assert runs == [str(learned / "trainings" / "no-kl")] * 6 + [str(other)]
+
+
 def test_folders_are_shown_in_the_order_given(learned: Path, capsys: Captured) -> None:
     folders = [str(learned / "evaluations" / name) for name in ("rl", "cold-1")]
     names = [row["name"] for row in table(capsys, *folders)["measured"]]

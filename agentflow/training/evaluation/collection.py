@@ -70,7 +70,7 @@ class Collection:
 
     evaluations: tuple[PooledEvaluation, ...]
     trainings: Mapping[str, TrainingRecord]
-    """Name (the path in its folder) -> training run."""
+    """Name -> training run."""
 
     @property
     def tasks(self) -> tuple[str, ...]:
@@ -101,9 +101,15 @@ def collect(folders: Sequence[Path]) -> Collection:
                 f"no evaluations ({ABOUT}) and no training runs ({TRAINING})"
             )
         evaluations |= {path: read_about(path) for path in found}
-        names = (str(path.relative_to(folder)) if path != folder else path.name for path in runs)
-        trainings |= {name: read_training(path) for name, path in zip(names, runs, strict=True)}
+        trainings |= {_name_of(path, folder, folders): read_training(path) for path in runs}
     return Collection(tuple(_pool(evaluations)), trainings)
+
+
+def _name_of(path: Path, folder: Path, folders: Sequence[Path]) -> str:
+    """The name of a training run: its path, without that of the folder if there is only one."""
+    if len(folders) > 1:
+        return str(path)
+    return path.resolve().name if path == folder else str(path.relative_to(folder))
 
 
 def _files(folder: Path, name: str) -> list[Path]:

@@ -91,7 +91,8 @@ def evaluate(
         with open_evaluation(out, about) as folder:
             if folder.about.results is not None:
                 return folder.about
-            asyncio.run(_carry_out(folder, config, notify, say))
+            if folder.missing:
+                asyncio.run(_carry_out(folder, config, notify, say))
             return folder.finish()
     except KeyboardInterrupt:
         raise InterruptedRunError(f"interrupted; {AGAIN}") from None

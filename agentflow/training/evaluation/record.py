@@ -71,6 +71,11 @@ class EvaluationFolder:
         """All that are judged so far, in order."""
         self._lines = LineFile(path / REPLIES)  # drops a half-written last line
 
+    @property
+    def missing(self) -> int:
+        """Replies that are still to come."""
+        return self.about.samples * len(self.about.tasks) - len(self.replies)
+
     def add(self, replies: list[JudgedReply]) -> None:
         """Save judged replies."""
         for reply in replies:
