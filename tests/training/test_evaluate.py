@@ -5,7 +5,11 @@ from __future__ import annotations
 import asyncio
 import json
 import multiprocessing
+import os
 import random
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -263,6 +267,35 @@ def test_without_the_libraries_a_folder_is_refused_and_leaves_nothing(
     told = "agentflow: torch is not installed; install it with: pip install 'agentflow[train]'\n"
     assert capsys.readouterr().err == told
     assert not (tmp_path / "it").exists()
+
+
+INTERRUPTIBLE = """
+import signal, sys
+from agentflow.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.slow
+def test_an_interrupted_evaluation_ends_and_says_how_to_continue(tmp_path: Path) -> None:
+    out = tmp_path / "it"
+    command = [*PROCEDURAL, "--samples", "64", "--out", str(out)]
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTIBLE, *command],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not (out / "samples.jsonl").exists() or not (out / "samples.jsonl").stat().st_size:
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)  # while the second half is simulated
+    _, told = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert told.endswith("agentflow: interrupted; run the same command again to continue\n")
+    assert read_about(out).results is None
 
 
 def test_two_processes_cannot_evaluate_in_one_folder(finished: Path) -> None:

@@ -35,7 +35,7 @@ from agentflow.training.evaluation.record import (
     EvaluationFolder,
     open_evaluation,
 )
-from agentflow.training.evaluation.replies import judge
+from agentflow.training.evaluation.replies import judge_async
 from agentflow.training.libraries import require_libraries
 from agentflow.training.record import ABOUT as TRAINING
 from agentflow.training.record import read_training
@@ -181,7 +181,7 @@ class _Session:
     async def _judge(self, task: str, texts: Sequence[str]) -> None:
         config = self.config
         samples = [Sample(task, text, config.seed, config.knobs, config.engine) for text in texts]
-        self.folder.add(await asyncio.to_thread(judge, samples, self.scorer))
+        self.folder.add(await judge_async(samples, self.scorer))
 
 
 async def _carry_out(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Sequence
 from typing import Any
 
@@ -65,3 +66,9 @@ def judge(samples: Sequence[Sample], scorer: Scorer) -> list[JudgedReply]:
     """
     pairs = zip(samples, scorer.rewards(samples), strict=True)
     return [JudgedReply.of(sample, reward) for sample, reward in pairs]
+
+
+async def judge_async(samples: Sequence[Sample], scorer: Scorer) -> list[JudgedReply]:
+    """Like `judge`, for callers with an event loop of their own; can be cancelled."""
+    rewards = await asyncio.gather(*map(scorer.reward, samples))
+    return [JudgedReply.of(*pair) for pair in zip(samples, rewards, strict=True)]
