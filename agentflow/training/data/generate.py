@@ -13,7 +13,7 @@ from typing import Any
 from agentflow.app.design.models import choose_models, known_prices, open_models
 from agentflow.app.prompts import render_prompt
 from agentflow.config.run import DesignConfig
-from agentflow.errors import BudgetSpentError, EndpointError
+from agentflow.errors import BudgetSpentError, EndpointError, UsageError
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Request, Sampling
 from agentflow.llm.wrappers.budget import Budget
@@ -34,6 +34,8 @@ from agentflow.training.objectives import Objective
 
 CALLS = "calls.jsonl"
 ROLE = "designer"
+USED = frozenset({"model", "prompts", "seed"})
+"""Keys of a configuration that decide answers; an objective has everything else."""
 
 Progress = Callable[[int, int], None]
 """Is told how many are done, of how many."""
@@ -55,7 +57,14 @@ def plan_answers(
         samples: Answers to each objective.
         limit: Most answers in all.
         variants: Machines made by random edits for each answer with a valid machine, on average.
+
+    Raises:
+        UsageError: The configuration has keys that decide nothing here.
     """
+    if unused := sorted(config.model_fields_set - USED):
+        raise UsageError(
+            f"answers to objectives have no {unused[0]}: set only keys of model, prompts and seed"
+        )
     choice = choose_models(config.model)[ROLE]
     return AnswerPlan(
         model=choice.display_name,

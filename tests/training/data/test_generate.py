@@ -141,6 +141,15 @@ def test_other_plans_and_other_folders_are_refused(
     assert not (tmp_path / "b").exists()
 
 
+def test_settings_that_decide_nothing_are_refused(
+    objectives: Path, tmp_path: Path, capsys: Captured
+) -> None:
+    assert main(generate(objectives, tmp_path / "a", "--set", "wall.height=0")) == 2
+    assert capsys.readouterr().err == (
+        "agentflow: answers to objectives have no knobs: set only keys of model, prompts and seed\n"
+    )
+
+
 def test_an_endpoint_that_cannot_be_reached_leaves_a_folder_that_can_be_used(
     objectives: Path, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
