@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +46,7 @@ def read_json(path: Path) -> Any:
 @pytest.mark.timeout(900)
 def test_a_tiny_model_learns_from_scratch_and_designs(tmp_path: Path) -> None:
     answers, pairs = tmp_path / "answers", tmp_path / "set"
-    start, improved = tmp_path / "cold-start", tmp_path / "improved"
+    start, improved = tmp_path / "sft-0", tmp_path / "pass1-0"  # names of scripts/learn
     flow("data", "generate", ROOT / "configs" / "objectives.yaml", "--limit", 150, "--out", answers)
     flow("data", "filter", answers, "--out", pairs)
     card = read_json(pairs / "card.json")
@@ -62,7 +65,7 @@ def test_a_tiny_model_learns_from_scratch_and_designs(tmp_path: Path) -> None:
     flow("train", "grpo", *given, *settings(*SHORT))
     assert read_json(improved / "result.json")["steps"] == 2
 
-    evaluation = tmp_path / "evaluation"
+    evaluation = tmp_path / "pass1-0.evaluation"
     given = ("--task", "throwing", "--samples", 4, "--workers", 1, "--out", evaluation)
     flow("evaluate", improved / "model", *given)
     measured = read_json(evaluation / "evaluation.json")
@@ -74,3 +77,11 @@ def test_a_tiny_model_learns_from_scratch_and_designs(tmp_path: Path) -> None:
     flow("design", *given, "--model", improved / "model", *settings("trajectories=1"))
     [run] = runs.iterdir()
     assert read_json(run / "result.json")["model"].startswith("tiny model from scratch")
+
+    page = tmp_path / "page" / "learning.md"
+    script = [sys.executable, "benchmarks/learning.py", str(tmp_path), "--page", str(page)]
+    subprocess.run(script, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)
+    made = page.read_text(encoding="utf-8")
+    assert f"{card['pairs']['train']} pairs to train" in made
+    assert f"| throwing | pass1-0.evaluation | {LABEL}" in made
+    assert (page.parent / "pictures" / "learning" / "valid.svg").exists()

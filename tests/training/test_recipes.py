@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 import yaml
 
+from agentflow.training.config import SftConfig, read_config
+from agentflow.training.grpo.config import GrpoConfig
 from tests.training.libraries import needs_training
 
 ROOT = Path(__file__).parents[2]
@@ -126,3 +128,13 @@ def test_slurm_jobs_name_recipes_that_exist(job: Path) -> None:
     named = set(re.findall(r"recipes/[\w/.]+", text)) - {f"recipes/slurm/{job.name}"}
     assert named
     assert all((ROOT / name).exists() for name in named)
+
+
+def test_the_presets_for_one_gpu_belong_together() -> None:
+    presets = ROOT / "configs" / "train"
+    start = read_config(SftConfig, presets / "sft_gpu.yaml", (), {"data": "set"})
+    improve = read_config(GrpoConfig, presets / "grpo_gpu.yaml", (), {"model.name": "model"})
+    assert start.model.tiny is not None
+    assert improve.max_tokens < start.model.tiny.positions == start.max_tokens
+    assert (start.device, improve.device) == ("auto", "auto")
+    assert improve.batch == PROMPTS * REPLIES
