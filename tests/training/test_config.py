@@ -24,7 +24,7 @@ def test_options_override_settings_and_these_the_file() -> None:
     assert (found.steps, found.data, found.label) == (7, "set", None)
     assert found.optimiser.learning_rate == 1e-3
     assert found.model.tiny is not None
-    assert (found.model.tiny.layers, found.model.tiny.hidden) == (2, 192)
+    assert (found.model.tiny.layers, found.model.tiny.hidden) == (2, 128)
 
 
 @pytest.mark.parametrize(
@@ -40,10 +40,10 @@ def test_options_override_settings_and_these_the_file() -> None:
         (["model.name=x"], "model: give either tiny (a model from scratch) or name"),
         (["model.tiny=null"], "model: give either tiny (a model from scratch) or name"),
         (["peft={}"], "peft: give either lora or oft"),
-        (["model.tiny.heads=5"], "hidden (192) must be an even multiple of heads (5)"),
-        (["save_every=15"], "save_every (15) must be a multiple of log_every (10)"),
+        (["model.tiny.heads=5"], "hidden (128) must be an even multiple of heads (5)"),
+        (["save_every=15"], "save_every (15) must be a multiple of log_every (20)"),
         (["max_tokens=600"], "max_tokens (600) must be at most model.tiny.positions (512)"),
-        (["device_batch=5"], "batch (32) must be a multiple of device_batch"),
+        (["device_batch=5"], "batch (8) must be a multiple of device_batch"),
         (["optimiser.learning_rate=.inf"], "optimiser.learning_rate: expected a finite number"),
     ],
 )
