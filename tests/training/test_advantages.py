@@ -138,7 +138,9 @@ def test_invariances(values: list[float], data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize(
-    "advantages", [pass1, best, lambda r: pkpo(r, 3), lambda r: maxpo(r, 3)], ids=str
+    "advantages",
+    [pass1, best, lambda r: pkpo(r, 3), lambda r: maxpo(r, 3)],
+    ids=["pass1", "best", "pkpo", "maxpo"],
 )
 def test_replies_without_a_score_are_not_in_the_group(
     advantages: Callable[[list[float]], Floats],
