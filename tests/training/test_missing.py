@@ -72,3 +72,15 @@ def test_a_description_that_is_no_json_is_named(tmp_path: Path) -> None:
 def test_a_library_outside_the_extra_is_named_alone() -> None:
     with pytest.raises(ConfigError, match=r"bitsandbytes is not installed; .*pip install bitsandb"):
         require_libraries("bitsandbytes")
+
+
+@pytest.mark.parametrize("asked", [["design", "--model"], ["evaluate", "--task", "throwing"]])
+@pytest.mark.parametrize("start", ["", "./"])
+def test_a_path_without_a_folder_is_no_name_at_an_endpoint(
+    asked: list[str], start: str, tmp_path: Path, capsys: Captured
+) -> None:
+    name = f"{start or tmp_path}/no-model"
+    assert main([*asked, name, "--out", str(tmp_path / "out")]) == 2
+    said = f"agentflow: {name} is not a folder; name a model's folder, or a model\n"
+    assert capsys.readouterr().err == said
+    assert not (tmp_path / "out").exists()

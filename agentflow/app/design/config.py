@@ -89,6 +89,10 @@ def fill_from_environment(
     return {**result, "model": model} if model else result
 
 
+PATH_STARTS = ("./", "../", "~")
+"""A model's name with such a start is a path: no endpoint has such names."""
+
+
 def complete_local_model(document: Mapping[str, Any]) -> Mapping[str, Any]:
     """Add the label of a model in a folder, and, if it only writes whole machines, what that means.
 
@@ -96,12 +100,17 @@ def complete_local_model(document: Mapping[str, Any]) -> Mapping[str, Any]:
     `single`, without revisions. A name with a base URL is a name at an endpoint.
 
     Raises:
-        ConfigError: The model's name is a folder without a model.
+        ConfigError: The model's name is a folder without a model, or a path where no folder is.
     """
     model = document.get("model")
     given = model if isinstance(model, Mapping) else {}
-    path = Path(str(given.get("name", PROCEDURAL)))
-    if given.get("base_url") is not None or "label" in given or not path.is_dir():
+    name = str(given.get("name", PROCEDURAL))
+    path = Path(name)
+    if given.get("base_url") is not None or "label" in given:
+        return document
+    if not path.is_dir():
+        if path.is_absolute() or name.startswith(PATH_STARTS):
+            raise ConfigError(f"{name} is not a folder; name a model's folder, or a model")
         return document
     from agentflow.training.model.folder import find_model, read_folder
 

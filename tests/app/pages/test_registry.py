@@ -20,4 +20,4 @@ def test_every_page_is_a_function(name: str) -> None:
 def test_an_unknown_page_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(tmp_path / "report.html")
     assert main(["report", str(RECORDED), "--out", out, "--page", "rnu"]) == 2
-    assert capsys.readouterr().err == "agentflow: unknown page 'rnu'; known: run, sweep\n"
+    assert capsys.readouterr().err == "agentflow: unknown page 'rnu'; known: run, sweep, training\n"
