@@ -31,8 +31,16 @@ class Judged(NamedTuple):
 class Judging:
     """Rewards of replies. Identical replies to a task are simulated once, unless it failed."""
 
-    def __init__(self, scorer: Scorer, reward: RewardFunction, engine: str) -> None:
+    def __init__(
+        self,
+        scorer: Scorer,
+        reward: RewardFunction,
+        engine: str,
+        remembered: int = REMEMBERED,
+    ) -> None:
+        """`remembered`: replies whose rewards are kept for later steps."""
         self._scorer, self._reward, self._engine = scorer, reward, engine
+        self._remembered = remembered
         self._known: dict[tuple[str, str], Judged] = {}
         self._pending: dict[tuple[str, str], Future[Reward]] = {}
 
@@ -52,6 +60,8 @@ class Judging:
         self.hand_over(tasks, texts)
         replies = list(zip(tasks, texts, strict=True))
         found = {reply: self._wait_for(reply) for reply in dict.fromkeys(replies)}
+        while len(self._known) > self._remembered:  # not before: this step may need the oldest
+            self._known.pop(next(iter(self._known)))
         return [found[reply] for reply in replies]
 
     def _wait_for(self, reply: tuple[str, str]) -> Judged:
@@ -68,6 +78,4 @@ class Judging:
         )
         if judged.reward is not None:
             self._known[reply] = judged
-            if len(self._known) > REMEMBERED:
-                self._known.pop(next(iter(self._known)))
         return judged

@@ -65,6 +65,17 @@ def test_a_reply_whose_simulation_failed_has_no_reward_and_is_tried_again() -> N
     assert table.submitted == ["crash", "a", "crash"]
 
 
+def test_the_oldest_reply_is_forgotten_only_once_its_step_is_judged() -> None:
+    table = TableScorer({"a": 1.0, "b": 2.0, "c": 3.0})
+    found = Judging(cast("Scorer", table), performance, "auto", remembered=2)
+    found.collect(["movement"] * 2, ["a", "b"])
+    judged = found.collect(["movement"] * 3, ["c", "b", "a"])
+    assert [one.score for one in judged] == [3, 2, 1]
+    assert table.submitted == ["a", "b", "c"]
+    found.collect(["movement"], ["a"])
+    assert table.submitted == ["a", "b", "c", "a"]
+
+
 def test_a_worker_that_dies_is_replaced(scorer: Scorer) -> None:
     found = Judging(scorer, shaped, "auto")
     os.kill(scorer._pool.pids[0], signal.SIGKILL)
