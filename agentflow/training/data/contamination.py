@@ -20,7 +20,8 @@ from agentflow.training.libraries import require_libraries
 WORDS = 4
 """Words of an n-gram: shorter ones, such as "as far as", are in many sentences."""
 MOST_SHARED = 0.25
-"""A text of which this share of n-grams, or more, is in a level's brief repeats it."""
+"""A text of which this share of n-grams, or more, is in a level's brief repeats it; so does a long
+prompt that holds this share of the n-grams of a level's objective."""
 MOST_SIMILAR = 0.54
 """A text whose TF-IDF cosine with a sentence of a brief is this or more says the same: paraphrases
 of briefs reach 0.54 to 0.85, our own objectives at most 0.52."""
@@ -34,7 +35,8 @@ class Likeness:
     level: str
     """The level that it is nearest to."""
     shared: float
-    """Greatest share of its n-grams that are in the brief of one level."""
+    """Greatest share of its n-grams that are in the brief of one level, or of the n-grams of a
+    level's objective that are in it."""
     cosine: float
     """Greatest TF-IDF cosine with one sentence of a brief."""
 
@@ -64,10 +66,14 @@ def compare_texts(texts: Mapping[str, str]) -> dict[str, Likeness]:
     known = vectorizer.fit_transform([text for _, text in sentences])
     cosines = (vectorizer.transform(texts.values()) @ known.T).toarray()
     grams = {level: set(_ngrams(" ".join(told))) for level, told in briefs.items()}
+    asked = {level: _ngrams(told[0]) for level, told in briefs.items()}
     found = {}
     for (name, text), row in zip(texts.items(), cosines, strict=True):
         own = _ngrams(text)
-        shares = {level: _share(own, theirs) for level, theirs in grams.items()}
+        shares = {
+            level: max(_share(own, grams[level]), _share(asked[level], set(own)))
+            for level in briefs
+        }
         best, nearest = int(row.argmax()), max(shares, key=shares.__getitem__)
         level = nearest if shares[nearest] >= MOST_SHARED else sentences[best][0]
         cosine = round(float(row[best]), 4)
@@ -76,7 +82,7 @@ def compare_texts(texts: Mapping[str, str]) -> dict[str, Likeness]:
 
 
 def _briefs() -> dict[str, tuple[str, ...]]:
-    """The sentences of each level's brief that say what to do, where, and how it is scored."""
+    """The sentences of each level's brief: what to do, then where, and how it is scored."""
     briefs = {name: get_task(name).brief for name in task_names()}
     return {name: (brief.objective, *brief.scene, *brief.score) for name, brief in briefs.items()}
 

@@ -184,7 +184,7 @@ def _conversation(row: Any, where: str, source: str) -> Foreign:
             'of assistant, each {"role": ..., "content": ...}'
         ) from None
     fields = row if isinstance(row, Mapping) else {}
-    text = prompt[-1].content
+    text = "\n".join(message.content for message in prompt)
     rationale, program = split_reply(reply.content)
     return Foreign(
         name=str(fields.get("objective") or _name_of(text)),

@@ -80,7 +80,8 @@ def card_text(card: Card) -> str:
         "## Contamination",
         "",
         f"An objective is left out if {MOST_SHARED:.0%} or more of its runs of {WORDS} words are "
-        f"in the brief of a level, or if its TF-IDF cosine with a sentence of a brief is "
+        f"in the brief of a level, if {MOST_SHARED:.0%} or more of those of a level's objective "
+        "are in its text, or if its TF-IDF cosine with a sentence of a brief is "
         f"{MOST_SIMILAR:g} or more. The texts that come nearest:",
         "",
         *_table(("text", "level", "shared", "cosine"), _nearest(card)),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from agentflow.api import design_prompt
 from agentflow.cli import main
 from agentflow.machine import read_machine
 from agentflow.machine.formats.bsg_writing import to_bsg
@@ -68,6 +69,18 @@ def test_conversations_become_pairs(tmp_path: Path, capsys: Captured) -> None:
     assert cart.rationale == "A rationale."
     assert "<|im_end|>" not in cart.reply
     assert cart.prompt[0].content == "You design machines."
+
+
+def test_the_brief_of_a_level_is_found_in_any_message_of_a_prompt(
+    tmp_path: Path, capsys: Captured
+) -> None:
+    asked, told = conversation("Begin now.", CART), conversation("Begin now.", PLANK)
+    asked["messages"][0]["content"] = design_prompt("throwing")[1]["content"]  # type: ignore[index]
+    file = tmp_path / "public.json"
+    file.write_text(json.dumps([asked, told]))
+    assert main(import_(file, tmp_path / "set", "--json")) == 0
+    gate = json.loads(capsys.readouterr().out)["gates"][0]
+    assert (gate["gate"], gate["entered"], gate["passed"]) == ("objective", 2, 1)
 
 
 def test_older_chat_formats_and_lists_are_read(tmp_path: Path) -> None:
