@@ -77,6 +77,16 @@ def test_an_evaluation_is_numbers_and_judged_replies(finished: Path, capsys: Cap
     assert numbers.split()[:3] == ["movement", "3/3", "100.0%"]
 
 
+def test_settings_count_unless_an_option_says_otherwise(tmp_path: Path) -> None:
+    given = ["seed=5", "model.sampling.temperature=0.3", "model.sampling.top_p=0.9"]
+    settings = [word for setting in given for word in ("--set", setting)]
+    asked = [*PROCEDURAL, "--samples", "1", "--out", str(tmp_path), *settings, "--top-p", "0.8"]
+    assert main(asked) == 0
+    found = read_about(tmp_path)
+    sampling = found.sampling
+    assert (found.seed, sampling.temperature, sampling.top_p) == (5, 0.3, 0.8)
+
+
 @pytest.mark.parametrize("kept", [0, 1, 2.5])
 def test_an_interrupted_evaluation_continues_to_the_same_result(
     finished: Path, tmp_path: Path, kept: float

@@ -11,6 +11,9 @@ from agentflow.cli.display.text import show_count
 from agentflow.cli.root import BaseUrl, Engine, Json, Settings, commands, print_result
 from agentflow.errors import UsageError
 
+SAMPLING = ("model.sampling.temperature=1.0", "model.sampling.top_p=1.0")
+"""How replies are sampled unless `--set` or an option says otherwise: every token by its share."""
+
 
 @commands.command(epilog="Example: agentflow evaluate procedural --task throwing --out evaluation")
 def evaluate(
@@ -31,11 +34,16 @@ def evaluate(
     ] = None,
     samples: Annotated[int, typer.Option(min=1, help="Replies to each task.")] = 50,
     base_url: BaseUrl = None,
-    seed: Annotated[int, typer.Option(help="Random seed.")] = 0,
-    temperature: Annotated[float, typer.Option(help="Sampling temperature.")] = 1.0,
+    seed: Annotated[int | None, typer.Option(help="Random seed (default: 0).")] = None,
+    temperature: Annotated[
+        float | None, typer.Option(help="Sampling temperature (default: 1).")
+    ] = None,
     top_p: Annotated[
-        float, typer.Option(help="Sample only from the most likely tokens with this total share.")
-    ] = 1.0,
+        float | None,
+        typer.Option(
+            help="Sample only from the most likely tokens with this total share (default: 1)."
+        ),
+    ] = None,
     name: Annotated[
         str,
         typer.Option(
@@ -46,7 +54,10 @@ def evaluate(
     ] = "",
     settings: Settings = None,
     engine: Engine = None,
-    workers: Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")] = 2,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Worker processes for simulation (default: 2)."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Evaluate a model: sample whole machines, simulate them, count how many are valid and good.
@@ -72,7 +83,7 @@ def evaluate(
         "workers": workers,
     }
     found = carry_out(
-        load_config(None, settings or (), options),
+        load_config(None, (*SAMPLING, *(settings or ())), options),
         [part.strip() for part in (tasks or task or "").split(",")],
         samples,
         out,
