@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import time
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,7 @@ from pydantic import BaseModel
 from agentflow.errors import RunError
 from agentflow.files import (
     LineFile,
-    lock_file,
-    open_folder,
+    hold_folder,
     parse_object,
     remove_partial_files,
     whole_lines,
@@ -51,9 +49,9 @@ LIBRARY_STATE = "trainer_state.json"
 class TrainingRun:
     """A training directory open for writing, by one process at a time."""
 
-    def __init__(self, path: Path, lock: int) -> None:
+    def __init__(self, path: Path) -> None:
         """Use `open`."""
-        self.path, self._lock = path, lock
+        self.path = path
         remove_partial_files(path)
         self.checkpoint = _last_checkpoint(path)
         """The last complete checkpoint, from which training continues; None at the start."""
@@ -64,7 +62,10 @@ class TrainingRun:
         self._curves = LineFile(path / CURVES)
 
     @classmethod
-    def open(cls, path: Path, about: About, config: BaseModel, resume: bool) -> TrainingRun:
+    @contextmanager
+    def open(
+        cls, path: Path, about: About, config: BaseModel, resume: bool
+    ) -> Iterator[TrainingRun]:
         """Begin a run in a new or empty folder, or continue the one that is there.
 
         What an interrupted process wrote after its last complete checkpoint is removed, so that
@@ -78,11 +79,9 @@ class TrainingRun:
 
         Raises:
             RunError: The folder holds something else; a run without `resume`; a run with another
-                configuration; or another process uses it.
+                configuration; another process uses it, or it cannot be written.
         """
-        path.mkdir(parents=True, exist_ok=True)
-        lock = _lock(path)
-        try:
+        with hold_folder(path):
             if (path / ABOUT).exists():
                 if not resume:
                     raise RunError(
@@ -95,10 +94,11 @@ class TrainingRun:
                 document = config.model_dump(mode="json")
                 _write(path / CONFIG, yaml.safe_dump(document, sort_keys=False))
                 _write(path / ABOUT, about.model_dump_json(indent=1) + "\n")
-            return cls(path, lock)
-        except BaseException:
-            os.close(lock)
-            raise
+            run = cls(path)
+            try:
+                yield run
+            finally:
+                run._curves.close()
 
     @property
     def model(self) -> Path:
@@ -128,17 +128,6 @@ class TrainingRun:
         _write(self.path / RESULT, json.dumps(complete, indent=1) + "\n")
         return complete
 
-    def close(self) -> None:
-        """Let other processes open it."""
-        self._curves.close()
-        os.close(self._lock)
-
-    def __enter__(self) -> TrainingRun:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def _cut(self, step: int) -> None:
         """Remove what was written after a step: lines, samples, incomplete checkpoints."""
         curves = self.path / CURVES
@@ -153,18 +142,6 @@ class TrainingRun:
         for path in _checkpoints(self.path):
             if _step_of(path) > step:
                 shutil.rmtree(path)
-
-
-def _lock(path: Path) -> int:
-    try:
-        descriptor = open_folder(path)
-        with suppress(BlockingIOError):
-            lock_file(descriptor)
-            return descriptor
-        os.close(descriptor)
-    except OSError as error:
-        raise RunError(f"cannot lock {path}: {error.strerror}") from None
-    raise RunError(f"{path} is in use by another process; wait until it ends")
 
 
 def _require_empty(path: Path) -> None:

@@ -107,23 +107,35 @@ def test_a_kill_before_the_first_step_leaves_a_folder_that_can_be_used(tmp_path:
 
 def test_a_run_is_not_overwritten(tmp_path: Path) -> None:
     begin(tmp_path, 1, 1)
-    with pytest.raises(RunError, match="holds a training run; continue it with --resume"):
-        TrainingRun.open(tmp_path, ABOUT, Settings(), resume=False)
+    with (
+        pytest.raises(RunError, match="holds a training run; continue it with --resume"),
+        TrainingRun.open(tmp_path, ABOUT, Settings(), resume=False),
+    ):
+        pass
 
 
 def test_a_run_is_not_continued_with_another_configuration(tmp_path: Path) -> None:
     begin(tmp_path, 1, 1)
-    with pytest.raises(RunError, match="was started with another steps: 4, not 5"):
-        TrainingRun.open(tmp_path, ABOUT, Settings(steps=5), resume=True)
+    with (
+        pytest.raises(RunError, match="was started with another steps: 4, not 5"),
+        TrainingRun.open(tmp_path, ABOUT, Settings(steps=5), resume=True),
+    ):
+        pass
     grpo = About(kind="grpo", label="a model")
-    with pytest.raises(RunError, match="is a run of sft, not of grpo"):
-        TrainingRun.open(tmp_path, grpo, Settings(), resume=True)
+    with (
+        pytest.raises(RunError, match="is a run of sft, not of grpo"),
+        TrainingRun.open(tmp_path, grpo, Settings(), resume=True),
+    ):
+        pass
 
 
 def test_other_folders_are_left_alone(tmp_path: Path) -> None:
     (tmp_path / "photo.png").write_text("")
-    with pytest.raises(RunError, match=r"is not a training run: it has photo\.png"):
-        TrainingRun.open(tmp_path, ABOUT, Settings(), resume=True)
+    with (
+        pytest.raises(RunError, match=r"is not a training run: it has photo\.png"),
+        TrainingRun.open(tmp_path, ABOUT, Settings(), resume=True),
+    ):
+        pass
     assert [path.name for path in tmp_path.iterdir()] == ["photo.png"]
 
 
@@ -131,8 +143,18 @@ def test_one_process_at_a_time(tmp_path: Path) -> None:
     with (
         TrainingRun.open(tmp_path, ABOUT, Settings(), resume=False),
         pytest.raises(RunError, match="is in use by another process"),
+        TrainingRun.open(tmp_path, ABOUT, Settings(), resume=True),
     ):
-        TrainingRun.open(tmp_path, ABOUT, Settings(), resume=True)
+        pass
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(RunError, match=r"cannot write to .*; choose another folder with --out"),
+        TrainingRun.open(tmp_path / "file" / "run", ABOUT, Settings(), resume=False),
+    ):
+        pass
 
 
 def test_reading_names_what_is_wrong(tmp_path: Path) -> None:

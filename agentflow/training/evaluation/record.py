@@ -7,7 +7,6 @@ calls.jsonl       every call of the model, unless it is a folder
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import groupby
@@ -20,8 +19,7 @@ from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.errors import RunError
 from agentflow.files import (
     LineFile,
-    lock_file,
-    open_folder,
+    hold_folder,
     remove_partial_files,
     whole_lines,
     write_atomically,
@@ -105,15 +103,7 @@ def open_evaluation(path: Path, about: Evaluation) -> Iterator[EvaluationFolder]
         RunError: The folder holds something else, or another evaluation; it is damaged, in use by
             another process, or cannot be written.
     """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        lock = open_folder(path)
-    except OSError as error:
-        raise RunError(
-            f"cannot write to {path}: {error.strerror}; choose another folder with --out"
-        ) from None
-    try:
-        _lock(path, lock)
+    with hold_folder(path):
         remove_partial_files(path)
         if (path / ABOUT).exists():
             about = _continue(path, read_about(path), about)
@@ -125,8 +115,6 @@ def open_evaluation(path: Path, about: Evaluation) -> Iterator[EvaluationFolder]
             yield folder
         finally:
             folder.close()
-    finally:
-        os.close(lock)
 
 
 def read_about(path: Path) -> Evaluation:
@@ -212,13 +200,6 @@ def _require_empty(path: Path) -> None:
             f"{path} is not an evaluation: it has {other[0]} and no {ABOUT}; choose a new folder "
             "with --out"
         )
-
-
-def _lock(path: Path, descriptor: int) -> None:
-    try:
-        lock_file(descriptor)
-    except OSError:
-        raise RunError(f"{path} is in use by another process; wait until it ends") from None
 
 
 def _write(path: Path, about: Evaluation) -> None:
