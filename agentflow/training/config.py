@@ -143,7 +143,9 @@ class SftConfig(TrainingConfig):
                 f"({tiny.positions})"
             )
         if self.batch % (self.device_batch or self.batch):
-            raise ValueError(f"batch ({self.batch}) must be a multiple of device_batch")
+            raise ValueError(
+                f"batch ({self.batch}) must be a multiple of device_batch ({self.device_batch})"
+            )
         return self
 
 

@@ -17,7 +17,7 @@ ENVIRONMENT = {
 """How the libraries should behave, unless the user has said otherwise."""
 
 
-APART = ("bitsandbytes",)
+APART = ("bitsandbytes", "vllm")
 """Libraries that the extra leaves out: they need a GPU."""
 
 

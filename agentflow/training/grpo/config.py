@@ -75,6 +75,11 @@ class GrpoConfig(TrainingConfig):
     eval_samples: int = Field(64, ge=1, description="replies of an evaluation, over all tasks")
 
     @property
+    def libraries(self) -> tuple[str, ...]:
+        """What must be installed: scipy, apted and gensim measure diversity."""
+        return (*super().libraries, "scipy", "apted", "gensim", *["vllm"] * self.vllm)
+
+    @property
     def batch(self) -> int:
         """Replies per step."""
         return self.prompts * self.samples

@@ -30,6 +30,8 @@ def test_the_real_preset_has_the_published_settings() -> None:
     assert config.peft.lora is not None
     assert config.peft.lora.rank == 64
     assert (config.reward, config.advantage.name) == ("performance", "best")
+    assert set(config.libraries) - set(read(TINY).libraries) == {"vllm"}
+    assert "gensim" in config.libraries, "evaluations between steps measure diversity"
 
 
 def test_the_tiny_preset_fits_two_processor_cores() -> None:
