@@ -48,7 +48,7 @@ class ModelSource(_Group):
     def _has_one(self) -> ModelSource:
         if (self.tiny is None) == (self.name is None):
             raise ValueError(
-                "give either tiny (a model from scratch) or name (a hub's or a folder)"
+                "give either tiny (a model from scratch) or name (a model of a hub, or a folder)"
             )
         return self
 

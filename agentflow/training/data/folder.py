@@ -65,7 +65,7 @@ def _require_plan(folder: Path, plan: BaseModel, log: str) -> None:
     begun = parse_object(file.read_bytes()) if file.is_file() else None
     if begun is None and _holds_files(folder):
         raise RunError(
-            f"{folder} holds files, but no {PLAN} of such a command; choose an empty folder with "
+            f"{folder} holds files, but no {PLAN} of this command; choose an empty folder with "
             "--out"
         )
     if begun == wanted:

@@ -50,5 +50,5 @@ def read_test(name: str, thresholds: object) -> FunctionTest:
         key = ".".join(str(part) for part in (name, *fault["loc"]))
         if fault["type"] == "extra_forbidden":
             known = ", ".join(kind.model_fields) or "none"
-            raise ValueError(f"{key} is no threshold; known: {known}") from None
+            raise ValueError(f"{key} is not a threshold; known: {known}") from None
         raise ValueError(f"{key}: {describe_fault(fault)}") from None

@@ -132,7 +132,7 @@ def test_other_plans_and_other_folders_are_refused(
     )
     assert main(generate(objectives, tmp_path, "--samples", "2")) == 2
     assert capsys.readouterr().err == (
-        f"agentflow: {tmp_path} holds files, but no plan.json of such a command; choose an empty "
+        f"agentflow: {tmp_path} holds files, but no plan.json of this command; choose an empty "
         "folder with --out\n"
     )
     objectives.write_text("")
