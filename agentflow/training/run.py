@@ -56,7 +56,7 @@ class TrainingRun:
         self.checkpoint = _last_checkpoint(path)
         """The last complete checkpoint, from which training continues; None at the start."""
         if self.result is None:
-            self._cut(0 if self.checkpoint is None else _step_of(self.checkpoint))
+            self._cut(-1 if self.checkpoint is None else _step_of(self.checkpoint))
         rows = read_curves(path)
         self._begun = time.monotonic() - (rows[-1]["seconds"] if rows else 0.0)
         self._curves = LineFile(path / CURVES)

@@ -77,6 +77,8 @@ def test_steps_after_the_last_checkpoint_are_cut(tmp_path: Path) -> None:
 
 def test_without_a_checkpoint_training_begins_again(tmp_path: Path) -> None:
     begin(tmp_path, 3, 0)
+    with (tmp_path / "curves.jsonl").open("a") as curves:
+        curves.write('{"step": 0, "seconds": 1.0, "eval": {}}\n')
     with TrainingRun.open(tmp_path, ABOUT, Settings(), resume=True) as run:
         assert run.checkpoint is None
     assert read_training(tmp_path).curves == ()

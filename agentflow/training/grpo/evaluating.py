@@ -36,8 +36,6 @@ class Evaluations(TrainerCallback):
     ) -> None:
         """`folder`: how the model wants prompts."""
         self._config, self._folder, self._run, self._scorer = config, folder, run, scorer
-        self.last: dict[str, Any] = {}
-        """Numbers of the last evaluation by task."""
 
     def on_train_begin(self, _args: Any, state: Any, _control: Any, **given: Any) -> None:
         """Evaluate the model that training begins with."""
@@ -55,12 +53,10 @@ class Evaluations(TrainerCallback):
         sampler = Sampler(self._folder, model, tokenizer)
         replies = {task: self._judged(task, step, sampler) for task in self._config.tasks}
         model.train()
-        self.last = {
-            task: _describe(get_task(task), found, step) for task, found in replies.items()
-        }
+        numbers = {task: _describe(get_task(task), found, step) for task, found in replies.items()}
         every = [reply for found in replies.values() for reply in found]
         self._run.samples(step, every)
-        self._run.note(step, {"eval": self.last})
+        self._run.note(step, {"eval": numbers})
         for task, found in replies.items():
             self._film_best(task, step, found)
 

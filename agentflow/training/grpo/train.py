@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import closing
+from itertools import cycle, islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -22,7 +23,7 @@ from agentflow.training.grpo.judging import Judging
 from agentflow.training.grpo.trainer import NUMBERS, SimulationTrainer
 from agentflow.training.model.base import adapter_config, load_base, read_base, save_model
 from agentflow.training.model.folder import ModelFolder
-from agentflow.training.record import About
+from agentflow.training.record import About, read_curves
 from agentflow.training.rewards import REWARDS
 from agentflow.training.run import TrainingRun
 from agentflow.training.trainer import Notes, library_options
@@ -73,9 +74,8 @@ def train_grpo(config: GrpoConfig, out: Path, resume: bool, notify: Notify) -> M
         if run.checkpoint is not None:
             notify(f"continuing after {run.checkpoint.name}")
         with closing(Scorer(config.workers)) as scorer:
-            evaluations = Evaluations(config, folder, run, scorer)
             trainer = _make_trainer(config, rows, run, scorer, notify)
-            trainer.add_callback(evaluations)
+            trainer.add_callback(Evaluations(config, folder, run, scorer))
             trainer.train(resume_from_checkpoint=run.checkpoint and str(run.checkpoint))
         save_model(trainer.model, trainer.processing_class, folder, run.model)
         return run.finish(
@@ -84,7 +84,7 @@ def train_grpo(config: GrpoConfig, out: Path, resume: bool, notify: Notify) -> M
                 "label": folder.label,
                 "steps": config.steps,
                 "replies": config.steps * config.batch,
-                "eval": evaluations.last,
+                "eval": next(row["eval"] for row in reversed(read_curves(out)) if "eval" in row),
             }
         )
 
@@ -105,7 +105,7 @@ def _make_trainer(
     model, tokenizer = load_base(config, ())
     if config.fresh:
         model = AutoModelForCausalLM.from_config(model.config, dtype=model.dtype)
-    repeats = -(-config.steps * config.prompts // len(rows))
+    prompts = list(islice(cycle(rows), config.steps * config.prompts))  # more would be more steps
     trainer = SimulationTrainer(
         judging=Judging(scorer, REWARDS[config.reward], config.engine),
         advantage=config.advantage,
@@ -127,7 +127,7 @@ def _make_trainer(
             epsilon_high=config.clip_high,
             shuffle_dataset=False,
         ),
-        train_dataset=Dataset.from_list(rows * repeats),
+        train_dataset=Dataset.from_list(prompts),
         processing_class=tokenizer,
         peft_config=adapter_config(config.peft),
         callbacks=[Notes(run, CURVES, notify)],

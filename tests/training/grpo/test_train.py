@@ -120,6 +120,21 @@ def test_an_interrupted_run_continues_with_the_same_curve(model: Path, tmp_path:
     assert all(torch.equal(one[name], other[name]) for name in one)
 
 
+def test_a_run_that_was_killed_after_its_last_step_only_saves_the_model(
+    model: Path, tmp_path: Path
+) -> None:
+    tasks = "tasks=[movement, movement/2, movement/3]"
+    wanted = config(model, tasks, "steps=2", "prompts=1", "max_tokens=20", "eval_samples=3")
+    result = train_grpo(wanted, tmp_path, resume=False, notify=lambda _: None)
+    before = curve(tmp_path)
+    (tmp_path / "result.json").unlink()
+    shutil.rmtree(tmp_path / "model")
+    again = train_grpo(wanted, tmp_path, resume=True, notify=lambda _: None)
+    assert curve(tmp_path) == before
+    assert again["eval"] == result["eval"]
+    assert (tmp_path / "model" / "config.json").exists()
+
+
 def test_fresh_weights_know_nothing_of_the_car(model: Path, tmp_path: Path) -> None:
     wanted = config(model, "fresh=true", "steps=1", "save_every=1", "max_tokens=20")
     result = train_grpo(wanted, tmp_path / "run", resume=False, notify=lambda _: None)
