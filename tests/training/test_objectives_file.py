@@ -100,7 +100,8 @@ REFUSED = {
     ),
     "an unknown threshold": (
         ("towards:", "toward:"),
-        "objective cart of FILE: test: moves.toward is not a threshold; known: metres, towards, speed",
+        "objective cart of FILE: test: moves.toward is not a threshold; "
+        "known: metres, towards, speed",
     ),
     "a threshold that asks nothing": (
         ("metres: 5", "metres: 0"),
