@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +53,12 @@ def train_sft(config: SftConfig, out: Path, resume: bool, notify: Notify) -> Map
         UsageError: The data set cannot be read or has no pair that fits; or the directory cannot
             be used.
     """
-    pairs = _read(Path(config.data) / TRAIN)
-    dev = _read(Path(config.data) / DEV)[: config.dev_pairs]
+    pairs = list(read_pairs(Path(config.data) / TRAIN))
+    if not pairs:
+        raise UsageError(
+            f"{config.data} has no pairs to train on; its card.md says which gates dropped them"
+        )
+    dev = list(islice(read_pairs(Path(config.data) / DEV), config.dev_pairs))
     folder = base_folder(config, {pair.source for pair in pairs})
     about = About(kind="sft", label=folder.label)
     with TrainingRun.open(out, about, config, resume) as run:
@@ -82,13 +87,6 @@ def train_sft(config: SftConfig, out: Path, resume: bool, notify: Notify) -> Map
         )
 
 
-def _read(path: Path) -> list[Pair]:
-    pairs = list(read_pairs(path))
-    if not pairs:
-        raise UsageError(f"{path} has no pairs")
-    return pairs
-
-
 def make_trainer(
     config: SftConfig,
     folder: ModelFolder,
@@ -111,13 +109,13 @@ def make_trainer(
             per_device_train_batch_size=config.device_batch or config.batch,
             gradient_accumulation_steps=config.batch // (config.device_batch or config.batch),
             per_device_eval_batch_size=config.device_batch or config.batch,
-            eval_strategy="steps",
+            eval_strategy="steps" if dev else "no",  # a set of one objective has no other one
             eval_steps=config.dev_every,
             train_sampling_strategy="sequential",
             max_length=None,
         ),
         train_dataset=Dataset.from_list(rows),
-        eval_dataset=Dataset.from_list(dev_rows),
+        eval_dataset=Dataset.from_list(dev_rows) if dev else None,
         processing_class=tokenizer,
         peft_config=adapter_config(config.peft),
         callbacks=[Notes(run, CURVES, notify)],

@@ -94,6 +94,16 @@ def test_a_training_directory_says_what_happened(trained: Path) -> None:
     assert record.result["parameters"] == record.result["trained_parameters"]
 
 
+def test_a_set_of_one_objective_has_no_loss_on_others(data: Path, tmp_path: Path) -> None:
+    shutil.copytree(data, tmp_path / "set")
+    (tmp_path / "set" / "dev.jsonl").write_text("")
+    assert main(sft(tmp_path / "set", tmp_path / "sft", steps=2, save_every=2)) == 0
+    record = read_training(tmp_path / "sft")
+    assert record.result is not None
+    assert record.result["dev_loss"] is None
+    assert not any("dev_loss" in row for row in record.curves)
+
+
 def test_transformers_load_the_model(trained: Path) -> None:
     tokenizer = AutoTokenizer.from_pretrained(trained / "model")
     model = AutoModelForCausalLM.from_pretrained(trained / "model")
