@@ -87,6 +87,15 @@ def test_settings_count_unless_an_option_says_otherwise(tmp_path: Path) -> None:
     assert (found.seed, sampling.temperature, sampling.top_p) == (5, 0.3, 0.8)
 
 
+def test_a_spent_budget_stays_spent(tmp_path: Path, capsys: Captured) -> None:
+    limit = ["--set", "model.budget.calls=2"]
+    command = [*PROCEDURAL, "--samples", "5", "--out", str(tmp_path), *limit]
+    for _ in range(2):
+        assert main(command) == 2
+        assert "call limit reached (2)" in capsys.readouterr().err
+        assert len((tmp_path / "calls.jsonl").read_text().splitlines()) == 2
+
+
 @pytest.mark.parametrize("kept", [0, 1, 2.5])
 def test_an_interrupted_evaluation_continues_to_the_same_result(
     finished: Path, tmp_path: Path, kept: float

@@ -114,6 +114,14 @@ class Models:
             await client.aclose()
 
 
+def charge_budget(model: ModelConfig, tape: Tape) -> Budget:
+    """The budget, charged with the calls that earlier processes recorded on a tape."""
+    budget, prices = Budget(model.budget), known_prices(model)
+    for call in tape.calls():
+        budget.count(call.request, call.reply, prices.get(call.model))
+    return budget
+
+
 def open_models(
     config: DesignConfig,
     tape: Tape,

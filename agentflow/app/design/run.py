@@ -10,7 +10,7 @@ from shlex import quote
 from typing import Any
 
 from agentflow.app.design.execution import execute
-from agentflow.app.design.models import Models, known_prices, open_models, use_client
+from agentflow.app.design.models import Models, charge_budget, open_models, use_client
 from agentflow.app.design.notices import REMARK, Remarks, watch_calls
 from agentflow.app.design.plan import AUTHOR, RunPlan, level_note, repetition
 from agentflow.app.design.rationales import with_rationales
@@ -184,7 +184,9 @@ class DesignRun:
         try:
             with Tape(self.directory.tape, remarks.tell) as tape:
                 try:
-                    return await self._finish(tape, self._budget_after(tape), remarks)
+                    return await self._finish(
+                        tape, charge_budget(self.plan.config.model, tape), remarks
+                    )
                 except EndpointError as error:
                     if not self._worth_keeping(tape):
                         self.directory.discard()
@@ -225,14 +227,6 @@ class DesignRun:
         if self.options.client is not None:
             return use_client(self.options.client, self.plan.config, tape, budget)
         return open_models(self.plan.config, tape, budget, remarks.tell, self.options.limiters)
-
-    def _budget_after(self, tape: Tape) -> Budget:
-        """The budget, charged with the calls of earlier processes."""
-        budget = Budget(self.plan.config.model.budget)
-        prices = known_prices(self.plan.config.model)
-        for call in tape.calls():
-            budget.count(call.request, call.reply, prices.get(call.model))
-        return budget
 
     def _worth_keeping(self, tape: Tape) -> bool:
         """Whether there is anything to resume: a reply, or the work of an earlier process."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from agentflow.app.design.models import choose_models, known_prices, open_models
+from agentflow.app.design.models import charge_budget, choose_models, open_models
 from agentflow.app.prompts import render_prompt
 from agentflow.config.run import DesignConfig
 from agentflow.errors import BudgetSpentError, EndpointError, UsageError
@@ -106,10 +106,7 @@ def generate(
         InterruptedRunError: Ctrl-C; the same command continues.
     """
     with work_in(out, plan, ANSWERS), Tape(out / CALLS, notify) as tape:
-        budget = Budget(config.model.budget)
-        prices = known_prices(config.model)
-        for call in tape.calls():
-            budget.count(call.request, call.reply, prices.get(call.model))
+        budget = charge_budget(config.model, tape)
         work = _Work(plan, config, out, workers, show)
         stopped = asyncio.run(work.carry_out(tape, budget, notify))
         return {

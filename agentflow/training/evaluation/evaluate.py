@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from agentflow.api import design_prompt
 from agentflow.app.design.config import complete_config
-from agentflow.app.design.models import choose_models, open_models
+from agentflow.app.design.models import charge_budget, choose_models, open_models
 from agentflow.app.design.plan import physics_conditions
 from agentflow.app.prompts import render_prompt
 from agentflow.config.run import DesignConfig
@@ -23,7 +23,6 @@ from agentflow.errors import (
     InterruptedRunError,
     UsageError,
 )
-from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.metrics.intervals import missing_scipy
 from agentflow.rewards.scoring import Sample, Scorer
@@ -207,7 +206,7 @@ async def _open_model(
         yield FolderModel(_load_model(folder), sampling, seed)
         return
     with Tape(record.path / CALLS, notify) as tape:
-        models = open_models(config, tape, Budget(config.model.budget), notify, {})
+        models = open_models(config, tape, charge_budget(config.model, tape), notify, {})
         try:
             yield ClientModel(models.clients[ROLE], sampling, seed)
         finally:
