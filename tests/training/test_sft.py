@@ -125,6 +125,16 @@ def test_samples_depend_on_the_seed_alone(trained: Path) -> None:
     assert greedy[0] == greedy[1]
 
 
+def test_a_model_cannot_forbid_itself_to_repeat_blocks(trained: Path, tmp_path: Path) -> None:
+    shutil.copytree(trained / "model", tmp_path / "model")
+    file = tmp_path / "model" / "generation_config.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "repetition_penalty": 9.0}))
+    models = [load_model(path, "cpu") for path in (trained / "model", tmp_path / "model")]
+    prompt = design_prompt("throwing")
+    one, other = (m.sample(prompt, 1, 0, temperature=0.0, max_tokens=40) for m in models)
+    assert one == other
+
+
 def test_only_the_reply_is_learned(data: Path, tmp_path: Path) -> None:
     settings = [f"{key}={value}" for key, value in SMALL.items()]
     config = read_config(SftConfig, CONFIG, settings, {"data": str(data)})

@@ -75,6 +75,7 @@ class Sampler:
         options = {
             "max_new_tokens": max_tokens or self._room_after(length),
             "do_sample": temperature > 0,
+            "repetition_penalty": 1.0,  # chat models set one, and machines repeat block types
             "pad_token_id": self.tokenizer.pad_token_id,
             **({"temperature": temperature, "top_p": top_p, "top_k": 0} if temperature else {}),
         }
