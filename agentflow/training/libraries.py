@@ -17,8 +17,9 @@ ENVIRONMENT = {
 """How the libraries should behave, unless the user has said otherwise."""
 
 
-APART = ("bitsandbytes", "vllm")
-"""Libraries that the extra leaves out: they need a GPU."""
+NOT_IN_EXTRA = ("bitsandbytes", "vllm", "gensim")
+"""Libraries that the extra leaves out: the first two need a GPU, the last has no build for
+Python 3.14 yet, so the extra leaves it out there."""
 
 
 def require_libraries(*names: str) -> None:
@@ -29,7 +30,7 @@ def require_libraries(*names: str) -> None:
     """
     for name in names:
         if find_spec(name) is None:
-            what = name if name in APART else "'agentflow[train]'"
+            what = name if name in NOT_IN_EXTRA else "'agentflow[train]'"
             raise ConfigError(f"{name} is not installed; install it with: pip install {what}")
     for key, value in ENVIRONMENT.items():
         os.environ.setdefault(key, value)

@@ -90,13 +90,18 @@ def test_published_values_are_separate_and_labelled(
     }
 
 
-@pytest.mark.parametrize("library", ["gensim", "apted", "scipy"])
-def test_without_the_extra_it_is_named(folder: Path, library: str) -> None:
+EXTRA = "'agentflow[diversity]'"
+
+
+@pytest.mark.parametrize(
+    ("library", "what"), [("gensim", "gensim"), ("apted", EXTRA), ("scipy", EXTRA)]
+)
+def test_a_missing_library_is_named(folder: Path, library: str, what: str) -> None:
     code = (
         f"import sys; sys.modules[{library!r}] = None\n"
         "from agentflow.cli import main\n"
         f"sys.exit(main(['diversity', {str(folder)!r}]))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    words = f"{library} is not installed; install it with: pip install 'agentflow[diversity]'"
+    words = f"{library} is not installed; install it with: pip install {what}"
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"agentflow: {words}\n")

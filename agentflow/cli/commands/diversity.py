@@ -53,8 +53,10 @@ def diversity(
         results = measure_sources(sources, valid, most, seed, show_count("pair"))
     except ModuleNotFoundError as error:
         library = str(error.name).partition(".")[0]
+        # the extra leaves gensim out on Python 3.14, where it must be compiled
+        what = library if library == "gensim" else "'agentflow[diversity]'"
         raise ConfigError(
-            f"{library} is not installed; install it with: pip install 'agentflow[diversity]'"
+            f"{library} is not installed; install it with: pip install {what}"
         ) from None
     if as_json:
         known = {"published": published_json()} if published else {}

@@ -60,6 +60,12 @@ def print_line(line: str) -> None:
         print(escape_controls(line), file=sys.stderr, flush=True)
 
 
+def print_remark(line: str, quiet: bool = False) -> None:
+    """Print a remark of a command to stderr, unless the user wants none."""
+    if not quiet:
+        print_line(f"agentflow: {line}")
+
+
 @dataclass
 class Progress:
     """The live view of a run."""

@@ -24,10 +24,7 @@ from agentflow.training.data.answers import (
     read_answers,
 )
 from agentflow.training.data.card import Card, make_card
-from agentflow.training.data.contamination import (
-    compare_texts,
-    evaluation_trees,
-)
+from agentflow.training.data.contamination import compare_texts, evaluation_trees
 from agentflow.training.data.folder import work_in
 from agentflow.training.data.gates import Candidate, Judge, Judgement
 from agentflow.training.data.pairs import Pair, clean_text, make_messages, make_reply

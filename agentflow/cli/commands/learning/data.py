@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -77,7 +78,7 @@ def generate(
     The same command again continues: answers that are recorded are never asked for again.
     """
     from agentflow.app.design.config import load_config
-    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.live import print_remark
     from agentflow.training.data.generate import generate as record
     from agentflow.training.data.generate import plan_answers
     from agentflow.training.objectives import read_objectives
@@ -92,7 +93,7 @@ def generate(
         config,
         out,
         workers,
-        lambda line: None if quiet else print_line(f"agentflow: {line}"),
+        partial(print_remark, quiet=quiet),
         _progress("answer", quiet),
     )
     print_result(found, as_json, _show_answers)

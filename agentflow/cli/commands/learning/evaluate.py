@@ -67,7 +67,7 @@ def evaluate(
     crashed or timed out are counted and left out.
     """
     from agentflow.app.design.config import load_config
-    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.live import print_remark
     from agentflow.cli.display.show_evaluation import show_evaluation
     from agentflow.training.evaluation.evaluate import evaluate as carry_out
 
@@ -88,7 +88,7 @@ def evaluate(
         samples,
         out,
         name=name,
-        notify=lambda line: print_line(f"agentflow: {line}"),
+        notify=print_remark,
         say=show_count("sample"),
     )
     print_result(found.model_dump(mode="json"), as_json, show_evaluation)

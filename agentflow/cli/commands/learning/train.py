@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -55,7 +56,7 @@ def sft(
 
     The model is then in the folder `model` of the training directory.
     """
-    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.live import print_remark
     from agentflow.cli.display.show_training import show_training
     from agentflow.training.config import SftConfig, read_config
     from agentflow.training.libraries import require_libraries
@@ -64,11 +65,9 @@ def sft(
     require_libraries(*built.libraries)
     from agentflow.training.sft import train_sft
 
-    def notify(line: str) -> None:
-        if not quiet:
-            print_line(f"agentflow: {line}")
-
-    print_result(train_sft(built, out, resume, notify), as_json, show_training)
+    print_result(
+        train_sft(built, out, resume, partial(print_remark, quiet=quiet)), as_json, show_training
+    )
 
 
 @train.command(
@@ -96,7 +95,7 @@ def grpo(
     rewards, and how much better or worse a reply is than its group changes the model (GRPO). The
     model is then in the folder `model` of the training directory.
     """
-    from agentflow.cli.display.live import print_line
+    from agentflow.cli.display.live import print_remark
     from agentflow.cli.display.show_training import show_training
     from agentflow.training.config import read_config
     from agentflow.training.grpo.config import GrpoConfig
@@ -106,8 +105,6 @@ def grpo(
     require_libraries(*built.libraries)
     from agentflow.training.grpo.train import train_grpo
 
-    def notify(line: str) -> None:
-        if not quiet:
-            print_line(f"agentflow: {line}")
-
-    print_result(train_grpo(built, out, resume, notify), as_json, show_training)
+    print_result(
+        train_grpo(built, out, resume, partial(print_remark, quiet=quiet)), as_json, show_training
+    )
