@@ -15,6 +15,7 @@ from agentflow.errors import AgentflowError
 
 USAGE, INTERRUPTED = 2, 130
 MODULES = (
+    "analysis.behaviour",
     "benchmark",
     "design",
     "diversity",

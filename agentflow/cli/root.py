@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
 from agentflow import __version__
 from agentflow.cli.display.text import escape_controls
+from agentflow.errors import ConfigError
 
 commands = typer.Typer(
     name="agentflow",
@@ -37,6 +39,12 @@ Knobs = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print only JSON to stdout.")]
+Format = Annotated[
+    Literal["text", "md", "csv", "latex"], typer.Option("--format", help="Output format.")
+]
+FormatOrJson = Annotated[
+    Literal["text", "md", "csv", "latex", "json"], typer.Option("--format", help="Output format.")
+]
 Run = Annotated[Path, typer.Argument(help="Run directory.")]
 ModelName = Annotated[
     str | None,
@@ -88,6 +96,19 @@ def allow(_sentence: str) -> bool:
     return True
 
 
+@contextmanager
+def needs_extra(name: str, *apart: str) -> Iterator[None]:
+    """Tell how to install what is missing: an extra of agentflow, or a library `apart` from it."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        library = str(error.name).partition(".")[0]
+        what = library if library in apart else f"'agentflow[{name}]'"
+        raise ConfigError(
+            f"{library} is not installed; install it with: pip install {what}"
+        ) from None
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         print(f"agentflow {__version__}")
@@ -110,6 +131,11 @@ def print_result(value: Any, as_json: bool, show: Callable[[Any], object]) -> No
         print_json(value)
     else:
         show(value)
+
+
+def print_table(text: str, form: str) -> None:
+    """Print a table in one of the formats of `Format` as it is, but text for people safely."""
+    print(escape_controls(text, "\n") if form == "text" else text, end="")
 
 
 def print_json(value: Any) -> None:

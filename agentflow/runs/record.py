@@ -23,6 +23,9 @@ from agentflow.runs.events import (
 )
 from agentflow.runs.reading import Event
 
+REFINER = "refiner"
+"""Role that edits machines."""
+
 
 @dataclass
 class RunRecord:
@@ -37,12 +40,16 @@ class RunRecord:
     tokens: int = 0
     """As reported by the endpoint; 0 if it reports none."""
     evaluations: int = 0
-    machines: set[str] = field(default_factory=set)
-    """Content hashes of the simulated machines."""
+    machines: dict[str, EvaluationEvent] = field(default_factory=dict)
+    """Content hash of each simulated machine -> its last evaluation."""
     best: float | None = None
     """Highest score of a valid machine."""
     steps: int = 0
     """Expansions of search trees, or random edits."""
+    refinements: list[AttemptEvent] = field(default_factory=list)
+    """Accepted replies that hold an edited machine."""
+    edits: list[EditEvent] = field(default_factory=list)
+    """Random edits."""
     candidates: list[CandidateEvent] = field(default_factory=list)
     expansions: list[ExpandEvent] = field(default_factory=list)
     nodes: list[NodeEvent] = field(default_factory=list)
@@ -66,6 +73,8 @@ class RunRecord:
             self.calls += 1
             self.valid_calls += event.valid
             self.tokens += event.tokens
+            if event.role == REFINER and event.valid and event.machine is not None:
+                self.refinements.append(event)
         elif isinstance(event, EvaluationEvent):
             self._add_evaluation(event)
         elif isinstance(event, CandidateEvent):
@@ -77,6 +86,7 @@ class RunRecord:
             self.nodes.append(event)
         elif isinstance(event, EditEvent):
             self.steps += 1
+            self.edits.append(event)
         elif isinstance(event, StageEvent):
             self.stages.append(event)
         elif isinstance(event, StageBeginEvent):
@@ -98,6 +108,6 @@ class RunRecord:
 
     def _add_evaluation(self, event: EvaluationEvent) -> None:
         self.evaluations += 1
-        self.machines.add(event.machine)
+        self.machines[event.machine] = event
         if event.valid and event.score is not None:
             self.best = event.score if self.best is None else max(self.best, event.score)

@@ -42,7 +42,7 @@ def test_the_best_is_that_of_valid_machines() -> None:
             attempt("designer/traj-1/attempt-2", tokens=5, valid=False),
         ]
     )
-    assert (record.best, record.evaluations, record.machines) == (-1.0, 5, set("abcd"))
+    assert (record.best, record.evaluations, set(record.machines)) == (-1.0, 5, set("abcd"))
     assert (record.calls, record.valid_calls, record.tokens) == (2, 1, 15)
 
 

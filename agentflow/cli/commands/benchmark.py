@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -14,6 +14,7 @@ from agentflow.cli.root import (
     PARTLY,
     BaseUrl,
     Engine,
+    FormatOrJson,
     Json,
     ModelName,
     Quiet,
@@ -23,6 +24,7 @@ from agentflow.cli.root import (
     approve,
     commands,
     print_json,
+    print_table,
 )
 
 DEFAULT = Path("configs/benchmark.yaml")
@@ -111,10 +113,7 @@ def benchmark(
 @commands.command(epilog="Example: agentflow leaderboard a/card.json b/card.json --html board.html")
 def leaderboard(
     cards: Annotated[list[Path], typer.Argument(help="Scorecards of agentflow benchmark.")],
-    form: Annotated[
-        Literal["text", "md", "csv", "latex", "json"],
-        typer.Option("--format", help="Output format."),
-    ] = "text",
+    form: FormatOrJson = "text",
     html: Annotated[Path | None, typer.Option(help="Also write an HTML page to this file.")] = None,
 ) -> None:
     """Compare scorecards: ranking, shares by family, shares by item."""
@@ -123,7 +122,7 @@ def leaderboard(
 
     tables = compare(read_cards(cards))
     text = format_tables(tables, form)
-    print(escape_controls(text, "\n") if form == "text" else text, end="")
+    print_table(text, form)
     if html:
         from agentflow.app.pages.leaderboard import leaderboard_page
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
-from agentflow.cli.display.text import escape_controls, show_count
-from agentflow.cli.root import Json, commands, print_json
-from agentflow.errors import ConfigError
+from agentflow.cli.display.text import show_count
+from agentflow.cli.root import Format, Json, commands, needs_extra, print_json, print_table
 
 
 @commands.command(epilog="Example: agentflow diversity runs/recorded-throwing --published")
@@ -31,9 +30,7 @@ def diversity(
     seed: Annotated[
         int, typer.Option(min=0, help="Random seed of samples, embedding and intervals.")
     ] = 0,
-    form: Annotated[
-        Literal["text", "md", "csv", "latex"], typer.Option("--format", help="Output format.")
-    ] = "text",
+    form: Format = "text",
     published: Annotated[
         bool,
         typer.Option(
@@ -49,18 +46,11 @@ def diversity(
     """
     from agentflow.app.diversity.results import format_results, measure_sources, published_json
 
-    try:
+    # the extra leaves gensim out on Python 3.14, where it must be compiled
+    with needs_extra("diversity", "gensim"):
         results = measure_sources(sources, valid, most, seed, show_count("pair"))
-    except ModuleNotFoundError as error:
-        library = str(error.name).partition(".")[0]
-        # the extra leaves gensim out on Python 3.14, where it must be compiled
-        what = library if library == "gensim" else "'agentflow[diversity]'"
-        raise ConfigError(
-            f"{library} is not installed; install it with: pip install {what}"
-        ) from None
     if as_json:
         known = {"published": published_json()} if published else {}
         print_json({"sources": [result.to_json() for result in results], **known})
         return
-    text = format_results(results, form, published=published)
-    print(escape_controls(text, "\n") if form == "text" else text, end="")
+    print_table(format_results(results, form, published=published), form)

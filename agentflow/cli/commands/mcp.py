@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.root import Settings, commands
-from agentflow.errors import ConfigError, UsageError
+from agentflow.cli.root import Settings, commands, needs_extra
+from agentflow.errors import UsageError
 
 
 @commands.command(epilog="Example: agentflow mcp --task throwing")
@@ -59,13 +59,8 @@ def mcp(
             "--http and --token-file need each other: agents over HTTP must send a token, and "
             "those over stdin and stdout need none"
         )
-    try:
+    with needs_extra("mcp"):
         from agentflow.integrations.mcp.serving import serve
-    except ModuleNotFoundError as error:
-        library = str(error.name).partition(".")[0]
-        raise ConfigError(
-            f"{library} is not installed; install it with: pip install 'agentflow[mcp]'"
-        ) from None
     from agentflow.app.design.config import load_config
     from agentflow.cli.display.live import print_line
     from agentflow.config.run import PROCEDURAL

@@ -14,6 +14,7 @@ from agentflow.cli.root import (
     PARTLY,
     BaseUrl,
     Engine,
+    FormatOrJson,
     Json,
     ModelName,
     Quiet,
@@ -23,6 +24,7 @@ from agentflow.cli.root import (
     approve,
     commands,
     print_json,
+    print_table,
 )
 
 if TYPE_CHECKING:
@@ -128,10 +130,7 @@ def table(
             "by step)."
         ),
     ] = "published",
-    form: Annotated[
-        Literal["text", "md", "csv", "latex", "json"],
-        typer.Option("--format", help="Output format."),
-    ] = "text",
+    form: FormatOrJson = "text",
     published: Annotated[
         bool,
         typer.Option(
@@ -152,7 +151,7 @@ def table(
         from agentflow.training.evaluation.tables import format_tables
 
         text = format_tables(folders, show, form, published=published)
-    print(escape_controls(text, "\n") if form == "text" else text, end="")
+    print_table(text, form)
 
 
 def print_estimate(plan: SweepPlan, folder: Path, as_json: bool) -> None:

@@ -1,0 +1,166 @@
+"""How the designers of runs behave, and the table of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from agentflow.agents.refiner import PREDICTION, Refiner
+from agentflow.agents.replies import find_sections
+from agentflow.app.design.plan import RunPlan, engine_of_run
+from agentflow.app.inspect.reading import recorded_machine
+from agentflow.diversity.topology import tree_edit_distance
+from agentflow.env.physics.engines import usable_engine
+from agentflow.errors import RunError
+from agentflow.machine import Machine, library
+from agentflow.metrics.behaviour.measures import Behaviour, behaviour
+from agentflow.metrics.intervals import bootstrap_mean
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
+from agentflow.metrics.usage import bill
+from agentflow.metrics.validity import Rate
+from agentflow.runs import find_runs, read_calls, read_document
+from agentflow.runs.events import read_typed_events
+from agentflow.runs.record import RunRecord
+
+ABOUT = (
+    "Mispredicted: edits that failed, of those that were predicted to succeed. Surface: edits that "
+    "keep the mechanism, of those of a machine that had failed. Local: edits that keep it, of all. "
+    "Size: mean tree edit distance, blocks. Error, bias: median size and median of predicted minus "
+    "simulated score. Roles: share of the tokens of all replies. docs/behaviour.md has the rules."
+)
+
+
+@dataclass(frozen=True)
+class Result:
+    """A source and how its designers behave."""
+
+    source: str
+    runs: int
+    found: Behaviour
+
+    def to_json(self) -> dict[str, Any]:
+        """The result as JSON data; what was never counted has `value` or `mean` None."""
+        found = self.found
+        return {
+            "source": self.source,
+            "runs": self.runs,
+            "edits": found.local.of,
+            "misprediction": _rate(found.mispredicted),
+            "surface_level": _rate(found.surface),
+            "local": _rate(found.local),
+            "tree_edit_distance": {"mean": self._size, "interval": bootstrap_mean(found.sizes)},
+            "prediction": {"count": len(found.errors), "error": found.error, "bias": found.bias},
+            "effort": {"tokens": dict(found.effort), "shares": found.shares},
+        }
+
+    @property
+    def _size(self) -> float | None:
+        sizes = self.found.sizes
+        return sum(sizes) / len(sizes) if sizes else None
+
+    def row(self, roles: Sequence[str]) -> Row:
+        """The result as a line of the table."""
+        found, shares = self.found, self.found.shares
+        numbers = (self._size, len(found.errors), found.error, found.bias)
+        return Row(
+            (self.source,),
+            (
+                found.local.of,
+                *(f"{rate} ({cell_text(rate.value, percent=True, digits=0)})" if rate.of else None
+                  for rate in (found.mispredicted, found.surface, found.local)),
+                *numbers,
+                *(shares.get(role) for role in roles),
+            ),
+        )  # fmt: skip
+
+
+def _rate(rate: Rate) -> dict[str, Any]:
+    return {"count": rate.count, "of": rate.of, "value": rate.value, "interval": rate.interval}
+
+
+def observe(paths: Iterable[Path]) -> list[Result]:
+    """How the designers of each run, or of all runs below each folder, behave.
+
+    Raises:
+        RunError: A path holds no run, or a run is damaged.
+    """
+    return [_observe(path) for path in paths]
+
+
+def _observe(path: Path) -> Result:
+    runs = list(find_runs(path))
+    if not runs:
+        raise RunError(f"{path} contains no run")
+    return Result(str(path), len(runs), sum(map(behaviour_of, runs), Behaviour()))
+
+
+def behaviour_of(run: Path) -> Behaviour:
+    """How the designer of one run behaves."""
+    document = read_document(run)
+    task = RunPlan.of_run(run, document, usable_engine(engine_of_run(document))).task
+    record = RunRecord.of(read_typed_events(run))
+    predictions: dict[str, str] = {}
+    calls = list(read_calls(run))
+    for call in calls:
+        if call["request"]["role"] == Refiner.name:
+            sections = find_sections(call["reply"]["text"], (PREDICTION,))
+            predictions[call["request"]["label"]] = sections.get(PREDICTION, "")
+    spent = bill(calls).roles
+    return behaviour(
+        record,
+        lambda place: predictions.get(str(place), ""),
+        Machines(run),
+        {role: item.completion for role, item in spent.items()},
+        metres=task.brief.greatest is None,
+    )
+
+
+class Machines:
+    """The machines of a run, compared by their content hashes."""
+
+    def __init__(self, run: Path) -> None:
+        self._run = run
+        self._read: dict[str, Machine] = {}
+
+    def keeps_mechanism(self, before: str, after: str) -> bool:
+        return moving_types(self._machine(before)) == moving_types(self._machine(after))
+
+    def size(self, before: str, after: str) -> float:
+        return tree_edit_distance(self._machine(before), self._machine(after))
+
+    def _machine(self, digest: str) -> Machine:
+        if digest not in self._read:
+            self._read[digest] = recorded_machine(self._run, digest)
+        return self._read[digest]
+
+
+def moving_types(machine: Machine) -> frozenset[int]:
+    """The types of blocks by which a machine works.
+
+    They make force or motion, move against their parent, or let go or grip.
+    """
+    kinds = {step.type: library()[step.type] for step in machine.steps}
+    return frozenset(
+        type_
+        for type_, kind in kinds.items()
+        if kind.non_static or kind.joint.moves or kind.joint.switch == "decouplers"
+        or kind.grip_direction
+    )  # fmt: skip
+
+
+def format_results(results: Sequence[Result], form: str) -> str:
+    """The results as text in one of the `FORMATS`."""
+    roles = tuple(dict.fromkeys(role for result in results for role in result.found.shares))
+    columns = (
+        Column("", "edits"),
+        *(Column("", name) for name in ("mispredicted", "surface", "local")),
+        Column("", "size", digits=1),
+        Column("predicted score", "n"),
+        Column("predicted score", "error"),
+        Column("predicted score", "bias"),
+        *(Column("tokens", role, percent=True, digits=0) for role in roles),
+    )
+    rows = tuple(result.row(roles) for result in results)
+    return FORMATS[form](Table("Behaviour of designers", ("runs",), columns, rows, notes=(ABOUT,)))

@@ -1,0 +1,1 @@
+"""How designers behave: what they predict, how they edit, how they repair."""

@@ -1,0 +1,169 @@
+"""How a designer behaves in a run: its edits, what it predicted of them, and what came of them."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from agentflow.metrics.behaviour.predictions import predicted_score, predicts_success
+from agentflow.metrics.search import search_roots
+from agentflow.metrics.validity import Rate
+from agentflow.runs.events import EvaluationEvent
+from agentflow.runs.places import INITIAL, Place
+from agentflow.runs.record import RunRecord
+
+MARGIN = 0.02
+"""Relative loss of score that is no failure yet; chosen, as that of variations of physics."""
+
+NONE = Rate(0, 0)
+
+
+@dataclass(frozen=True)
+class Edit:
+    """An accepted edit whose machine was simulated; both results have scores."""
+
+    place: Place
+    """Of the call that asked for it, or of the random edit."""
+    before: EvaluationEvent
+    after: EvaluationEvent
+
+    @property
+    def failed(self) -> bool:
+        """Whether the edited machine fails, or scores over 2 % less than the one before."""
+        return fails(self.after) or _score(self.after) < (1 - MARGIN) * _score(self.before)
+
+    @property
+    def informed(self) -> bool:
+        """Whether its author was told how the machine before it had done in the simulation."""
+        return self.place.node is not None
+
+
+def fails(result: EvaluationEvent) -> bool:
+    """Whether a simulated machine does not do its task at all: it is invalid, or scores 0."""
+    return not result.valid or _score(result) <= 0
+
+
+def edits(record: RunRecord) -> Iterator[Edit]:
+    """The edits of a run in the order of replies, those by refiners before random ones.
+
+    Edits are left out if a simulation of one of their machines crashed or timed out, if the
+    machine was never simulated because the run ended, and if they changed nothing.
+    """
+    machines: dict[tuple[int, int | None], str | None] = {}
+    """(trajectory, node) -> machine; the node of first machines is None."""
+    machines |= {(start.trajectory, None): start.machine for start in record.of_stage(INITIAL)}
+    machines |= {(number, 0): start.machine for number, start in search_roots(record).items()}
+    machines |= {(node.place.trajectory, node.place.node): node.machine for node in record.nodes}
+    made = [
+        (item.place, machines.get((item.place.trajectory, item.place.node)), item.machine)
+        for item in record.refinements
+    ]
+    made += [(item.place, item.parent, item.machine) for item in record.edits]
+    for place, parent, machine in made:
+        before, after = record.machines.get(parent or ""), record.machines.get(machine or "")
+        if before and after and parent != machine and None not in (before.score, after.score):
+            yield Edit(place, before, after)
+
+
+class Change(Protocol):
+    """What is known of the difference of two machines, each given by its content hash."""
+
+    def keeps_mechanism(self, before: str, after: str) -> bool:
+        """Whether both work by the same kinds of moving blocks."""
+
+    def size(self, before: str, after: str) -> float:
+        """Their tree edit distance, blocks."""
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """Counts of one run or several."""
+
+    mispredicted: Rate = NONE
+    """Edits that failed, of those that were predicted to succeed."""
+    surface: Rate = NONE
+    """Edits that keep the mechanism, of those of a failed machine by an author who knew it."""
+    local: Rate = NONE
+    """Edits that keep the mechanism, of all."""
+    sizes: tuple[float, ...] = ()
+    """Tree edit distance of each edit, blocks."""
+    errors: tuple[float, ...] = ()
+    """Predicted minus simulated score of each edit whose prediction names a score."""
+    effort: Mapping[str, int] = field(default_factory=dict)
+    """Role -> tokens that its replies took, with reasoning; as reported by the endpoint."""
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Role -> its share of all tokens of replies; empty if no tokens are reported."""
+        whole = sum(self.effort.values())
+        return {role: tokens / whole for role, tokens in self.effort.items()} if whole else {}
+
+    @property
+    def error(self) -> float | None:
+        """Median size of the error of predicted scores; None if no score was predicted."""
+        return statistics.median(map(abs, self.errors)) if self.errors else None
+
+    @property
+    def bias(self) -> float | None:
+        """Median error of predicted scores; positive if they are too high."""
+        return statistics.median(self.errors) if self.errors else None
+
+    def __add__(self, other: Behaviour) -> Behaviour:
+        roles = dict.fromkeys([*self.effort, *other.effort])
+        return Behaviour(
+            self.mispredicted + other.mispredicted,
+            self.surface + other.surface,
+            self.local + other.local,
+            self.sizes + other.sizes,
+            self.errors + other.errors,
+            {role: self.effort.get(role, 0) + other.effort.get(role, 0) for role in roles},
+        )
+
+
+def behaviour(
+    record: RunRecord,
+    prediction_of: Callable[[Place], str],
+    change: Change,
+    effort: Mapping[str, int],
+    *,
+    metres: bool,
+) -> Behaviour:
+    """How the designer of a run behaved.
+
+    Args:
+        record: The run.
+        prediction_of: The prediction in the reply to a call; "" if there is none.
+        change: Compares machines.
+        effort: Role -> tokens of its replies.
+        metres: Whether the score of the task is a distance.
+    """
+    made = list(edits(record))
+    kept = [change.keeps_mechanism(one.before.machine, one.after.machine) for one in made]
+    told = [prediction_of(one.place) for one in made]
+    hopeful = [one.failed for one, words in zip(made, told, strict=True) if predicts_success(words)]
+    failed = {one.after.machine for one in made if one.failed}
+    repairs = [
+        keeps
+        for one, keeps in zip(made, kept, strict=True)
+        if one.informed and (one.before.machine in failed or fails(one.before))
+    ]
+    scores = [predicted_score(words, metres=metres) for words in told]
+    return Behaviour(
+        Rate(sum(hopeful), len(hopeful)),
+        Rate(sum(repairs), len(repairs)),
+        Rate(sum(kept), len(kept)),
+        tuple(change.size(one.before.machine, one.after.machine) for one in made),
+        tuple(
+            score - _score(one.after)
+            for one, score in zip(made, scores, strict=True)
+            if score is not None
+        ),
+        effort,
+    )
+
+
+def _score(result: EvaluationEvent) -> float:
+    assert result.score is not None
+    return result.score

@@ -1,0 +1,74 @@
+"""How the designers of recorded runs behave, and the command that shows it."""
+
+from __future__ import annotations
+
+import json
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from agentflow.app.inspect.behaviour import moving_types, observe
+from agentflow.cli import main
+from agentflow.errors import RunError
+from tests.machine.builders import build
+
+RUNS = Path(__file__).parents[3] / "runs"
+MODEL, PROCEDURAL = RUNS / "language-model-jumping", RUNS / "recorded-throwing"
+
+
+def shown(*arguments: object, capsys: pytest.CaptureFixture[str]) -> str:
+    assert main(["behaviour", *map(str, arguments)]) == 0
+    return capsys.readouterr().out
+
+
+def test_the_moving_blocks_are_the_mechanism() -> None:
+    log, block, wheel, hinge, container, boulder = 63, 1, 2, 5, 30, 36
+    assert moving_types(build((log, 0, 0), (block, 1, 0))) == frozenset()
+    assert moving_types(build((wheel, 0, 2), (hinge, 0, 0))) == {wheel, hinge}
+    assert moving_types(build((container, 0, 4), (boulder, 1, 0))) == frozenset()
+
+
+def test_a_model_that_expects_the_same_result_gets_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (found,) = json.loads(shown(MODEL, "--json", capsys=capsys))["sources"]
+    assert (found["runs"], found["edits"]) == (1, 5)
+    assert (found["misprediction"]["count"], found["misprediction"]["of"]) == (0, 5)
+    assert found["surface_level"]["value"] is None  # nothing failed
+    assert found["prediction"] == {"count": 2, "error": 0.0, "bias": 0.0}
+    assert sum(found["effort"]["shares"].values()) == pytest.approx(1.0)
+    assert list(found["effort"]["shares"]) == ["designer", "inspector", "refiner", "querier"]
+
+
+def test_the_procedural_model_always_predicts_a_higher_score(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (found,) = json.loads(shown(PROCEDURAL, "--json", capsys=capsys))["sources"]
+    assert found["misprediction"]["of"] == found["edits"] == 6
+    assert found["effort"]["shares"] == {}
+    row = next(line for line in shown(PROCEDURAL, capsys=capsys).splitlines()
+               if line.startswith(str(PROCEDURAL)))  # fmt: skip
+    assert "1/6 (17%)" in row
+
+
+def test_a_folder_adds_up_its_runs() -> None:
+    both, one, other = observe([RUNS, MODEL, PROCEDURAL])
+    assert both.runs == 2
+    assert both.found == other.found + one.found or both.found == one.found + other.found
+
+
+def test_a_run_of_an_older_version_is_read(tmp_path: Path) -> None:
+    file = Path(__file__).parent / "recorded" / "throwing-iterative.tar.xz"
+    with tarfile.open(file) as archive:
+        archive.extractall(tmp_path, filter="data")
+    (found,) = observe([tmp_path])
+    assert len(found.found.sizes) == 15
+    assert len(found.found.errors) >= 10
+    assert found.found.bias is not None
+    assert found.found.bias > 0  # it expects too much
+
+
+def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="contains no run"):
+        observe([tmp_path])
