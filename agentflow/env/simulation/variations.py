@@ -1,4 +1,4 @@
-"""Variations of a simulation: a finer step, and slightly different masses, friction and motors.
+"""Variations of a simulation: a finer step, and different masses, friction, motors or strength.
 
 A machine that works scores about the same under all of them. One that scores only under the default
 conditions is about to fail, or profits from an error of the simulation.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from agentflow.env.physics.engine import Engine, EngineIdentity, World
-from agentflow.env.physics.model import Assembly
+from agentflow.env.physics.model import Assembly, Strength
 from agentflow.env.scene import Scene
 from agentflow.machine.geometry.vectors import scale
 
@@ -27,11 +27,15 @@ class Variation:
     """Of all friction: of surfaces, rolling, and dry in joints."""
     motor_torque: float = 1.0
     """Of the greatest torque of every motor."""
+    motor_speed: float = 1.0
+    """Of the target speed of every motor, and of winches."""
+    strength: float = 1.0
+    """Of the greatest load of every connection, and of what grabbers hold."""
 
     @property
     def varies_bodies(self) -> bool:
         """Whether it changes the machine or the scene, not only the rate."""
-        return (self.masses, self.friction, self.motor_torque) != (1.0, 1.0, 1.0)
+        return replace(self, name=DEFAULT.name, rate=1.0) != DEFAULT
 
 
 DEFAULT = Variation("default")
@@ -48,11 +52,26 @@ VARIATIONS = (
     Variation("motor torque -2 %", motor_torque=1 - LITTLE),
 )
 """The default conditions, then those that a score is verified under."""
+MUCH = 0.1
+"""Relative change of a quantity that a robust machine bears; chosen."""
+PERTURBATIONS = (
+    DEFAULT,
+    Variation("2 x step rate", rate=2.0),
+    Variation("masses +10 %", masses=1 + MUCH),
+    Variation("masses -10 %", masses=1 - MUCH),
+    Variation("friction +10 %", friction=1 + MUCH),
+    Variation("friction -10 %", friction=1 - MUCH),
+    Variation("motor speed +10 %", motor_speed=1 + MUCH),
+    Variation("motor speed -10 %", motor_speed=1 - MUCH),
+    Variation("strength +10 %", strength=1 + MUCH),
+    Variation("strength -10 %", strength=1 - MUCH),
+)
+"""The default conditions, then those that show whether a design is robust."""
 
 
 @dataclass(frozen=True)
 class VariedEngine:
-    """An engine that builds every world with changed masses, friction and motors."""
+    """An engine that builds every world with changed masses, friction, motors and strength."""
 
     engine: Engine
     variation: Variation
@@ -89,13 +108,30 @@ class VariedEngine:
                 joint,
                 drive=replace(
                     joint.drive,
+                    speed=joint.drive.speed * by.motor_speed,
                     torque=joint.drive.torque * by.motor_torque,
                     friction=joint.drive.friction * by.friction,
                 ),
+                strength=joint.strength and self._vary_strength(joint.strength),
             )
             for joint in assembly.joints
         )
-        return replace(assembly, parts=parts, joints=joints)
+        devices = replace(
+            assembly.devices,
+            winches=tuple(
+                replace(winch, speed=winch.speed * by.motor_speed)
+                for winch in assembly.devices.winches
+            ),
+            grippers=tuple(
+                replace(gripper, force=gripper.force * by.strength)
+                for gripper in assembly.devices.grippers
+            ),
+        )
+        return replace(assembly, parts=parts, joints=joints, devices=devices)
+
+    def _vary_strength(self, value: Strength) -> Strength:
+        by = self.variation.strength
+        return Strength(value.force * by, value.torque * by)
 
     def _vary_scene(self, scene: Scene) -> Scene:
         things = tuple(
