@@ -93,7 +93,7 @@ class Perturbation:
     @property
     def robust(self) -> float | None:
         """The robust score: the 10 % quantile of the scores under all conditions."""
-        return self.world_spread.quantile(LOW)
+        return robust_score(self.world)
 
     @property
     def blocks(self) -> dict[int, float]:
@@ -105,6 +105,11 @@ class Perturbation:
         """(block, face) -> mean score of the neighbours that add a block there, or change or remove
         the one there; the lowest first."""
         return _rank((face, r) for n, r in self.edits for face in n.faces)
+
+
+def robust_score(world: Mapping[str, Rollout]) -> float | None:
+    """The 10 % quantile of the scores under all conditions; None if any is missing."""
+    return Spread.of(None, world.values()).quantile(LOW)
 
 
 def _rank(found: Iterable[tuple[_K, Rollout]]) -> dict[_K, float]:

@@ -143,7 +143,7 @@ class ConstructionEndEvent(RunEvent, kind="construction_end", needs=("structure"
 
 
 @dataclass(frozen=True)
-class EvaluationEvent(RunEvent, kind="evaluation", needs=("trajectory",)):
+class EvaluationEvent(RunEvent, kind="evaluation", needs=("trajectory",), optional=("robust",)):
     """A machine was simulated, or its earlier result reused."""
 
     machine: str
@@ -157,6 +157,8 @@ class EvaluationEvent(RunEvent, kind="evaluation", needs=("trajectory",)):
     """Hash of every recorded state."""
     moved: float | None = None
     """Largest displacement of any block, m."""
+    robust: float | None = None
+    """The robust score, if searches compare it."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,14 @@ class Evaluation:
     details: Any = None
     """Data of the domain, passed through unchanged."""
     perfect: bool = False
-    """Whether no candidate can score higher, so that a search ends."""
+    """Whether no candidate can do better, so that a search ends."""
+    value: float | None = None
+    """What searches compare, if not the score."""
+
+    @property
+    def reward(self) -> float | None:
+        """What searches compare: the value, or else the score."""
+        return self.score if self.value is None else self.value
 
 
 @dataclass(frozen=True)

@@ -26,10 +26,10 @@ from agentflow.search.node import (
 
 
 def is_better(new: Evaluation, old: Evaluation) -> bool:
-    """Whether `new` is valid and scores higher than `old`; any valid score beats none."""
-    if not new.valid or new.score is None:
+    """Whether `new` is valid and has a higher reward than `old`; any valid one beats none."""
+    if not new.valid or new.reward is None:
         return False
-    return not old.valid or old.score is None or new.score > old.score
+    return not old.valid or old.reward is None or new.reward > old.reward
 
 
 class SearchTree(Generic[C]):
@@ -73,7 +73,7 @@ class SearchTree(Generic[C]):
     def rounds(self, count: int) -> Iterator[int]:
         """Yield round numbers from 1 to `count`.
 
-        Stop early when the budget has run out or no candidate can score higher than the best.
+        Stop early when the budget has run out or no candidate can do better than the best.
         """
         return takewhile(
             lambda _: not (self.stopped or self.best().evaluation.perfect), range(1, count + 1)

@@ -15,10 +15,10 @@ def reward_range(nodes: Sequence[Node[C]], settings: UcbSettings) -> tuple[float
     With `scale: minmax`, the lowest reward of the current tree, including the root, and the spread
     of its rewards (1 if they are all equal). With `none`, (0, 1).
     """
-    scores = [node.evaluation.score for node in nodes if node.evaluation.score is not None]
-    if settings.scale == "none" or not scores:
+    rewards = [node.evaluation.reward for node in nodes if node.evaluation.reward is not None]
+    if settings.scale == "none" or not rewards:
         return 0.0, 1.0
-    return min(scores), (max(scores) - min(scores)) or 1.0
+    return min(rewards), (max(rewards) - min(rewards)) or 1.0
 
 
 def ucb(

@@ -108,13 +108,18 @@ class Candidate:
 
     @property
     def perfect(self) -> bool:
-        """Whether no machine can score higher."""
+        """Whether no machine can do better."""
         return self.evaluation is not None and self.evaluation.perfect
 
     @property
     def score(self) -> float | None:
         """Score of its simulation; None without one."""
         return self.evaluation.score if self.evaluation is not None else None
+
+    @property
+    def reward(self) -> float | None:
+        """What machines are compared by: the score, unless the run has another objective."""
+        return self.evaluation.reward if self.evaluation is not None else None
 
 
 @dataclass(frozen=True)

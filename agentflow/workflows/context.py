@@ -177,6 +177,7 @@ class WorkflowContext:
                 summary.broken,
                 summary.digest,
                 summary.moved,
+                evaluation.value,
             )
         )
         return evaluation
@@ -281,8 +282,8 @@ class WorkflowContext:
     async def _evaluate(self, machine: Machine, label: str) -> Evaluation:
         self.save(machine)
         evaluation = await self._laboratory.evaluate(machine, label)
-        greatest, score = self.brief.greatest, evaluation.score
-        reached = greatest is not None and score is not None and score >= greatest
+        greatest, reward = self.brief.greatest, evaluation.reward
+        reached = greatest is not None and reward is not None and reward >= greatest
         return replace(evaluation, perfect=evaluation.valid and reached)
 
     def _count(

@@ -97,6 +97,11 @@ class WorkflowSettings(BaseModel):
     external: ExternalSettings = Field(
         ExternalSettings(), description="the agent program (external)"
     )
+    objective: Literal["score", "robust"] = Field(
+        "score",
+        description="what makes a machine better: its score, or its robust score, which takes ten "
+        "simulations of each machine",
+    )
     search: SearchSettings = Field(
         SearchSettings(), description="the feedback loop; 0 rounds skip it"
     )

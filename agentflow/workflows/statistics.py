@@ -62,6 +62,6 @@ def count_passes(stage: Stage) -> dict[str, Any]:
 
 
 def find_best(stages: tuple[Stage, ...]) -> tuple[Candidate, Stage] | None:
-    """The valid machine with the highest score, the earliest if tied; None without one."""
-    scored = [(c, stage) for stage in stages for c in stage.survivors if c.score is not None]
-    return max(scored, key=lambda found: found[0].score or 0.0, default=None)
+    """The valid machine with the highest reward, the earliest if tied; None without one."""
+    scored = [(c, stage) for stage in stages for c in stage.survivors if c.reward is not None]
+    return max(scored, key=lambda found: found[0].reward or 0.0, default=None)

@@ -63,7 +63,7 @@ async def execute(
         async with AsyncExitStack() as stack:
             if pool is None:
                 pool = await stack.enter_async_context(RolloutPool(config.workers))
-            laboratory = PhysicsLaboratory(plan.task, pool, config.seed)
+            laboratory = PhysicsLaboratory(plan.task, pool, config.seed, config.settings.objective)
             result = await workflow(
                 plan.task.brief, context_for, laboratory, config.settings, record, config.seed
             )

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
 from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import png_url
+from agentflow.env.perturbation import perturb_world, robust_score
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.pool.spool import Rollouts
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Rollout, Trace
+from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.verification import Verification, verify_async
 from agentflow.machine.blocks.library import library
@@ -22,6 +26,7 @@ from agentflow.search.node import Evaluation
 from agentflow.tools.world import View
 from agentflow.workflows.base import SimulationSummary
 
+Objective = Literal["score", "robust"]
 PICTURE = (960, 720)
 """Width and height of pictures for models, in pixels."""
 
@@ -29,13 +34,19 @@ PICTURE = (960, 720)
 class PhysicsLaboratory:
     """Simulates machines at one task. Implements the workflows' `Laboratory`."""
 
-    def __init__(self, task: Task, pool: Simulator, seed: int) -> None:
-        """Rollouts take random perturbations and gusts from `seed`."""
+    def __init__(
+        self, task: Task, pool: Simulator, seed: int, objective: Objective = "score"
+    ) -> None:
+        """Rollouts take random perturbations and gusts from `seed`.
+
+        With the objective `robust`, the value of an evaluation is the robust score.
+        """
+        self._objective = objective
         self._task = task
         self._pool = pool
         self._seed = seed
         self.rollouts = Rollouts()
-        """Every finished rollout by machine digest."""
+        """Every finished rollout under the default conditions, by machine digest."""
         self.simulated_seconds = 0.0
         """Simulated time of all rollouts."""
         self.worker_seconds = 0.0
@@ -44,10 +55,8 @@ class PhysicsLaboratory:
 
     async def evaluate(self, machine: Machine, label: str) -> Evaluation:  # noqa: ARG002
         """Simulate a machine."""
-        rollout = await self._pool.run(machine, self._task, seed=self._seed)
+        rollout = await self._simulate(machine)
         self.rollouts.put(machine.digest, rollout)
-        self.simulated_seconds += rollout.sim_seconds or 0.0
-        self.worker_seconds += rollout.wall_seconds or 0.0
         summary = SimulationSummary(
             score=rollout.score,
             status=rollout.status,
@@ -57,7 +66,27 @@ class PhysicsLaboratory:
             moved=None if rollout.trace is None else farthest_move(rollout.trace),
             facts=decisive_facts(machine, rollout),
         )
-        return Evaluation(rollout.status != "invalid", rollout.score, summary)
+        found = Evaluation(rollout.status != "invalid", rollout.score, summary)
+        if self._objective == "score" or not found.valid or found.score is None:
+            return found
+        return await self._with_value(found, machine, rollout)
+
+    async def _with_value(
+        self, found: Evaluation, machine: Machine, default: Rollout
+    ) -> Evaluation:
+        """Add the robust score; without it, the evaluation has no score, like a crashed one."""
+        world = await perturb_world(partial(self._simulate, machine), default)
+        value = robust_score(world)
+        if value is not None:
+            return replace(found, value=value)
+        status = next(rollout.status for rollout in world.values() if rollout.score is None)
+        return replace(found, score=None, details=replace(found.details, score=None, status=status))
+
+    async def _simulate(self, machine: Machine, variation: Variation = DEFAULT) -> Rollout:
+        rollout = await self._pool.run(machine, self._task, seed=self._seed, variation=variation)
+        self.simulated_seconds += rollout.sim_seconds or 0.0
+        self.worker_seconds += rollout.wall_seconds or 0.0
+        return rollout
 
     async def verify(self, machine: Machine) -> Verification:
         """Simulate an evaluated machine under every variation.

@@ -168,9 +168,9 @@ def _stage_winners(result: WorkflowResult) -> set[str]:
     winners = set()
     for stage in result.stages:
         ranked = [
-            (candidate.score, -candidate.trajectory, candidate.machine.digest)
+            (candidate.reward, -candidate.trajectory, candidate.machine.digest)
             for candidate in stage.survivors
-            if candidate.score is not None and candidate.machine
+            if candidate.reward is not None and candidate.machine
         ]
         if ranked:
             winners.add(max(ranked, key=lambda item: item[:2])[2])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import PROCEDURAL, DesignConfig
-from agentflow.env.simulation.variations import DEFAULT, VARIATIONS
+from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, VARIATIONS
 from agentflow.llm.messages import Usage
 from agentflow.workflows.registry import WORKFLOWS
 
@@ -65,6 +65,8 @@ def estimate(plan: RunPlan) -> Estimate:
     settings = workflow.adapt(config.settings)
     calls, rollouts = workflow.calls(settings), workflow.rollouts(settings)
     varied = [v.rate for v in VARIATIONS if v is not DEFAULT] if config.verify else []
+    conditions = PERTURBATIONS if settings.objective == "robust" else (DEFAULT,)
+    per_machine = sum(condition.rate for condition in conditions)
     seconds = len(plan.task.trials(config.seed)) * ROLLOUT_SECONDS * plan.task.window / WINDOW
     return Estimate(
         calls=sum(calls.values()),
@@ -73,7 +75,7 @@ def estimate(plan: RunPlan) -> Estimate:
         money=_total_money(config, calls),
         rollouts=rollouts,
         verification=len(varied),
-        seconds=(rollouts + sum(varied)) * seconds,
+        seconds=(rollouts * per_machine + sum(varied)) * seconds,
     )
 
 

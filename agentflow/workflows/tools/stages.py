@@ -97,11 +97,11 @@ def _candidates(run: WorkflowContext, bench: Bench) -> list[Candidate]:
 def _best_simulated(run: WorkflowContext, bench: Bench) -> Sequence[Machine]:
     """The best machine that was simulated but never submitted, if there is any."""
     tried = [
-        (evaluation.score, known.machine)
+        (evaluation.reward, known.machine)
         for known in bench.machines
         if known.submitted is None
         and (evaluation := run.evaluation_of(known.machine))
         and evaluation.valid
-        and evaluation.score is not None
+        and evaluation.reward is not None
     ]
     return [max(tried, key=lambda pair: pair[0])[1]] if tried else []
