@@ -13,6 +13,7 @@ import numpy as np
 
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variation
+from agentflow.env.verification import run_under
 from agentflow.machine.edits.neighbours import Neighbour
 from agentflow.machine.tree import Machine
 
@@ -121,23 +122,6 @@ def _rank(found: Iterable[tuple[_K, Rollout]]) -> dict[_K, float]:
     return dict(sorted(means.items(), key=lambda item: item[1]))
 
 
-async def perturb_world(
-    run: Callable[..., Awaitable[Rollout]], default: Rollout | None = None
-) -> dict[str, Rollout]:
-    """Rollouts of one machine under all conditions, at once, by name of the variation.
-
-    Args:
-        run: Simulates the machine under the variation that it gets as `variation`.
-        default: The rollout under the default conditions, if there is one already.
-    """
-
-    async def rollout_of(variation: Variation) -> Rollout:
-        return default if default and variation is DEFAULT else await run(variation=variation)
-
-    rollouts = await asyncio.gather(*map(rollout_of, PERTURBATIONS))
-    return {v.name: r for v, r in zip(PERTURBATIONS, rollouts, strict=True)}
-
-
 async def perturb(
     machine: Machine,
     neighbours: Sequence[Neighbour],
@@ -165,6 +149,7 @@ async def perturb(
         return await counted(machine, variation)
 
     world, edited = await asyncio.gather(
-        perturb_world(of_machine), asyncio.gather(*(counted(one.machine) for one in neighbours))
+        run_under(PERTURBATIONS, of_machine),
+        asyncio.gather(*(counted(one.machine) for one in neighbours)),
     )
     return Perturbation(world, tuple(zip(neighbours, edited, strict=True)))

@@ -87,12 +87,21 @@ async def verify_async(
             pool, with its other arguments bound.
         default: The rollout under the default conditions, if there is one already.
     """
+    return Verification(await run_under(VARIATIONS, run, default))
+
+
+async def run_under(
+    variations: Sequence[Variation],
+    run: Callable[..., Awaitable[Rollout]],
+    default: Rollout | None = None,
+) -> dict[str, Rollout]:
+    """Rollouts of one machine under variations, at once, by name; arguments as `verify_async`."""
 
     async def rollout_of(variation: Variation) -> Rollout:
         return default if default and variation is DEFAULT else await run(variation=variation)
 
-    rollouts = await asyncio.gather(*map(rollout_of, VARIATIONS))
-    return Verification({v.name: r for v, r in zip(VARIATIONS, rollouts, strict=True)})
+    rollouts = await asyncio.gather(*map(rollout_of, variations))
+    return {v.name: r for v, r in zip(variations, rollouts, strict=True)}
 
 
 def other_engines(task: Task) -> list[EngineSpec]:

@@ -12,14 +12,14 @@ import numpy as np
 
 from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import png_url
-from agentflow.env.perturbation import perturb_world, robust_score
+from agentflow.env.perturbation import robust_score
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.pool.spool import Rollouts
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Rollout, Trace
-from agentflow.env.simulation.variations import DEFAULT, Variation
+from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variation
 from agentflow.env.tasks.base import Task
-from agentflow.env.verification import Verification, verify_async
+from agentflow.env.verification import Verification, run_under, verify_async
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
@@ -75,7 +75,7 @@ class PhysicsLaboratory:
         self, found: Evaluation, machine: Machine, default: Rollout
     ) -> Evaluation:
         """Add the robust score; without it, the evaluation has no score, like a crashed one."""
-        world = await perturb_world(partial(self._simulate, machine), default)
+        world = await run_under(PERTURBATIONS, partial(self._simulate, machine), default)
         value = robust_score(world)
         if value is not None:
             return replace(found, value=value)

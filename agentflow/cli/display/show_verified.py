@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from agentflow.cli.display.output import Output, columns, output
+from collections.abc import Sequence
+
+from agentflow.cli.display.output import Cells, columns, output
 from agentflow.cli.display.show import Data, verified_line
 from agentflow.cli.display.show_records import outcome
 from agentflow.cli.display.text import number
@@ -18,62 +20,23 @@ def show_verified(found: Data) -> None:
         return
     console.print(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
     console.print(verified_line(found["verified"]))
-    table = columns("simulation", "score", "change")
-    default, *varied = found["verified"]["scores"]
-    table.add_row(default["variation"], outcome(default))
-    for item in varied:
-        table.add_row(item["variation"], outcome(item), _change(default["score"], item["score"]))
-    console.print(table)
+    console.print(variation_table("simulation", found["verified"]["scores"]))
     for other in found["others"]:
         console.print(f"not part of the median: {outcome(other)} with {other['engine']}")
 
 
-SHOWN = 5
-"""Number of blocks and of faces shown, the most sensitive first."""
-
-
-def show_perturbed(found: Data) -> None:
-    """Print how robust a design is."""
-    console = output()
-    if found["problems"]:
-        console.print("invalid; not simulated")
-        for problem in found["problems"]:
-            console.print(f"{problem['code']}: {problem['message']}")
-        return
-    console.print(f"score {number(found['score'])} ({found['task']}, {found['engine']})")
-    console.print(f"robust score {number(found['robust'])}, the 10 % quantile of all conditions")
-    table = columns("condition", "score", "change")
-    default, *varied = found["conditions"]
+def variation_table(heading: str, scores: Sequence[Data]) -> Cells:
+    """The score under each variation, and its change against the first, the default one."""
+    table = columns(heading, "score", "change")
+    default, *varied = scores
     table.add_row(default["variation"], outcome(default))
     for item in varied:
-        table.add_row(item["variation"], outcome(item), _change(default["score"], item["score"]))
-    for other in found["others"]:
-        change = _change(default["score"], other["score"])
-        table.add_row(f"{other['engine']} (not in the quantile)", outcome(other), change)
-    console.print(table)
-    _show_edits(console, found)
+        change = change_text(default["score"], item["score"])
+        table.add_row(item["variation"], outcome(item), change)
+    return table
 
 
-def _show_edits(console: Output, found: Data) -> None:
-    spread = found["edits"]
-    lost = f"; {spread['missing']} failed for technical reasons" if spread["missing"] else ""
-    console.print(f"{spread['count']} neighbours, one edit away{lost}")
-    if not spread["count"]:
-        return
-    if spread["kept"] is not None:
-        console.print(f"{spread['kept']:.0%} keep at least half of the score")
-    quantiles = (f"{share}: {number(at)}" for share, at in spread["quantiles"].items())
-    console.print(f"quantiles of their scores: {', '.join(quantiles)}")
-    table = columns("most sensitive", "mean score of its edits")
-    for item in found["blocks"][:SHOWN]:
-        table.add_row(f"block {item['block']} ({item['name']})", number(item["mean"]))
-    for item in found["faces"][:SHOWN]:
-        where = f"face {item['face']} of block {item['block']} ({item['name']})"
-        table.add_row(where, number(item["mean"]))
-    console.print(table)
-
-
-def _change(before: float | None, after: float | None) -> str:
+def change_text(before: float | None, after: float | None) -> str:
     """The relative change of a score; "-" if it has none."""
     if not before or after is None:
         return "-"

@@ -40,7 +40,7 @@ def _setting_key(task: Task, seed: int, variation: Variation = DEFAULT) -> str:
         "window": task.window,
         "schedule": asdict(task.schedule),
         "seed": seed,
-        "variation": asdict(variation),
+        "variation": variation.key,
     }
     text = json.dumps(setting, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]

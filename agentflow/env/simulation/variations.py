@@ -6,7 +6,7 @@ conditions is about to fail, or profits from an error of the simulation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 from agentflow.env.physics.engine import Engine, EngineIdentity, World
 from agentflow.env.physics.model import Assembly, Strength
@@ -36,6 +36,18 @@ class Variation:
     def varies_bodies(self) -> bool:
         """Whether it changes the machine or the scene, not only the rate."""
         return replace(self, name=DEFAULT.name, rate=1.0) != DEFAULT
+
+    @property
+    def key(self) -> dict[str, str | float]:
+        """What names it in keys of stored rollouts: factors that variations did not have from the
+        start are left out where they are 1, so that older rollouts are still found."""
+        usual = asdict(DEFAULT)
+        later = ("motor_speed", "strength")
+        return {
+            name: value
+            for name, value in asdict(self).items()
+            if name not in later or value != usual[name]
+        }
 
 
 DEFAULT = Variation("default")

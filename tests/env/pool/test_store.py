@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from agentflow.env.archive import save_npz
 from agentflow.env.pool.store import Store, rollout_key
 from agentflow.env.rollout import Feedback, Rollout
-from agentflow.env.simulation.variations import DEFAULT, Variation
+from agentflow.env.simulation.variations import DEFAULT, VARIATIONS, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError
@@ -137,3 +138,10 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RunError, match=r"cannot write to .*/file/store: Not a directory"):
         Store(tmp_path / "file" / "store", Counter())
+
+
+@pytest.mark.parametrize("variation", VARIATIONS)
+def test_factors_that_came_later_leave_older_keys_alone(variation: Variation) -> None:
+    assert list(variation.key) == ["name", "rate", "masses", "friction", "motor_torque"]
+    faster = replace(variation, motor_speed=1.1)
+    assert faster.key == {**variation.key, "motor_speed": 1.1}
