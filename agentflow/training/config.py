@@ -57,7 +57,7 @@ class Lora(_Group):
     """Low-rank adapters on all linear layers."""
 
     rank: int = Field(64, ge=1)
-    alpha: float = Field(128.0, gt=0)
+    alpha: float = Field(64.0, gt=0, description="alpha / rank is the weight of the adapter")
     dropout: float = Field(0.0, ge=0, lt=1)
 
 

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 RECIPES = ROOT / "recipes"
 JOBS = sorted((RECIPES / "slurm").glob("*.sbatch"))
 
+LIBRARIES = ("trl", "verl")
 PROMPTS, REPLIES = 8, 64
 """A step of the published training."""
 OPTIONS = {
@@ -26,6 +27,18 @@ OPTIONS = {
     *("exclusive", "time", "output", "signal"),
 }
 """Those of the options of sbatch, as in its manual page, that the jobs use."""
+
+
+def test_all_recipes_and_the_preset_train_the_same_adapter() -> None:
+    trl, verl = (yaml.safe_load((RECIPES / name / "grpo.yaml").read_text()) for name in LIBRARIES)
+    policy = verl["actor_rollout_ref"]["model"]
+    preset = ROOT / "configs" / "train" / "grpo_real.yaml"
+    ours = read_config(GrpoConfig, preset, (), {"model.name": "m"}).peft
+    assert ours is not None
+    assert ours.lora is not None
+    found = (ours.lora.rank, ours.lora.alpha)
+    assert found == (trl["lora_r"], trl["lora_alpha"]) == (64, 64)
+    assert found == (policy["lora_rank"], policy["lora_alpha"])
 
 
 @needs_training

@@ -48,10 +48,10 @@ def write_prompts(out: Path, tasks: Sequence[str], count: int, engine: str) -> d
         UsageError: As `prompt_rows` does, or the file cannot be written.
         ConfigError: The library datasets is not installed.
     """
+    rows = prompt_rows(tasks, count, engine)
     require_libraries("datasets")
     from datasets import Dataset
 
-    rows = prompt_rows(tasks, count, engine)
     with write_output(out) as part:
         Dataset.from_list(rows).to_parquet(part)
     return {"out": str(out), "rows": len(rows)}

@@ -33,6 +33,12 @@ class AdvantageConfig(BaseModel):
             raise ValueError("a schedule of k must say what k is from step 0 on, as in {0: 8}")
         return k
 
+    @model_validator(mode="after")
+    def _scales_pass1_alone(self) -> AdvantageConfig:
+        if self.scale and self.name != "pass1":
+            raise ValueError(f"scale is for pass1 only: set advantage.scale=false for {self.name}")
+        return self
+
     @property
     def ks(self) -> tuple[int, ...]:
         """Every k that occurs."""

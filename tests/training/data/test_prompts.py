@@ -53,6 +53,13 @@ def test_without_the_library_the_extra_is_named(
         pytest.skip("datasets is installed")
 
 
+def test_what_is_asked_for_is_checked_before_the_library(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["data", "prompts", "--tasks", "", "--out", str(tmp_path / "p.parquet")]) == 2
+    assert "name at least one task" in capsys.readouterr().err
+
+
 def test_datasets_reads_a_set_as_it_is(tmp_path: Path) -> None:
     datasets = pytest.importorskip("datasets")
     prompt = make_prompt([PROMPT[0], {"role": "user", "content": "long " * 4000}])

@@ -15,6 +15,8 @@ from tests.training.libraries import INSTALLED
 
 TINY, REAL = (ROOT / "configs" / "train" / f"grpo_{size}.yaml" for size in ("tiny", "real"))
 
+PKPO = "advantage={name: pkpo, scale: false}"
+
 
 def read(path: Path, *settings: str) -> GrpoConfig:
     return read_config(GrpoConfig, path, settings, {"model.name": "model"})
@@ -43,7 +45,7 @@ def test_the_tiny_preset_fits_two_processor_cores() -> None:
 
 
 def test_k_may_follow_a_schedule() -> None:
-    config = read(TINY, "advantage.name=pkpo", "advantage.k={0: 8, 20: 4, 30: 1}")
+    config = read(TINY, PKPO, "advantage.k={0: 8, 20: 4, 30: 1}")
     found = [config.advantage.k_at(step) for step in (0, 19, 20, 29, 30, 99)]
     assert found == [8, 8, 4, 4, 1, 1]
     assert AdvantageConfig(name="maxpo", k=3).k_at(7) == 3
@@ -54,20 +56,24 @@ def test_k_may_follow_a_schedule() -> None:
     [
         ("advantage.name=ppo", "advantage.name: expected 'pass1', 'best', 'pkpo' or 'maxpo'"),
         (
-            "advantage={name: pkpo, k: 17}",
+            "advantage={name: pkpo, k: 17, scale: false}",
             "advantage.k must be 1 to 16 for pkpo with samples = 16, not 17",
         ),
         (
-            "advantage={name: maxpo, k: 16}",
+            "advantage={name: maxpo, k: 16, scale: false}",
             "advantage.k must be 1 to 15 for maxpo with samples = 16, not 16",
         ),
-        ("advantage={name: pkpo, k: {0: 4, 9: 0}}", "advantage.k must be 1 to 16 for pkpo"),
+        (
+            "advantage={name: pkpo, k: {0: 4, 9: 0}, scale: false}",
+            "advantage.k must be 1 to 16 for pkpo",
+        ),
         ("advantage.k={5: 4}", "a schedule of k must say what k is from step 0 on"),
         ("samples=1", "samples: must be at least 2, not 1"),
         ("device_batch=48", r"prompts \* samples \(64\) must be a multiple of device_batch \(48\)"),
         ("reward=points", "reward: expected 'performance' or 'shaped', not 'points'"),
         ("rate=3", "unknown configuration key 'rate'"),
         ("fresh=true kl=0.1", "kl must be 0 with fresh"),
+        ("advantage.name=best", "scale is for pass1 only: set advantage.scale=false for best"),
     ],
 )
 def test_what_is_wrong_is_named_in_one_sentence(setting: str, words: str) -> None:

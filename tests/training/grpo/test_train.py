@@ -38,7 +38,7 @@ REPLY = f"A car. ```json {json.dumps(json.loads(CAR))}```"
 SMALL = (
     "tasks=[movement]", "engine=auto", "steps=4", "prompts=2", "samples=4", "device_batch=4",
     "max_tokens=120", "eval_every=2", "eval_samples=4", "save_every=2", "temperature=1.3",
-    "advantage={name: maxpo, k: 2}",
+    "advantage={name: maxpo, k: 2, scale: false}",
 )  # fmt: skip
 
 

@@ -72,7 +72,7 @@ def sft(
 
 @train.command(
     epilog="Example: agentflow train grpo --config configs/train/grpo_tiny.yaml --model MODEL "
-    "--out DIR --set advantage.name=pkpo"
+    "--out DIR --set advantage.name=pkpo --set advantage.scale=false"
 )
 def grpo(
     config: TrainingFile,
