@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -113,7 +115,9 @@ class Judge:
         self._briefs = {name: task.brief for name, task in self._tasks.items()}
         self._likenesses, self._trees = likenesses, trees
         self._seen: set[tuple[str, str]] = set()
-        """Objective and tree of every candidate that came as far as its simulation."""
+        """Objective and tree of every candidate whose simulation neither timed out nor crashed."""
+        self._turns: defaultdict[tuple[str, str], asyncio.Lock] = defaultdict(asyncio.Lock)
+        """Candidates with the same objective and tree are simulated one after the other."""
         self._useless: set[tuple[str, int]] = set()
         """Objective and sample of the answers whose variants are not worth a simulation."""
         self._kept: set[str] = set()
@@ -169,14 +173,24 @@ class Judge:
             return _drop(judgement, "evaluation")
         if tree in self._kept or (answer.objective, tree) in self._seen:
             return _drop(judgement, "duplicate")
-        self._seen.add((answer.objective, tree))
         return _Screened(judgement, report.machine)
 
     async def _simulate(self, pool: RolloutPool, screened: _Screened) -> Judgement:
-        """Apply the gates that need a simulation."""
+        """Apply the gates that need a simulation; again if that of an equal one failed."""
         judgement, machine = screened.judgement, screened.machine
         if machine is None:
             return judgement
+        known = judgement.objective, judgement.tree
+        async with self._turns[known]:
+            if known in self._seen:
+                return _drop(judgement, "duplicate").judgement
+            tested = await self._test(pool, judgement, machine)
+            if tested.dropped != "simulation":
+                self._seen.add(known)
+            return tested
+
+    async def _test(self, pool: RolloutPool, judgement: Judgement, machine: Machine) -> Judgement:
+        """Simulate a machine and see whether it does what its objective asks."""
         rollout = await pool.run(machine, self._tasks[judgement.objective])
         if rollout.score is None:
             return _drop(judgement, "simulation", rollout.status).judgement
@@ -200,7 +214,7 @@ class Judge:
     def _remember(self, judgement: Judgement) -> None:
         if not judgement.variant and judgement.dropped not in (None, "evaluation", "duplicate"):
             self._useless.add((judgement.objective, judgement.sample))
-        if judgement.tree and judgement.dropped not in ("evaluation", "duplicate"):
+        if judgement.tree and judgement.dropped not in ("evaluation", "duplicate", "simulation"):
             self._seen.add((judgement.objective, judgement.tree))
         if judgement.dropped is None:
             self._kept.add(judgement.tree)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import Future
 from typing import NamedTuple
@@ -60,6 +61,10 @@ class Judging:
         self.hand_over(tasks, texts)
         replies = list(zip(tasks, texts, strict=True))
         found = {reply: self._wait_for(reply) for reply in dict.fromkeys(replies)}
+        for reply, count in Counter(replies).items():
+            if found[reply].reward is None and count > 1:  # a second chance for all of them
+                self.hand_over(*([part] for part in reply))
+                found[reply] = self._wait_for(reply)
         while len(self._known) > self._remembered:  # not before: this step may need the oldest
             self._known.pop(next(iter(self._known)))
         return [found[reply] for reply in replies]

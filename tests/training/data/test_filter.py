@@ -10,7 +10,10 @@ from random import Random
 import pytest
 
 from agentflow.cli import main
-from agentflow.machine import read_machine
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.rollout import Feedback, Rollout
+from agentflow.env.tasks.base import Task
+from agentflow.machine import Machine, read_machine
 from agentflow.training.data.answers import read_answers
 from agentflow.training.data.contamination import tree_hash
 from agentflow.training.data.folder import read_lines
@@ -90,6 +93,32 @@ def test_each_gate_drops_what_it_should(objectives: Path, tmp_path: Path, capsys
     assert [count["gate"] for count in card["gates"]] == list(GATES)
     assert entered == sum(card["pairs"].values()) == len(pairs_in(out)) > 3
     assert (card["model"], card["licence"], card["faults"]) == (NAME, "MIT", 0)
+
+
+def test_a_simulation_that_failed_makes_no_equal_machine_a_duplicate(
+    objectives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers, out = tmp_path / "a", tmp_path / "set"
+    assert main(generate(objectives, answers, "--samples", "3", "--limit", "7")) == 0
+    cart = json.loads((answers / "answers.jsonl").read_text().splitlines()[0])["program"]
+    change_programs(answers, {3: cart, 6: cart})  # those of small-cart
+    simulated = RolloutPool.run
+    seen: list[str] = []
+
+    async def slow_at_first(pool: RolloutPool, machine: Machine, task: Task) -> Rollout:
+        seen.append(f"{task.name} {machine.digest}")
+        if seen.count(seen[-1]) > 1:
+            return await simulated(pool, machine, task)
+        return Rollout("timeout", None, Feedback("", {}))
+
+    monkeypatch.setattr(RolloutPool, "run", slow_at_first)
+    assert main(filtered(answers, out)) == 0
+    carts = [
+        item.dropped
+        for item in read_lines(out / "judged.jsonl", Judgement)
+        if item.objective == "small-cart"
+    ]
+    assert carts == ["simulation", None, "duplicate"]
 
 
 def test_the_pairs_hold_the_real_prompt_and_a_clean_reply(objectives: Path, tmp_path: Path) -> None:

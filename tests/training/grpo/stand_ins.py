@@ -13,11 +13,14 @@ from agentflow.rewards.scoring import Sample
 
 
 class TableScorer:
-    """Submits like `Scorer`; the score of a text is in the table, and None is a crash."""
+    """Submits like `Scorer`; the score of a text is in the table, and None is a crash.
+
+    A list holds the scores of one simulation after the other.
+    """
 
     def __init__(
         self,
-        scores: Mapping[str, float | None],
+        scores: Mapping[str, float | None | list[float | None]],
         machines: Mapping[str, Machine] = MappingProxyType({}),
     ) -> None:
         """`machines`: those in replies that have one."""
@@ -32,6 +35,8 @@ class TableScorer:
 
     def _reward(self, text: str) -> Reward:
         score, machine = self._scores[text], self._machines.get(text)
+        if isinstance(score, list):
+            score = score.pop(0)
         status = "ok" if score is not None else "crashed"
         rollout = Rollout(status, score, Feedback("", {}), {"distance": score})
         return Reward(score, True, True, True, status, (), machine, rollout)

@@ -62,7 +62,14 @@ def test_a_reply_whose_simulation_failed_has_no_reward_and_is_tried_again() -> N
     for _ in range(2):
         judged = found.collect(["movement"] * 3, ["crash", "a", "crash"])
         assert [(one.reward, one.score) for one in judged] == [(None, None), (1, 1), (None, None)]
-    assert table.submitted == ["crash", "a", "crash"]
+    assert table.submitted == ["crash", "a", "crash", "crash", "crash"]
+
+
+def test_replies_like_one_whose_simulation_failed_are_judged_by_a_second_one() -> None:
+    table = TableScorer({"a": 1.0, "slow": [None, 2.0], "alone": None})
+    judged = judging(table).collect(["movement"] * 4, ["slow", "a", "slow", "alone"])
+    assert [one.score for one in judged] == [2, 1, 2, None]
+    assert table.submitted == ["slow", "a", "alone", "slow"]
 
 
 def test_the_oldest_reply_is_forgotten_only_once_its_step_is_judged() -> None:
