@@ -22,7 +22,7 @@ from agentflow.training.model.base import adapter_config, base_folder, load_base
 from agentflow.training.model.folder import ModelFolder
 from agentflow.training.record import About
 from agentflow.training.run import TrainingRun
-from agentflow.training.trainer import Notes, library_options
+from agentflow.training.trainer import Notes, library_options, require_one_device
 
 CURVES = {
     "loss": "loss",
@@ -50,9 +50,10 @@ def train_sft(config: SftConfig, out: Path, resume: bool, notify: Notify) -> Map
         The content of result.json.
 
     Raises:
-        UsageError: The data set cannot be read or has no pair that fits; or the directory cannot
-            be used.
+        UsageError: The data set cannot be read or has no pair that fits; the directory cannot be
+            used; or there are several GPUs or processes.
     """
+    require_one_device(config)
     pairs = list(read_pairs(Path(config.data) / TRAIN))
     if not pairs:
         raise UsageError(
@@ -68,8 +69,10 @@ def train_sft(config: SftConfig, out: Path, resume: bool, notify: Notify) -> Map
             notify(f"continuing after {run.checkpoint.name}")
         trainer = make_trainer(config, folder, pairs, dev, run, notify)
         left_out = _order_pairs(trainer, config)
-        if left_out:
-            notify(f"{left_out} pairs are longer than {config.max_tokens} tokens and left out")
+        for file, count in ((TRAIN, left_out), (DEV, _leave_out_long(trainer, config))):
+            if count:
+                long = f"longer than {config.max_tokens} tokens and left out"
+                notify(f"{count} pairs of {file} are {long}")
         trainer.train(resume_from_checkpoint=run.checkpoint and str(run.checkpoint))
         save_model(trainer.model, trainer.processing_class, folder, run.model)
         model = trainer.model
@@ -96,7 +99,7 @@ def make_trainer(
     notify: Notify,
 ) -> Any:
     """The library's trainer with its pairs tokenised, in the order of the data set."""
-    rows, dev_rows = _rows(folder, pairs), _rows(folder, dev)
+    rows = _rows(folder, pairs)
     if config.threads is not None:
         torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
@@ -104,24 +107,30 @@ def make_trainer(
     model, tokenizer = load_base(config, texts)
     trainer = SFTTrainer(
         model=model,
-        args=LibraryConfig(
-            **library_options(config, run),
-            per_device_train_batch_size=config.device_batch or config.batch,
-            gradient_accumulation_steps=config.batch // (config.device_batch or config.batch),
-            per_device_eval_batch_size=config.device_batch or config.batch,
-            eval_strategy="steps" if dev else "no",  # a set of one objective has no other one
-            eval_steps=config.dev_every,
-            train_sampling_strategy="sequential",
-            max_length=None,
-        ),
+        args=_library_config(config, run, measured=bool(dev)),
         train_dataset=Dataset.from_list(rows),
-        eval_dataset=Dataset.from_list(dev_rows) if dev else None,
+        eval_dataset=Dataset.from_list(_rows(folder, dev)) if dev else None,
         processing_class=tokenizer,
         peft_config=adapter_config(config.peft),
         callbacks=[Notes(run, CURVES, notify)],
     )
     trainer.remove_callback(PrinterCallback)
     return trainer
+
+
+def _library_config(config: SftConfig, run: TrainingRun, measured: bool) -> LibraryConfig:
+    """`measured`: whether there are pairs of dev.jsonl; a set of one objective has none."""
+    part = config.device_batch or config.batch
+    return LibraryConfig(
+        **library_options(config, run),
+        per_device_train_batch_size=part,
+        gradient_accumulation_steps=config.batch // part,
+        per_device_eval_batch_size=part,
+        eval_strategy="steps" if measured else "no",
+        eval_steps=config.dev_every,
+        train_sampling_strategy="sequential",
+        max_length=None,
+    )
 
 
 def _rows(folder: ModelFolder, pairs: Sequence[Pair]) -> list[dict[str, Any]]:
@@ -142,8 +151,7 @@ def _order_pairs(trainer: Any, config: SftConfig) -> int:
     other in random order. The order is complete before training begins, so a continued run goes
     on with the right pair.
     """
-    lengths = [len(tokens) for tokens in trainer.train_dataset["input_ids"]]
-    fitting = [i for i, length in enumerate(lengths) if length <= config.max_tokens]
+    lengths, fitting = _fitting(trainer.train_dataset, config)
     if not fitting:
         raise UsageError(
             f"every pair of {config.data} is longer than max_tokens ({config.max_tokens}); the "
@@ -160,6 +168,23 @@ def _order_pairs(trainer: Any, config: SftConfig) -> int:
         order += [fitting[i] for number in shuffled for i in batches[number]]
     trainer.train_dataset = trainer.train_dataset.select(order[:wanted])
     return len(lengths) - len(fitting)
+
+
+def _leave_out_long(trainer: Any, config: SftConfig) -> int:
+    """Leave out pairs of dev.jsonl that are too long; how many. If all are, nothing is measured."""
+    if trainer.eval_dataset is None:
+        return 0
+    lengths, fitting = _fitting(trainer.eval_dataset, config)
+    trainer.eval_dataset = trainer.eval_dataset.select(fitting)
+    if not fitting:
+        trainer.args.eval_strategy = "no"
+    return len(lengths) - len(fitting)
+
+
+def _fitting(pairs: Dataset, config: SftConfig) -> tuple[list[int], list[int]]:
+    """The lengths of pairs in tokens, and the numbers of those that are not too long."""
+    lengths = [len(tokens) for tokens in pairs["input_ids"]]
+    return lengths, [i for i, length in enumerate(lengths) if length <= config.max_tokens]
 
 
 def _last(history: Sequence[Mapping[str, Any]], name: str) -> float | None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
 import torch
 from transformers import TrainerCallback
 
+from agentflow.errors import ConfigError
 from agentflow.runs import Notify
 from agentflow.training.config import TrainingConfig
 from agentflow.training.run import TrainingRun
@@ -16,6 +18,25 @@ OPTIMISERS = {"adamw": "adamw_torch", "adamw_8bit": "adamw_bnb_8bit"}
 """Our name of an optimiser -> the library's."""
 SHOWN = 6
 """Most numbers of a step that the user is told."""
+
+
+def require_one_device(config: TrainingConfig) -> None:
+    """Refuse several processes, which would write into one folder, and several GPUs.
+
+    Raises:
+        ConfigError: A launcher has started several, or several GPUs are visible.
+    """
+    other = "recipes/README.md says how to train on several GPUs"
+    if (processes := int(os.environ.get("WORLD_SIZE", "1"))) > 1:
+        raise ConfigError(
+            f"agentflow train is one process, but a launcher started {processes} (WORLD_SIZE): "
+            f"start it without accelerate launch or torchrun; {other}"
+        )
+    if config.device != "cpu" and (visible := torch.cuda.device_count()) > 1:
+        raise ConfigError(
+            f"agentflow train uses one GPU, but {visible} are visible: choose one, as in "
+            f"CUDA_VISIBLE_DEVICES=0; {other}"
+        )
 
 
 def library_options(config: TrainingConfig, run: TrainingRun) -> dict[str, Any]:

@@ -104,6 +104,43 @@ def test_a_set_of_one_objective_has_no_loss_on_others(data: Path, tmp_path: Path
     assert not any("dev_loss" in row for row in record.curves)
 
 
+def test_long_pairs_are_left_out_of_both_files(
+    data: Path, tmp_path: Path, capsys: Captured
+) -> None:
+    shutil.copytree(data, tmp_path / "set")
+    dev = tmp_path / "set" / "dev.jsonl"
+    pairs = [json.loads(line) for line in dev.read_text().splitlines()]
+    pairs[0]["messages"][-1]["content"] *= 9
+    dev.write_text("".join(json.dumps(pair) + "\n" for pair in pairs))
+    few = {"steps": 2, "save_every": 2, "dev_every": 2}
+    assert main(sft(tmp_path / "set", tmp_path / "one", **few)) == 0
+    assert "1 pairs of dev.jsonl are longer than 512 tokens and left out" in capsys.readouterr().err
+    assert "dev_loss" in read_training(tmp_path / "one").curves[-1]
+    dev.write_text(json.dumps(pairs[0]) + "\n")
+    assert main(sft(tmp_path / "set", tmp_path / "none", **few)) == 0
+    assert "dev_loss" not in read_training(tmp_path / "none").curves[-1]
+
+
+@pytest.mark.parametrize(
+    ("gpus", "processes", "message"),
+    [
+        (2, "1", "uses one GPU, but 2 are visible: choose one, as in CUDA_VISIBLE_DEVICES=0;"),
+        (1, "8", "is one process, but a launcher started 8 (WORLD_SIZE): start it without"),
+    ],
+)
+def test_several_gpus_and_processes_are_refused(
+    gpus: int, processes: str, message: str, data: Path, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: Captured,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: gpus)
+    monkeypatch.setenv("WORLD_SIZE", processes)
+    assert main(sft(data, tmp_path / "sft", device="auto")) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1
+    assert not (tmp_path / "sft").exists()
+
+
 def test_transformers_load_the_model(trained: Path) -> None:
     tokenizer = AutoTokenizer.from_pretrained(trained / "model")
     model = AutoModelForCausalLM.from_pretrained(trained / "model")

@@ -26,7 +26,7 @@ from agentflow.training.model.folder import ModelFolder
 from agentflow.training.record import About, read_curves
 from agentflow.training.rewards import REWARDS
 from agentflow.training.run import TrainingRun
-from agentflow.training.trainer import Notes, library_options
+from agentflow.training.trainer import Notes, library_options, require_one_device
 
 CURVES: Mapping[str, str] = MappingProxyType(
     {name: name for name in NUMBERS}
@@ -59,9 +59,10 @@ def train_grpo(config: GrpoConfig, out: Path, resume: bool, notify: Notify) -> M
         The content of result.json.
 
     Raises:
-        UsageError: A task or engine does not exist, there is no such model, or the directory
-            cannot be used.
+        UsageError: A task or engine does not exist, there is no such model, the directory cannot
+            be used, or there are several GPUs or processes.
     """
+    require_one_device(config)
     folder = _trained_folder(config)
     rows = [
         {"prompt": folder.prompt(design_prompt(task, engine=config.engine)), "task": task}
@@ -99,38 +100,50 @@ def _trained_folder(config: GrpoConfig) -> ModelFolder:
 def _make_trainer(
     config: GrpoConfig, rows: list[dict[str, Any]], run: TrainingRun, scorer: Scorer, notify: Notify
 ) -> SimulationTrainer:
-    if config.threads is not None:
-        torch.set_num_threads(config.threads)
-    torch.manual_seed(config.seed)
-    model, tokenizer = load_base(config, ())
-    if config.fresh:
-        model = AutoModelForCausalLM.from_config(model.config, dtype=model.dtype)
+    model, tokenizer = _first_model(config)
     prompts = list(islice(cycle(rows), config.steps * config.prompts))  # more would be more steps
     trainer = SimulationTrainer(
         judging=Judging(scorer, REWARDS[config.reward], config.engine),
         advantage=config.advantage,
         model=model,
-        args=LibraryConfig(
-            **library_options(config, run),
-            per_device_train_batch_size=config.part,
-            gradient_accumulation_steps=config.batch // config.part,
-            num_generations=config.samples,
-            max_completion_length=config.max_tokens,
-            temperature=config.temperature,
-            top_p=config.top_p,
-            top_k=0,
-            use_vllm=config.vllm,
-            loss_type=config.loss,
-            scale_rewards="none",
-            beta=config.kl,
-            epsilon=config.clip,
-            epsilon_high=config.clip_high,
-            shuffle_dataset=False,
-        ),
+        args=_library_config(config, run),
         train_dataset=Dataset.from_list(prompts),
         processing_class=tokenizer,
         peft_config=adapter_config(config.peft),
         callbacks=[Notes(run, CURVES, notify)],
     )
     trainer.remove_callback(PrinterCallback)
+    if trainer.ref_model is not None:  # read from where the model came from, without its adapter
+        trainer.ref_model.load_state_dict(model.state_dict())
     return trainer
+
+
+def _first_model(config: GrpoConfig) -> tuple[Any, Any]:
+    """The model that training begins with, and its tokenizer."""
+    if config.threads is not None:
+        torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed)
+    model, tokenizer = load_base(config, ())
+    if config.fresh:
+        model = AutoModelForCausalLM.from_config(model.config, dtype=model.dtype)
+    return model, tokenizer
+
+
+def _library_config(config: GrpoConfig, run: TrainingRun) -> LibraryConfig:
+    return LibraryConfig(
+        **library_options(config, run),
+        per_device_train_batch_size=config.part,
+        gradient_accumulation_steps=config.batch // config.part,
+        num_generations=config.samples,
+        max_completion_length=config.max_tokens,
+        temperature=config.temperature,
+        top_p=config.top_p,
+        top_k=0,
+        use_vllm=config.vllm,
+        loss_type=config.loss,
+        scale_rewards="none",
+        beta=config.kl,
+        epsilon=config.clip,
+        epsilon_high=config.clip_high,
+        shuffle_dataset=False,
+    )

@@ -77,7 +77,8 @@ def load_base(config: TrainingConfig, texts: Iterable[str]) -> tuple[Any, Any]:
         tokenizer = AutoTokenizer.from_pretrained(str(place))
         if (place / ADAPTER).is_file():
             model = AutoPeftModelForCausalLM.from_pretrained(str(place), dtype=config.precision)
-            return model.merge_and_unload(), tokenizer
+            merged = model.merge_and_unload()
+            return merged.requires_grad_(True), tokenizer  # adapters freeze what they belong to
         return AutoModelForCausalLM.from_pretrained(str(place), dtype=config.precision), tokenizer
     except OSError as error:
         why = str(error).strip().partition("\n")[0]

@@ -169,11 +169,12 @@ def test_an_adapter_is_merged_before_a_new_one_is_trained(model: Path, tmp_path:
     merged, _ = load_base(config(folder), ())
     ids = torch.tensor([[3, 4, 5]])
     assert torch.allclose(merged(ids).logits, adapted(ids).logits, atol=1e-4)
-    wanted = config(
-        folder, "steps=1", "save_every=1", "max_tokens=20", "kl=0.1", "peft={lora: {rank: 2}}"
-    )
-    train_grpo(wanted, tmp_path / "run", resume=False, notify=lambda _: None)
-    assert read_training(tmp_path / "run").curves[1]["kl"] == 0, "the first step is at the start"
+    small = ("steps=1", "save_every=1", "max_tokens=20", "kl=0.1")
+    for name, adapter in {"adapter": "{lora: {rank: 2}}", "all weights": "null"}.items():
+        wanted = config(folder, *small, f"peft={adapter}")
+        train_grpo(wanted, tmp_path / name / "run", resume=False, notify=lambda _: None)
+        kl = read_training(tmp_path / name / "run").curves[1]["kl"]
+        assert kl == pytest.approx(0, abs=1e-6), f"{name}: the first step is at the start"
 
 
 def test_a_missing_model_is_named_before_anything_is_written(tmp_path: Path) -> None:
