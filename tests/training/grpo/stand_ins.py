@@ -20,7 +20,7 @@ class TableScorer:
 
     def __init__(
         self,
-        scores: Mapping[str, float | None | list[float | None]],
+        scores: Mapping[str, float | list[float | None] | None],
         machines: Mapping[str, Machine] = MappingProxyType({}),
     ) -> None:
         """`machines`: those in replies that have one."""
