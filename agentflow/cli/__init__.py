@@ -16,6 +16,7 @@ from agentflow.errors import AgentflowError
 USAGE, INTERRUPTED = 2, 130
 MODULES = (
     "analysis.behaviour",
+    "analysis.diagnose",
     "analysis.perturb",
     "benchmark",
     "design",

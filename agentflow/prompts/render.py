@@ -23,8 +23,8 @@ _ROOM = (1.0, 0.5, 0.25, 0.0)
 """Shares of the usual space for long sections, tried in turn until a prompt fits."""
 _FACTS, _FUNCTIONS = "facts.yaml", "block_functions.yaml"
 _RETRY = "_parts/retry.j2"
-_APART = frozenset({"agent"})
-"""Roles that came later, whose templates must not change the digests of runs without them."""
+_APART = frozenset({"agent", "_questions"})
+"""Folders that came later, whose templates must not change the digests of runs without them."""
 
 
 @cache
@@ -72,14 +72,14 @@ class PromptSet:
         """Content hash (16 hex digits) of everything that affects the set's prompts."""
         return self.digest_for(())
 
-    def digest_for(self, roles: Collection[str]) -> str:
-        """The digest for a run that asks these roles; templates in `_APART` count if asked."""
+    def digest_for(self, folders: Collection[str]) -> str:
+        """The digest for what uses these folders; templates in `_APART` count only if named."""
         shared = {name: _home().joinpath(name).read_text("utf-8") for name in (_FACTS, _FUNCTIONS)}
         files = {**self.files, **shared}
         files |= {ABOUT: str(self.fits)} if self.fits else {}
         digest = hashlib.sha256()
         for path in sorted(files):
-            if (role := path.partition("/")[0]) in _APART and role not in roles:
+            if (folder := path.partition("/")[0]) in _APART and folder not in folders:
                 continue
             digest.update(f"{path}\0{files[path]}\0".encode())
         return digest.hexdigest()[:16]
@@ -91,7 +91,7 @@ class PromptSet:
         return tuple(sorted(folder for folder in folders if not folder.startswith("_")))
 
     def render(self, role: str, variables: Mapping[str, object]) -> tuple[str, str]:
-        """Render the system and the user prompt of a role.
+        """Render the system and the user prompt of a role, or of a question in `_questions/`.
 
         Sets with a token limit shorten long sections: the variable `room`, the share of the usual
         space, is lowered until the prompts fit.
@@ -100,7 +100,7 @@ class PromptSet:
             UnknownNameError: The set has no prompts for this role.
             PromptError: A variable is missing; the message names template and variable.
         """
-        if role not in self.roles:
+        if f"{role}/user.j2" not in self.files:
             raise UnknownNameError("role", role, self.roles)
         for room in _ROOM:
             given = {**variables, "room": room}

@@ -18,7 +18,7 @@ from agentflow.config.run import (
     set_key,
 )
 from agentflow.env.tasks.knobs import deep_merge
-from agentflow.errors import ConfigError
+from agentflow.errors import ConfigError, UsageError
 from agentflow.llm.endpoint.address import Endpoint
 
 
@@ -130,6 +130,28 @@ def require_model_name(model: ModelConfig) -> None:
             "a base URL is given without a model: name the model with --model (model.name, "
             "AGENTFLOW_MODEL)"
         )
+
+
+UNUSED = ("workflow", "settings", "rationale_from", "max_retry", "verify", "keep_rollouts")
+"""Keys that only runs use."""
+
+
+def refuse_settings(config: DesignConfig, keys: Iterable[str], why: str) -> None:
+    """Refuse settings of runs, and of other keys, where they would decide nothing.
+
+    Args:
+        config: As given.
+        keys: Keys that are not used, besides `UNUSED`.
+        why: The message, with {key} for the key.
+
+    Raises:
+        UsageError: One of the keys is set.
+    """
+    given = config.model.model_dump(exclude={"label"}, exclude_unset=True)
+    default = complete_config({"model": given})  # a model in a folder may have its own workflow
+    for key in (*UNUSED, *keys):
+        if getattr(config, key) != getattr(default, key):
+            raise UsageError(why.format(key=key))
 
 
 def config_json(config: DesignConfig) -> dict[str, Any]:

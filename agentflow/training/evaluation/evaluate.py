@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agentflow.api import design_prompt
-from agentflow.app.design.config import complete_config
+from agentflow.app.design.config import refuse_settings
 from agentflow.app.design.models import charge_budget, choose_models, open_models
 from agentflow.app.design.plan import physics_conditions
 from agentflow.app.prompts import render_prompt
@@ -49,6 +49,10 @@ BATCH = 32
 the replies of its last batch again."""
 Progress = Callable[[int, int], None]
 """(replies judged, of)."""
+NOT_USED = (
+    "an evaluation has no {key}: it asks for whole machines, each in one reply; set only keys of "
+    "model, knobs, prompts and engine"
+)
 AGAIN = "run the same command again to continue"
 
 
@@ -105,7 +109,7 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
         raise UsageError(f"an evaluation needs at least one sample of each task, not {samples}")
     if len(set(tasks)) < len(tasks):
         raise UsageError(f"each task may be named once, not as in {', '.join(tasks)}")
-    _require_used(config)
+    refuse_settings(config, (), NOT_USED)
     briefs = [get_task(task, config.knobs, config.engine).brief for task in tasks]
     prompt = render_prompt(config.prompts, ROLE, briefs[0])
     return Evaluation(
@@ -135,18 +139,6 @@ def _trained_on(config: DesignConfig) -> tuple[str, ...]:
     if training is None or not (training / TRAINING).exists():
         return ()
     return tuple(read_training(training).config.get("tasks", ()))
-
-
-def _require_used(config: DesignConfig) -> None:
-    """Refuse settings of runs that an evaluation does not have."""
-    given = config.model.model_dump(exclude={"label"}, exclude_unset=True)
-    default = complete_config({"model": given})  # a model in a folder may have its own workflow
-    for key in ("workflow", "settings", "rationale_from", "max_retry", "verify", "keep_rollouts"):
-        if getattr(config, key) != getattr(default, key):
-            raise UsageError(
-                f"an evaluation has no {key}: it asks for whole machines, each in one reply; set "
-                "only keys of model, knobs, prompts and engine"
-            )
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,58 @@
+"""The machines of questions: random ones, and designs of the built-in model, with random edits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from random import Random
+
+from agentflow.agents.context import EXAMPLE, block_rows
+from agentflow.app.prompts import render_prompt
+from agentflow.env.tasks.registry import get_task
+from agentflow.llm.messages import Message
+from agentflow.llm.procedural.designing import build_machine
+from agentflow.llm.procedural.reading import Prompt, read_prompt
+from agentflow.machine import Machine, library
+from agentflow.machine.blocks.library import STARTING_BLOCK
+
+SIZES = (5, 20)
+"""Fewest and most blocks of a machine; as in the published question."""
+LEVELS = ("movement", "throwing")
+"""Levels whose designs are used: cars, and machines that throw."""
+
+
+def draw_design(rng: Random, level: str) -> Machine:
+    """A design of the built-in model for a level, of a size in `SIZES`."""
+    while True:
+        machine, _ = build_machine(_prompt(level), rng)
+        if SIZES[0] <= len(machine) <= SIZES[1]:
+            return machine
+
+
+@cache
+def _prompt(level: str) -> Prompt:
+    """What a designer is told, as the built-in model reads it."""
+    told = render_prompt("default", "designer", get_task(level).brief)
+    return read_prompt([Message(role="user", text=str(told["user"]))])
+
+
+def describe_blocks(machine: Machine) -> Mapping[str, object]:
+    """Template variables of a machine and of the types that it uses, without its geometry."""
+    kinds = [library()[kind] for kind in sorted({step.type for step in machine})]
+    linear = [kind for kind in kinds if kind.linear]
+    plain = [kind.type for kind in kinds if not kind.linear and kind.type != STARTING_BLOCK]
+    return {
+        "representation": "tree",
+        "machine": machine.to_text(),
+        "blocks": block_rows(kinds),
+        "types": [kind.type for kind in kinds],
+        "example_type": EXAMPLE if EXAMPLE in plain else plain[0],
+        "two_ended": [f"{kind.name} {kind.type}" for kind in linear],
+        "two_ended_type": linear[0].type if linear else None,
+    }
+
+
+def list_ids(blocks: Sequence[int]) -> str:
+    """Block ids in a sentence: "3, 5 and 8"."""
+    *first, last = map(str, blocks)
+    return f"{', '.join(first)} and {last}" if first else last

@@ -1,0 +1,90 @@
+"""The question which blocks of a machine overlap: machines with a known number of such pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import cycle
+from random import Random
+from typing import Any, ClassVar
+
+from agentflow.app.diagnose.machines import LEVELS, SIZES, describe_blocks, draw_design
+from agentflow.app.diagnose.question import Diagnostic, Mark, Question
+from agentflow.app.diagnose.reading import Pair, read_pairs
+from agentflow.app.diagnose.scores import Detection
+from agentflow.machine import ROOT, Machine, check, library
+from agentflow.machine.edits.moves import MOVES, additions
+
+MOST = 8
+"""Most overlapping pairs of one machine; a random machine of 20 blocks often has more."""
+BREAKING = ("swap", "re-attach", "re-orient")
+"""Kinds of edits that break a design: one block gets another type, place or orientation."""
+EDITS = 20
+"""Edits of a design that are tried before the next design."""
+
+
+class Overlap(Diagnostic):
+    """Which pairs of blocks overlap."""
+
+    name: ClassVar[str] = "overlap"
+
+    def questions(self, size: int, seed: int) -> list[Question]:
+        """Machines with `size` overlapping pairs in all: random ones and broken designs in turn."""
+        rng = Random(f"diagnose/overlap/{seed}")
+        sources = cycle((_random_machines, _broken_designs))
+        found: list[Question] = []
+        left = size
+        while left:
+            machine, pairs = _first_overlapping(next(sources)(rng), min(left, MOST))
+            left -= len(pairs)
+            found.append(Question(f"overlap/{len(found)}", machine, pairs))
+        return found
+
+    def variables(self, question: Question) -> Mapping[str, object]:
+        return describe_blocks(question.machine)
+
+    def read(self, text: str, question: Question) -> list[Pair] | None:  # noqa: ARG002
+        return read_pairs(text)
+
+    def score(self, marks: Sequence[Mark]) -> dict[str, Any]:
+        """Found pairs / true pairs (`accuracy`), and what this costs (`precision`, `f1`)."""
+        return {"pairs": sum(len(mark.truth) for mark in marks), **_count(marks).to_json()}
+
+
+def _count(marks: Sequence[Mark]) -> Detection:
+    """True, named and found pairs; a pair counts once, in either order."""
+    total = Detection(0, 0, 0)
+    for mark in marks:
+        true = {tuple(pair) for pair in mark.truth}
+        named = {tuple(pair) for pair in mark.answer or ()}
+        total += Detection(len(true & named), len(named), len(true))
+    return total
+
+
+def _first_overlapping(machines: Iterator[Machine], most: int) -> tuple[Machine, list[Pair]]:
+    """The first machine with one to `most` overlaps and no other problem, and its overlaps."""
+    for machine in machines:
+        report = check(machine)
+        codes = {problem.code for problem in report.problems}
+        if codes == {"overlap"} and len(report.overlaps) <= most:
+            return machine, list(report.overlaps)
+    raise AssertionError("the machines never end")
+
+
+def _random_machines(rng: Random) -> Iterator[Machine]:
+    """Random machines of standard blocks, grown without regard to overlaps."""
+    types = [kind for kind in sorted(library().core) if kind and not library()[kind].linear]
+    while True:
+        machine = Machine((ROOT,))
+        for _ in range(rng.randint(*SIZES) - 1):
+            machine = rng.choice(additions(machine, types))(rng) or machine
+        yield machine
+
+
+def _broken_designs(rng: Random) -> Iterator[Machine]:
+    """Designs of the built-in model after one random edit, legal or not."""
+    while True:
+        design = draw_design(rng, rng.choice(LEVELS))
+        types = sorted({step.type for step in design.steps[1:]})
+        for _ in range(EDITS):
+            moves = MOVES[rng.choice(BREAKING)](design, types)
+            yield (rng.choice(moves)(rng) if moves else None) or design

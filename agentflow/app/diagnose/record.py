@@ -1,0 +1,121 @@
+"""The directory of a diagnosis: continued after a kill, as every call is on record.
+
+diagnosis.json   what is asked of which model; the marked answers and results, once it is finished
+calls.jsonl      every call of the model
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ValidationError
+
+from agentflow.app.diagnose.question import Mark
+from agentflow.config.yaml import describe_fault, first_fault
+from agentflow.errors import RunError
+from agentflow.files import cannot_write, hold_folder, remove_partial_files, write_atomically
+from agentflow.llm.messages import Sampling
+
+ABOUT, CALLS = "diagnosis.json", "calls.jsonl"
+OUTCOME = {"answers", "results"}
+
+
+class Diagnosis(BaseModel, frozen=True, extra="forbid"):
+    """The content of diagnosis.json: everything that decides the results, and the results."""
+
+    format: Literal[1] = 1
+    """Version of the directory's layout."""
+    diagnostic: str
+    model: str
+    """The model's name in results."""
+    seed: int
+    """Of the questions, and of the simulations."""
+    size: int
+    """Overlapping pairs in all, or questions."""
+    sampling: Sampling
+    prompts: str
+    """Prompt set with the digest of its questions."""
+    conditions: Mapping[str, str]
+    """Constants, blocks and physics engine."""
+    answers: tuple[Mark, ...] = ()
+    results: Mapping[str, Any] | None = None
+    """None until the diagnosis is finished."""
+
+
+@contextmanager
+def open_diagnosis(path: Path, about: Diagnosis) -> Iterator[Diagnosis]:
+    """Begin a diagnosis in a new or empty folder, or continue the one that is there.
+
+    One without any reply, such as of a model that could not be reached, is begun again.
+
+    Raises:
+        RunError: The folder holds something else, or another diagnosis; it is damaged, in use by
+            another process, or cannot be written.
+    """
+    with hold_folder(path):
+        remove_partial_files(path)
+        if (path / ABOUT).exists():
+            about = _continue(path, about)
+        else:
+            _require_empty(path)
+        if about.results is None:
+            write_diagnosis(path, about)
+        yield about
+
+
+def write_diagnosis(path: Path, about: Diagnosis) -> None:
+    """Write diagnosis.json.
+
+    Raises:
+        RunError: It cannot be written.
+    """
+    try:
+        with write_atomically(path / ABOUT) as part:
+            part.write_text(about.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise cannot_write(path, error) from None
+
+
+def read_diagnosis(path: Path) -> Diagnosis:
+    """The diagnosis in a directory.
+
+    Raises:
+        RunError: diagnosis.json is damaged or cannot be read.
+    """
+    try:
+        return Diagnosis.model_validate_json((path / ABOUT).read_bytes())
+    except OSError as error:
+        raise RunError(f"cannot read {path / ABOUT}: {error.strerror}") from None
+    except ValidationError as error:
+        fault = first_fault(error)
+        place = ".".join(map(str, fault["loc"])) or "the file"
+        raise RunError(f"{path / ABOUT} is damaged: {place} {describe_fault(fault)}") from None
+
+
+def _continue(path: Path, about: Diagnosis) -> Diagnosis:
+    """The recorded diagnosis, which must be the same; a new one if that has no replies."""
+    recorded = read_diagnosis(path)
+    before, now = (item.model_dump(mode="json", exclude=OUTCOME) for item in (recorded, about))
+    other = [key for key in now if before[key] != now[key]]
+    if not other:
+        return recorded
+    calls = path / CALLS
+    if recorded.results is not None or (calls.exists() and calls.stat().st_size):
+        raise RunError(
+            f"{path} holds a diagnosis with another {other[0]}: {before[other[0]]}, not "
+            f"{now[other[0]]}; give the same options to continue it, or choose another folder "
+            "with --out"
+        )
+    return about
+
+
+def _require_empty(path: Path) -> None:
+    other = sorted(item.name for item in path.iterdir() if not item.name.startswith("."))
+    if other:
+        raise RunError(
+            f"{path} is not a diagnosis: it has {other[0]} and no {ABOUT}; choose a new folder "
+            "with --out"
+        )

@@ -1,0 +1,200 @@
+"""Asks a model the questions of a diagnostic, marks its answers, writes the record."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from agentflow.app.design.config import refuse_settings
+from agentflow.app.design.models import Models, choose_models, open_models, use_client
+from agentflow.app.design.plan import physics_conditions
+from agentflow.app.diagnose.facing import Facing
+from agentflow.app.diagnose.fate import Fate
+from agentflow.app.diagnose.overlap import Overlap
+from agentflow.app.diagnose.question import Diagnostic, Mark, Question
+from agentflow.app.diagnose.record import CALLS, Diagnosis, open_diagnosis, write_diagnosis
+from agentflow.config.run import DesignConfig
+from agentflow.errors import (
+    BudgetSpentError,
+    ConfigError,
+    EndpointError,
+    InterruptedRunError,
+    UnknownNameError,
+    UsageError,
+)
+from agentflow.llm.client import Client
+from agentflow.llm.messages import Message, Request
+from agentflow.llm.wrappers.budget import Budget
+from agentflow.llm.wrappers.tape import Tape
+from agentflow.prompts.render import PromptSet
+from agentflow.runs import Notify
+
+ROLE = "designer"
+"""The role whose model answers."""
+QUESTIONS = "_questions"
+"""Folder of the templates."""
+Progress = Callable[[int, int], None]
+"""(questions answered, of)."""
+AGAIN = "run the same command again to continue"
+DIAGNOSTICS: dict[str, Callable[[DesignConfig], Diagnostic]] = {
+    Overlap.name: lambda _config: Overlap(),
+    Facing.name: lambda _config: Facing(),
+    Fate.name: lambda config: Fate(config.engine, config.seed),
+}
+
+
+def diagnose(
+    name: str,
+    config: DesignConfig,
+    size: int,
+    out: Path,
+    *,
+    client: Client | None = None,
+    notify: Notify = lambda _line: None,
+    say: Progress = lambda _done, _of: None,
+) -> Diagnosis:
+    """Ask the configured model; continue an interrupted diagnosis.
+
+    Args:
+        name: The diagnostic: a key of `DIAGNOSTICS`.
+        config: Model, sampling, seed, prompts, engine and workers; the rest is not used.
+        size: Overlapping pairs in all for `overlap`, questions for the others.
+        out: Directory of the diagnosis; created if missing.
+        client: Answers in place of the configured model.
+        notify: Receives remarks for the user.
+        say: Receives progress.
+
+    Returns:
+        What is written to diagnosis.json.
+
+    Raises:
+        UsageError: A value is wrong, or the directory holds something else.
+        EndpointError: The model cannot be used; what it has answered is kept.
+        InterruptedRunError: Ctrl-C.
+    """
+    about = _describe(name, config, size, client)
+    try:
+        with open_diagnosis(out, about) as found:
+            if found.results is not None:
+                return found
+            session = _Session(name, config, PromptSet(config.prompts), notify, say)
+            finished = asyncio.run(session.complete(found, out, client))
+            write_diagnosis(out, finished)
+            return finished
+    except KeyboardInterrupt:
+        raise InterruptedRunError(f"interrupted; {AGAIN}") from None
+    except EndpointError as error:
+        raise type(error)(f"{error}; {AGAIN}") from error
+
+
+def _describe(name: str, config: DesignConfig, size: int, client: Client | None) -> Diagnosis:
+    """Everything that decides the results, with every name looked up."""
+    if name not in DIAGNOSTICS:
+        raise UnknownNameError("diagnostic", name, DIAGNOSTICS)
+    if size < 1:
+        raise UsageError(f"a diagnosis needs at least one question, not {size}")
+    refuse_settings(
+        config,
+        ("knobs",),
+        "a diagnosis has no {key}: it asks questions about machines; set only keys of model, "
+        "prompts and engine",
+    )
+    choice = choose_models(config.model)[ROLE]
+    if client is None and choice.procedural:
+        raise ConfigError(
+            "the procedural model answers no questions about machines: name a language model with "
+            "--model (model.name, AGENTFLOW_MODEL)"
+        )
+    prompts = PromptSet(config.prompts)
+    return Diagnosis(
+        diagnostic=name,
+        model=choice.display_name if client is None else client.name,
+        seed=config.seed,
+        size=size,
+        sampling=choice.sampling,
+        prompts=f"{config.prompts} {prompts.digest_for((QUESTIONS,))}",
+        conditions=physics_conditions(config.engine),
+    )
+
+
+@dataclass(frozen=True)
+class _Session:
+    """One process at work on a diagnosis."""
+
+    name: str
+    config: DesignConfig
+    prompts: PromptSet
+    notify: Notify
+    say: Progress
+
+    async def complete(self, about: Diagnosis, out: Path, client: Client | None) -> Diagnosis:
+        """The diagnosis with answers and results; recorded calls are not made again."""
+        diagnostic = DIAGNOSTICS[self.name](self.config)
+        questions = diagnostic.questions(about.size, about.seed)
+        with Tape(out / CALLS, self.notify) as tape:
+            models = self._open(tape, client)
+            try:
+                texts = await self._ask(diagnostic, questions, models.clients[ROLE], about)
+            except BudgetSpentError as error:
+                raise ConfigError(f"{error}: raise the limit in model.budget; {AGAIN}") from None
+            finally:
+                await models.aclose()
+        judged = await diagnostic.judge(questions, self.config.workers)
+        marks = [
+            Mark(
+                label=question.label,
+                machine=question.machine.to_json(),
+                truth=question.truth,
+                answer=diagnostic.read(text, question),
+            )
+            for question, text in zip(judged, texts, strict=True)
+        ]
+        return _finish(about, diagnostic, marks)
+
+    def _open(self, tape: Tape, client: Client | None) -> Models:
+        budget = Budget(self.config.model.budget)
+        if client is not None:
+            return use_client(client, self.config, tape, budget)
+        return open_models(self.config, tape, budget, self.notify, {})
+
+    async def _ask(
+        self,
+        diagnostic: Diagnostic,
+        questions: Sequence[Question],
+        client: Client,
+        about: Diagnosis,
+    ) -> list[str]:
+        """Ask all questions at once; an error is raised when every call has ended."""
+        done = iter(range(1, len(questions) + 1))
+
+        async def ask(question: Question) -> str:
+            variables = diagnostic.variables(question)
+            system, user = self.prompts.render(f"{QUESTIONS}/{diagnostic.name}", variables)
+            request = Request(
+                role="diagnose",
+                label=question.label,
+                messages=(Message(role="system", text=system), Message(role="user", text=user)),
+                sampling=about.sampling,
+            )
+            reply = await client.complete(request)
+            self.say(next(done), len(questions))
+            return reply.text
+
+        texts: list[str] = []
+        for found in await asyncio.gather(*map(ask, questions), return_exceptions=True):
+            if isinstance(found, BaseException):
+                raise found
+            texts.append(found)
+        return texts
+
+
+def _finish(about: Diagnosis, diagnostic: Diagnostic, marks: Sequence[Mark]) -> Diagnosis:
+    results = {
+        "questions": len(marks),
+        "unreadable": sum(mark.answer is None for mark in marks),
+        **diagnostic.score(marks),
+    }
+    data = about.model_dump() | {"answers": marks, "results": results}
+    return Diagnosis.model_validate(data)
