@@ -196,5 +196,5 @@ def _finish(about: Diagnosis, diagnostic: Diagnostic, marks: Sequence[Mark]) -> 
         "unreadable": sum(mark.answer is None for mark in marks),
         **diagnostic.score(marks),
     }
-    data = about.model_dump() | {"answers": marks, "results": results}
-    return Diagnosis.model_validate(data)
+    finished = about.model_copy(update={"answers": tuple(marks), "results": results})
+    return Diagnosis.model_validate_json(finished.model_dump_json())  # as it will be read again

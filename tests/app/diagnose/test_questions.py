@@ -1,0 +1,96 @@
+"""What is asked: machines with known answers, the same for the same seed."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import pytest
+
+from agentflow.app.diagnose.facing import Facing
+from agentflow.app.diagnose.fate import Fate
+from agentflow.app.diagnose.machines import SIZES
+from agentflow.app.diagnose.overlap import MOST, Overlap
+from agentflow.app.diagnose.question import Diagnostic
+from agentflow.env.tasks.registry import get_task
+from agentflow.machine import check, place
+from agentflow.machine.blocks.library import CONTAINER
+from agentflow.machine.geometry.placement import overlap_of
+from agentflow.prompts.registry import PROMPT_SETS
+from agentflow.prompts.render import PromptSet
+
+DIAGNOSTICS: tuple[Diagnostic, ...] = (Overlap(), Facing(), Fate("auto", 0))
+
+
+@pytest.mark.parametrize("diagnostic", DIAGNOSTICS, ids=lambda d: d.name)
+def test_the_seed_decides_the_questions(diagnostic: Diagnostic) -> None:
+    first, again, other = (diagnostic.questions(3, seed) for seed in (0, 0, 1))
+    assert first == again != other
+    assert [question.label for question in first] == [
+        f"{diagnostic.name}/{number}" for number in range(len(first))
+    ]
+    for question in first:
+        assert SIZES[0] <= len(question.machine) <= SIZES[1]
+
+
+@pytest.mark.parametrize("size", [1, 9])
+def test_there_are_as_many_overlapping_pairs_as_asked_for(size: int) -> None:
+    questions = Overlap().questions(size, 0)
+    assert sum(len(question.truth) for question in questions) == size
+    for question in questions:
+        assert {problem.code for problem in check(question.machine).problems} == {"overlap"}
+        assert len(question.truth) <= MOST
+
+
+def test_the_true_pairs_are_those_whose_boxes_intersect() -> None:
+    for question in Overlap().questions(9, 2):
+        blocks = place(question.machine).blocks
+        boxes = [block for block in blocks if not block.two_ended and block.type != CONTAINER]
+        found = {(a.id, b.id) for a, b in combinations(boxes, 2) if min(overlap_of(a, b)) > 0.001}
+        assert found <= set(question.truth)
+        with_container = set(question.truth) - found
+        assert all(CONTAINER in {blocks[i].type for i in pair} for pair in with_container)
+
+
+def test_facings_and_centres_are_those_of_valid_machines() -> None:
+    for question in Facing().questions(4, 0):
+        assert check(question.machine).machine_valid
+        geometry = place(question.machine)
+        assert len(question.truth) == 4
+        for item in question.truth:
+            block = geometry[item["id"]]
+            assert (item["facing"], item["centre"]) == (block.facing, list(block.center))
+
+
+def test_machines_whose_fate_is_asked_are_valid_for_their_level() -> None:
+    for question in Fate("auto", 0).questions(4, 0):
+        assert check(question.machine, get_task(question.about).brief).task_valid
+
+
+@pytest.mark.parametrize("name", PROMPT_SETS)
+@pytest.mark.parametrize("diagnostic", DIAGNOSTICS, ids=lambda d: d.name)
+def test_every_prompt_set_asks(diagnostic: Diagnostic, name: str) -> None:
+    question = diagnostic.questions(2, 0)[-1]
+    prompts = PromptSet(name)
+    _, user = prompts.render(f"_questions/{diagnostic.name}", diagnostic.variables(question))
+    assert "## Question" in user
+    assert "## Your reply" in user
+
+
+def test_a_question_about_geometry_does_not_tell_it() -> None:
+    for diagnostic in (Overlap(), Facing()):
+        question = diagnostic.questions(1, 0)[0]
+        _, user = PromptSet().render(
+            f"_questions/{diagnostic.name}", diagnostic.variables(question)
+        )
+        assert question.machine.to_text() in user
+        assert "faces x" not in user
+        assert "centre (" not in user
+
+
+def test_questions_do_not_change_the_digests_of_runs() -> None:
+    prompts = PromptSet()
+    assert prompts.digest_for(("_questions",)) != prompts.digest
+    without = {path: text for path, text in prompts.files.items() if "_questions" not in path}
+    assert len(prompts.files) - len(without) == 6
+    prompts.files = without
+    assert prompts.digest_for(("_questions",)) == PromptSet().digest
