@@ -11,7 +11,7 @@ from agentflow.app.diagnose.overlap import Overlap
 from agentflow.app.diagnose.record import Diagnosis
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
-from agentflow.metrics.tables import Column, Row, Table, cell_text
+from agentflow.metrics.tables import Column, Row, Table, cell_text, text
 
 TABLE = "overlap_qa"
 """Name of the published table."""
@@ -36,8 +36,12 @@ def published_accuracies() -> dict[str, float]:
     return {i.model: float(i.value) for i in literature.published() if i.table == TABLE}
 
 
-def results_table(found: Diagnosis, *, published: bool) -> Table:
-    """The results of a finished diagnosis as a table."""
+def format_results(found: Diagnosis, *, published: bool) -> str:
+    """The results of a finished diagnosis as a table in plain text."""
+    return text(_table(found, published=published))
+
+
+def _table(found: Diagnosis, *, published: bool) -> Table:
     results = found.results or {}
     columns, rows, note = _LAYOUTS[found.diagnostic](results)
     known = published_accuracies() if published else {}

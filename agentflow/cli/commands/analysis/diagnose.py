@@ -59,13 +59,12 @@ def diagnose(
     """
     from agentflow.app.design.config import load_config
     from agentflow.app.diagnose.results import (
+        format_results,
         published_accuracies,
         require_published,
-        results_table,
     )
     from agentflow.app.diagnose.run import diagnose as carry_out
     from agentflow.cli.display.live import print_line
-    from agentflow.metrics.tables import text
 
     if published:
         require_published(name)
@@ -89,7 +88,7 @@ def diagnose(
         known = {"published": published_accuracies()} if published else {}
         print_json({**about, **(found.results or {}), **known})
         return
-    print(escape_controls(text(results_table(found, published=published)), "\n"), end="")
+    print(escape_controls(format_results(found, published=published), "\n"), end="")
 
 
 def _size(name: str, pairs: int | None, questions: int | None) -> int:
