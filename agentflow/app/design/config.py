@@ -18,7 +18,7 @@ from agentflow.config.run import (
     set_key,
 )
 from agentflow.env.tasks.knobs import deep_merge
-from agentflow.errors import ConfigError, UsageError
+from agentflow.errors import ConfigError
 from agentflow.llm.endpoint.address import Endpoint
 
 
@@ -132,26 +132,21 @@ def require_model_name(model: ModelConfig) -> None:
         )
 
 
-UNUSED = ("workflow", "settings", "rationale_from", "max_retry", "verify", "keep_rollouts")
-"""Keys that only runs use."""
+ONLY_RUNS = ("workflow", "settings", "rationale_from", "max_retry", "verify", "keep_rollouts")
+"""Keys that decide nothing but how a run goes."""
 
 
-def refuse_settings(config: DesignConfig, keys: Iterable[str], why: str) -> None:
-    """Refuse settings of runs, and of other keys, where they would decide nothing.
+def find_unused_setting(config: DesignConfig, others: Iterable[str] = ()) -> str | None:
+    """The first key of a configuration that is set although nothing uses it; None if none is.
 
     Args:
-        config: As given.
-        keys: Keys that are not used, besides `UNUSED`.
-        why: The message, with {key} for the key.
-
-    Raises:
-        UsageError: One of the keys is set.
+        config: As given, for something that is not a run.
+        others: Keys that are not used either, besides `ONLY_RUNS`.
     """
     given = config.model.model_dump(exclude={"label"}, exclude_unset=True)
     default = complete_config({"model": given})  # a model in a folder may have its own workflow
-    for key in (*UNUSED, *keys):
-        if getattr(config, key) != getattr(default, key):
-            raise UsageError(why.format(key=key))
+    unused = (*ONLY_RUNS, *others)
+    return next((key for key in unused if getattr(config, key) != getattr(default, key)), None)
 
 
 def config_json(config: DesignConfig) -> dict[str, Any]:

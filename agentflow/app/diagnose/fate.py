@@ -27,7 +27,7 @@ from agentflow.training.objectives.handling import Throws
 from agentflow.training.objectives.motion import Motion
 from agentflow.training.objectives.travelling import Moves
 
-EDITS = 6
+EDITS = 3
 """Most random edits of a design: many machines still work, many do not."""
 LEAN = 20.0
 """Greatest angle by which a machine that stands leans at t = 0, degrees."""

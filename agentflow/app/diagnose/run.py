@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from agentflow.app.design.config import refuse_settings
+from agentflow.app.design.config import find_unused_setting
 from agentflow.app.design.models import Models, choose_models, open_models, use_client
 from agentflow.app.design.plan import physics_conditions
 from agentflow.app.diagnose.facing import Facing
@@ -95,12 +95,11 @@ def _describe(name: str, config: DesignConfig, size: int, client: Client | None)
         raise UnknownNameError("diagnostic", name, DIAGNOSTICS)
     if size < 1:
         raise UsageError(f"a diagnosis needs at least one question, not {size}")
-    refuse_settings(
-        config,
-        ("knobs",),
-        "a diagnosis has no {key}: it asks questions about machines; set only keys of model, "
-        "prompts and engine",
-    )
+    if key := find_unused_setting(config, ("knobs",)):
+        raise UsageError(
+            f"a diagnosis has no {key}: it asks questions about machines; set only keys of model, "
+            "prompts and engine"
+        )
     choice = choose_models(config.model)[ROLE]
     if client is None and choice.procedural:
         raise ConfigError(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agentflow.api import design_prompt
-from agentflow.app.design.config import refuse_settings
+from agentflow.app.design.config import find_unused_setting
 from agentflow.app.design.models import charge_budget, choose_models, open_models
 from agentflow.app.design.plan import physics_conditions
 from agentflow.app.prompts import render_prompt
@@ -49,10 +49,6 @@ BATCH = 32
 the replies of its last batch again."""
 Progress = Callable[[int, int], None]
 """(replies judged, of)."""
-NOT_USED = (
-    "an evaluation has no {key}: it asks for whole machines, each in one reply; set only keys of "
-    "model, knobs, prompts and engine"
-)
 AGAIN = "run the same command again to continue"
 
 
@@ -109,7 +105,11 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
         raise UsageError(f"an evaluation needs at least one sample of each task, not {samples}")
     if len(set(tasks)) < len(tasks):
         raise UsageError(f"each task may be named once, not as in {', '.join(tasks)}")
-    refuse_settings(config, (), NOT_USED)
+    if key := find_unused_setting(config):
+        raise UsageError(
+            f"an evaluation has no {key}: it asks for whole machines, each in one reply; set only "
+            "keys of model, knobs, prompts and engine"
+        )
     briefs = [get_task(task, config.knobs, config.engine).brief for task in tasks]
     prompt = render_prompt(config.prompts, ROLE, briefs[0])
     return Evaluation(
