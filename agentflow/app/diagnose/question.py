@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +25,12 @@ class Question:
     """The right answer as JSON data; None until a simulation has judged it."""
     about: Any = None
     """What is asked about the machine, if not everything."""
+
+
+def digest_of(questions: Sequence[Question]) -> str:
+    """Content hash, 16 hex digits: models with equal digests were asked the same."""
+    asked = [[question.machine.digest, question.truth, question.about] for question in questions]
+    return hashlib.sha256(json.dumps(asked).encode()).hexdigest()[:16]
 
 
 class Mark(BaseModel, frozen=True, extra="forbid"):

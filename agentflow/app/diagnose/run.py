@@ -13,7 +13,7 @@ from agentflow.app.design.plan import physics_conditions
 from agentflow.app.diagnose.facing import Facing
 from agentflow.app.diagnose.fate import Fate
 from agentflow.app.diagnose.overlap import Overlap
-from agentflow.app.diagnose.question import Diagnostic, Mark, Question
+from agentflow.app.diagnose.question import Diagnostic, Mark, Question, digest_of
 from agentflow.app.diagnose.record import CALLS, Diagnosis, open_diagnosis, write_diagnosis
 from agentflow.config.run import DesignConfig
 from agentflow.errors import (
@@ -74,12 +74,14 @@ def diagnose(
         EndpointError: The model cannot be used; what it has answered is kept.
         InterruptedRunError: Ctrl-C.
     """
-    about = _describe(name, config, size, client)
+    diagnostic = _open_diagnostic(name, config, size, client)
+    questions = diagnostic.questions(size, config.seed)
+    about = _describe(name, config, size, client, questions)
     try:
         with open_diagnosis(out, about) as found:
             if found.results is not None:
                 return found
-            session = _Session(name, config, PromptSet(config.prompts), notify, say)
+            session = _Session(diagnostic, questions, config, notify, say)
             finished = asyncio.run(session.complete(found, out, client))
             write_diagnosis(out, finished)
             return finished
@@ -89,8 +91,10 @@ def diagnose(
         raise type(error)(f"{error}; {AGAIN}") from error
 
 
-def _describe(name: str, config: DesignConfig, size: int, client: Client | None) -> Diagnosis:
-    """Everything that decides the results, with every name looked up."""
+def _open_diagnostic(
+    name: str, config: DesignConfig, size: int, client: Client | None
+) -> Diagnostic:
+    """The diagnostic, with what was asked for checked."""
     if name not in DIAGNOSTICS:
         raise UnknownNameError("diagnostic", name, DIAGNOSTICS)
     if size < 1:
@@ -100,18 +104,30 @@ def _describe(name: str, config: DesignConfig, size: int, client: Client | None)
             f"a diagnosis has no {key}: it asks questions about machines; set only keys of model, "
             "prompts and engine"
         )
-    choice = choose_models(config.model)[ROLE]
-    if client is None and choice.procedural:
+    if client is None and choose_models(config.model)[ROLE].procedural:
         raise ConfigError(
             "the procedural model answers no questions about machines: name a language model with "
             "--model (model.name, AGENTFLOW_MODEL)"
         )
+    return DIAGNOSTICS[name](config)
+
+
+def _describe(
+    name: str,
+    config: DesignConfig,
+    size: int,
+    client: Client | None,
+    questions: Sequence[Question],
+) -> Diagnosis:
+    """Everything that decides the results."""
+    choice = choose_models(config.model)[ROLE]
     prompts = PromptSet(config.prompts)
     return Diagnosis(
         diagnostic=name,
         model=choice.display_name if client is None else client.name,
         seed=config.seed,
         size=size,
+        questions=digest_of(questions),
         sampling=choice.sampling,
         prompts=f"{config.prompts} {prompts.digest_for((QUESTIONS,))}",
         conditions=physics_conditions(config.engine),
@@ -122,35 +138,33 @@ def _describe(name: str, config: DesignConfig, size: int, client: Client | None)
 class _Session:
     """One process at work on a diagnosis."""
 
-    name: str
+    diagnostic: Diagnostic
+    questions: Sequence[Question]
     config: DesignConfig
-    prompts: PromptSet
     notify: Notify
     say: Progress
 
     async def complete(self, about: Diagnosis, out: Path, client: Client | None) -> Diagnosis:
         """The diagnosis with answers and results; recorded calls are not made again."""
-        diagnostic = DIAGNOSTICS[self.name](self.config)
-        questions = diagnostic.questions(about.size, about.seed)
         with Tape(out / CALLS, self.notify) as tape:
             models = self._open(tape, client)
             try:
-                texts = await self._ask(diagnostic, questions, models.clients[ROLE], about)
+                texts = await self._ask(models.clients[ROLE], about)
             except BudgetSpentError as error:
                 raise ConfigError(f"{error}: raise the limit in model.budget; {AGAIN}") from None
             finally:
                 await models.aclose()
-        judged = await diagnostic.judge(questions, self.config.workers)
+        judged = await self.diagnostic.judge(self.questions, self.config.workers)
         marks = [
             Mark(
                 label=question.label,
                 machine=question.machine.to_json(),
                 truth=question.truth,
-                answer=diagnostic.read(text, question),
+                answer=self.diagnostic.read(text, question),
             )
             for question, text in zip(judged, texts, strict=True)
         ]
-        return _finish(about, diagnostic, marks)
+        return _finish(about, self.diagnostic, marks)
 
     def _open(self, tape: Tape, client: Client | None) -> Models:
         budget = Budget(self.config.model.budget)
@@ -158,19 +172,14 @@ class _Session:
             return use_client(client, self.config, tape, budget)
         return open_models(self.config, tape, budget, self.notify, {})
 
-    async def _ask(
-        self,
-        diagnostic: Diagnostic,
-        questions: Sequence[Question],
-        client: Client,
-        about: Diagnosis,
-    ) -> list[str]:
+    async def _ask(self, client: Client, about: Diagnosis) -> list[str]:
         """Ask all questions at once; an error is raised when every call has ended."""
-        done = iter(range(1, len(questions) + 1))
+        prompts = PromptSet(self.config.prompts)
+        done = iter(range(1, len(self.questions) + 1))
 
         async def ask(question: Question) -> str:
-            variables = diagnostic.variables(question)
-            system, user = self.prompts.render(f"{QUESTIONS}/{diagnostic.name}", variables)
+            variables = self.diagnostic.variables(question)
+            system, user = prompts.render(f"{QUESTIONS}/{self.diagnostic.name}", variables)
             request = Request(
                 role="diagnose",
                 label=question.label,
@@ -178,11 +187,11 @@ class _Session:
                 sampling=about.sampling,
             )
             reply = await client.complete(request)
-            self.say(next(done), len(questions))
+            self.say(next(done), len(self.questions))
             return reply.text
 
         texts: list[str] = []
-        for found in await asyncio.gather(*map(ask, questions), return_exceptions=True):
+        for found in await asyncio.gather(*map(ask, self.questions), return_exceptions=True):
             if isinstance(found, BaseException):
                 raise found
             texts.append(found)

@@ -10,7 +10,7 @@ from agentflow.app.diagnose.facing import Facing
 from agentflow.app.diagnose.fate import Fate
 from agentflow.app.diagnose.machines import SIZES
 from agentflow.app.diagnose.overlap import MOST, Overlap
-from agentflow.app.diagnose.question import Diagnostic
+from agentflow.app.diagnose.question import Diagnostic, Mark, digest_of
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import check, place
 from agentflow.machine.blocks.library import CONTAINER
@@ -30,6 +30,15 @@ def test_the_seed_decides_the_questions(diagnostic: Diagnostic) -> None:
     ]
     for question in first:
         assert SIZES[0] <= len(question.machine) <= SIZES[1]
+
+
+@pytest.mark.parametrize(
+    ("diagnostic", "digest"),
+    zip(DIAGNOSTICS, ("8d11f7ae41de14e3", "97e7739809317d58", "af1c9eb7a0e99613"), strict=True),
+)
+def test_questions_stay_the_same_over_versions(diagnostic: Diagnostic, digest: str) -> None:
+    """Results of models that were asked at different times can be compared."""
+    assert digest_of(diagnostic.questions(4, 0)) == digest
 
 
 @pytest.mark.parametrize("size", [1, 9])
@@ -94,3 +103,18 @@ def test_questions_do_not_change_the_digests_of_runs() -> None:
     assert len(prompts.files) - len(without) == 6
     prompts.files = without
     assert prompts.digest_for(("_questions",)) == PromptSet().digest
+
+
+def test_machines_without_a_verdict_are_left_out_and_counted() -> None:
+    fate = Fate("auto", 0)
+    question = fate.questions(1, 0)[0]
+    data = {"label": question.label, "machine": question.machine.to_json()}
+    marks = [
+        Mark(**data, truth=None, answer={"stand": True}),
+        Mark(**data, truth={"stand": True, "drive": False}, answer={"stand": True}),
+    ]
+    found = fate.score(marks)
+    assert found["faults"] == 1
+    assert (found["stand"]["right"]["count"], found["stand"]["right"]["of"]) == (1, 1)
+    assert (found["drive"]["right"]["count"], found["drive"]["right"]["of"]) == (0, 1)
+    assert (found["throw"]["right"]["share"], found["throw"]["f1"]) == (None, None)
