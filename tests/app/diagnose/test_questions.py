@@ -34,7 +34,11 @@ def test_the_seed_decides_the_questions(diagnostic: Diagnostic) -> None:
 
 @pytest.mark.parametrize(
     ("diagnostic", "digest"),
-    zip(DIAGNOSTICS, ("8d11f7ae41de14e3", "97e7739809317d58", "af1c9eb7a0e99613"), strict=True),
+    [
+        (Overlap(), "8d11f7ae41de14e3"),
+        (Facing(), "97e7739809317d58"),
+        (Fate("auto", 0), "af1c9eb7a0e99613"),
+    ],
 )
 def test_questions_stay_the_same_over_versions(diagnostic: Diagnostic, digest: str) -> None:
     """Results of models that were asked at different times can be compared."""
