@@ -35,7 +35,7 @@ class Diagnosis(BaseModel, frozen=True, extra="forbid"):
     """Of the questions, and of the simulations."""
     size: int
     """Overlapping pairs in all, or questions."""
-    questions: str
+    asked: str
     """Content hash of the questions: results of models that were asked the same can be compared."""
     sampling: Sampling
     prompts: str

@@ -114,13 +114,13 @@ _LAYOUTS = {"overlap": _overlap, "facing": _facing, "fate": _fate}
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:
-    notes = [f"{results['questions']} questions."]
+    notes = [f"Questions: {results['questions']}."]
     if results["unreadable"]:
-        notes.append(f"{results['unreadable']} replies held no answer; they count as wrong.")
+        notes.append(f"Replies without an answer, which count as wrong: {results['unreadable']}.")
     if results.get("faults"):
         notes.append(
-            f"{results['faults']} machines are left out because their simulation crashed or timed "
-            "out."
+            "Machines left out because their simulation crashed or timed out: "
+            f"{results['faults']}."
         )
     return notes
 

@@ -127,7 +127,7 @@ def _describe(
         model=choice.display_name if client is None else client.name,
         seed=config.seed,
         size=size,
-        questions=digest_of(questions),
+        asked=digest_of(questions),
         sampling=choice.sampling,
         prompts=f"{config.prompts} {prompts.digest_for((QUESTIONS,))}",
         conditions=physics_conditions(config.engine),
