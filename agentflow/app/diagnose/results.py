@@ -119,8 +119,7 @@ def _notes(results: Mapping[str, Any]) -> list[str]:
         notes.append(f"Replies without an answer, which count as wrong: {results['unreadable']}.")
     if results.get("faults"):
         notes.append(
-            "Machines left out because their simulation crashed or timed out: "
-            f"{results['faults']}."
+            f"Machines left out because their simulation crashed or timed out: {results['faults']}."
         )
     return notes
 
