@@ -17,10 +17,10 @@ USAGE, INTERRUPTED = 2, 130
 MODULES = (
     "analysis.behaviour",
     "analysis.diagnose",
+    "analysis.diversity",
     "analysis.perturb",
     "benchmark",
     "design",
-    "diversity",
     "engines",
     "learning.data",
     "learning.evaluate",

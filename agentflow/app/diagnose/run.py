@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agentflow.app.design.config import find_unused_setting
-from agentflow.app.design.models import Models, choose_models, open_models, use_client
+from agentflow.app.design.models import Models, charge_budget, choose_models, open_models, use_client
 from agentflow.app.design.plan import physics_conditions
 from agentflow.app.diagnose.facing import Facing
 from agentflow.app.diagnose.fate import Fate
@@ -26,7 +26,6 @@ from agentflow.errors import (
 )
 from agentflow.llm.client import Client
 from agentflow.llm.messages import Message, Request
-from agentflow.llm.wrappers.budget import Budget
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.prompts.render import PromptSet
 from agentflow.runs import Notify
@@ -167,7 +166,7 @@ class _Session:
         return _finish(about, self.diagnostic, marks)
 
     def _open(self, tape: Tape, client: Client | None) -> Models:
-        budget = Budget(self.config.model.budget)
+        budget = charge_budget(self.config.model, tape)
         if client is not None:
             return use_client(client, self.config, tape, budget)
         return open_models(self.config, tape, budget, self.notify, {})
