@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agentflow.app.design.config import find_unused_setting
-from agentflow.app.design.models import Models, charge_budget, choose_models, open_models, use_client
+from agentflow.app.design.models import (
+    Models,
+    charge_budget,
+    choose_models,
+    open_models,
+    use_client,
+)
 from agentflow.app.design.plan import physics_conditions
 from agentflow.app.diagnose.facing import Facing
 from agentflow.app.diagnose.fate import Fate
