@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict
 from agentflow.env.physics.engines import AUTO
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
+from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.guard import guard_family
 from agentflow.machine.brief import Brief
 from agentflow.machine.geometry.vectors import Quat, Vec3
@@ -92,6 +93,8 @@ class Task(ABC):
     """One level of a family, ready to simulate. Stateless: the referee holds the state."""
 
     family: ClassVar[str]
+    descriptors: ClassVar[tuple[Descriptor, ...]] = GENERAL
+    """Properties in which machines for the family differ, for searches that keep different ones."""
     name: str
     """"throwing" (level 1) or "throwing/3"."""
     level: int

@@ -13,6 +13,7 @@ from agentflow.env.feedback.text import series
 from agentflow.env.rollout import Array, Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene, Thing
 from agentflow.env.tasks.base import Parameters, WorldView
+from agentflow.env.tasks.descriptors import Descriptor, count_driven_wheels, wheelbase
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.obstacles import Ramp, bump, ramp_sentences, ramp_things
 from agentflow.env.tasks.features.roads import (
@@ -35,6 +36,7 @@ from agentflow.env.tasks.features.terrain import (
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
+from agentflow.search.axes import Axis
 
 ROOT_BLOCK = 0
 BLOCKS = (0, 1, 2, 9, 15, 16, 22, 35, 41, 63)
@@ -70,6 +72,10 @@ class Movement(Family):
 
     family: ClassVar[str] = "movement"
     knobs: ClassVar[type[CommonKnobs]] = MovementKnobs
+    descriptors: ClassVar[tuple[Descriptor, ...]] = (
+        Descriptor(Axis("driven wheels", "", -0.5, 11.5, 12), count_driven_wheels),
+        Descriptor(Axis("wheelbase", "m", 0.0, 16.0, 8), wheelbase),
+    )
     parameters: MovementKnobs
 
     @property

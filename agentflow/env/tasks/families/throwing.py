@@ -15,6 +15,7 @@ from agentflow.env.feedback.text import block_name, number, series, term_number
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.base import Parameters, WorldView
+from agentflow.env.tasks.descriptors import Descriptor, release_height, share_of
 from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
 from agentflow.env.tasks.features.arena import Arena, Hurdle, Ramps, arena_sentences, arena_things
 from agentflow.env.tasks.features.flights import RL_HEIGHT, RULES, Flight
@@ -24,6 +25,7 @@ from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
+from agentflow.search.axes import Axis
 
 BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 30, 35, 36, 41, 63)
 TARGET_POINTS, TARGET_COST = 10.0, 0.5
@@ -88,6 +90,12 @@ class Throwing(Family):
 
     family: ClassVar[str] = "throwing"
     knobs: ClassVar[type[CommonKnobs]] = ThrowingKnobs
+    descriptors: ClassVar[tuple[Descriptor, ...]] = (
+        # falling weight does the rest of the work, so most cells of high shares of both stay empty
+        Descriptor(Axis("work of springs", "", 0.0, 1.0, 4), share_of("springs")),
+        Descriptor(Axis("work of motors", "", 0.0, 1.0, 4), share_of("motors")),
+        Descriptor(Axis("release height", "m", 0.0, 12.0, 6), release_height),
+    )
     parameters: ThrowingKnobs
 
     @property
