@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from agentflow.search.elites.archive import Filing
+from agentflow.search.elites.axes import Axis
 from agentflow.search.node import Attempt, Node
 
 
@@ -48,7 +50,24 @@ class BackedUp:
     reward: float
 
 
-SearchEvent = Selected | Expanded | Simulated | BackedUp
+@dataclass(frozen=True)
+class ArchiveOpened:
+    """An archive of elites was begun; `round` is 0."""
+
+    round: int
+    axes: tuple[Axis, ...]
+
+
+@dataclass(frozen=True)
+class Filed:
+    """A node was offered to the archive; in round 0, the root."""
+
+    round: int
+    node: Node[Any]
+    filing: Filing
+
+
+SearchEvent = Selected | Expanded | Simulated | BackedUp | ArchiveOpened | Filed
 Observer = Callable[[SearchEvent], None]
 
 

@@ -9,6 +9,8 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
+from agentflow.search.elites.axes import Measurement
+
 C = TypeVar("C")
 
 
@@ -28,6 +30,9 @@ class Evaluation:
     """Whether no candidate can do better, so that a search ends."""
     value: float | None = None
     """What searches compare, if not the score."""
+    measurements: tuple[Measurement, ...] = ()
+    """What kind of candidate it is, for searches that keep different kinds: one per axis, and the
+    same axes for every candidate of a search."""
 
     @property
     def reward(self) -> float | None:

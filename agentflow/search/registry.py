@@ -17,6 +17,7 @@ STRATEGIES: Registry[Callable[..., Awaitable[SearchResult[Any]]]] = Registry(
         "mcts": "agentflow.search.mcts:mcts",
         "best_of_n": "agentflow.search.best_of_n:best_of_n",
         "random": "agentflow.search.random:random",
+        "map-elites": "agentflow.search.elites.map_elites:map_elites",
     },
     is_callable,
 )

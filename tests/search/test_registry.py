@@ -13,7 +13,9 @@ def test_by_name() -> None:
     assert STRATEGIES["mcts"] is mcts
     with pytest.raises(UnknownNameError) as caught:
         STRATEGIES["mtcs"]
-    assert str(caught.value) == ("unknown search strategy 'mtcs'; known: mcts, best_of_n, random")
+    assert str(caught.value) == (
+        "unknown search strategy 'mtcs'; known: mcts, best_of_n, random, map-elites"
+    )
 
 
 def test_settings_list_the_same_names() -> None:

@@ -16,7 +16,7 @@ from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.balance import mass
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
-from agentflow.search.axes import Axis, Measurement
+from agentflow.search.elites.axes import Axis, Measurement
 
 
 @dataclass(frozen=True)

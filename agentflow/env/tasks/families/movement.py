@@ -36,7 +36,7 @@ from agentflow.env.tasks.features.terrain import (
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
-from agentflow.search.axes import Axis
+from agentflow.search.elites.axes import Axis
 
 ROOT_BLOCK = 0
 BLOCKS = (0, 1, 2, 9, 15, 16, 22, 35, 41, 63)

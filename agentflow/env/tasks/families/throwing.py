@@ -25,7 +25,7 @@ from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import BOULDER
 from agentflow.machine.brief import Brief
 from agentflow.machine.tree import Machine
-from agentflow.search.axes import Axis
+from agentflow.search.elites.axes import Axis
 
 BLOCKS = (0, 1, 2, 5, 7, 9, 15, 16, 22, 30, 35, 36, 41, 63)
 TARGET_POINTS, TARGET_COST = 10.0, 0.5

@@ -1,0 +1,1 @@
+"""Quality-diversity search: an archive of the best candidates of different kinds."""
