@@ -1,0 +1,68 @@
+"""Crossover: a part of one machine in place of a part of another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from random import Random
+
+from agentflow.errors import UsageError
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine, Step, renumber
+from agentflow.machine.validity import check
+
+MAX_TRIES = 100
+"""Maximum number of pairs of parts that are tried; a choice of ours."""
+
+
+def cross(machine: Machine, donor: Machine, rng: Random, brief: Brief | None = None) -> Machine:
+    """Replace a part of a machine by a part of another machine.
+
+    A part is a block with everything attached to it. Pairs of parts are drawn uniformly until the
+    result is another machine, valid and as the task demands. Two-ended blocks of the machine that
+    hold on to the removed part are removed with it; of the donor's, those that end within the part
+    come along.
+
+    Args:
+        machine: a valid machine.
+        donor: another one; it is not changed.
+        rng: random generator.
+        brief: the task; the core types and the standard building volume if None.
+
+    Raises:
+        UsageError: None of `MAX_TRIES` pairs fits.
+    """
+    given = 1 if brief is None else len(brief.given)
+    places, parts = list(_parts(machine, given)), list(_parts(donor, given))
+    for _ in range(MAX_TRIES if places and parts else 0):
+        crossed = _graft(machine, rng.choice(places), donor, rng.choice(parts))
+        if crossed not in (machine, donor) and check(crossed, brief).task_valid:
+            return crossed
+    raise UsageError("no part of the donor fits in place of a part of this machine")
+
+
+def _parts(machine: Machine, given: int) -> Iterator[Step]:
+    """The blocks that parts begin with: standard blocks that are not given."""
+    return (step for step in machine.steps[given:] if not step.two_ended)
+
+
+def _graft(machine: Machine, place: Step, donor: Machine, part: Step) -> Machine:
+    removed, brought = _carried(machine, place.id), _carried(donor, part.id, whole=True)
+    moved = [_shifted(step, len(machine)) for step in donor if step.id in brought]
+    moved[0] = replace(moved[0], parent=place.parent, face_id=place.face_id)
+    return renumber([*(step for step in machine if step.id not in removed), *moved])[0]
+
+
+def _carried(machine: Machine, block: int, *, whole: bool = False) -> set[int]:
+    """A block and what is attached to it; with `whole`, only what is attached to nothing else."""
+    carried, attached = {block}, all if whole else any
+    for step in machine.steps[block + 1 :]:
+        if attached(parent in carried for parent in step.parents):
+            carried.add(step.id)
+    return carried
+
+
+def _shifted(step: Step, by: int) -> Step:
+    """The step with all ids increased."""
+    far = None if step.parent_b is None else step.parent_b + by
+    return replace(step, id=step.id + by, parent=step.parent + by, parent_b=far)
