@@ -355,6 +355,48 @@ class SearchEndEvent(RunEvent, kind="search", needs=("trajectory",), optional=("
 
 
 @dataclass(frozen=True)
+class RecordedAxis:
+    """One axis of an archive: its range is divided into cells of equal width."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    cells: int
+    labels: tuple[str, ...]
+    """Names of the cells, if they are categories; else empty."""
+
+
+@dataclass(frozen=True)
+class ArchiveEvent(RunEvent, kind="archive", needs=("trajectory",)):
+    """A search began to keep the best machine of each kind."""
+
+    axes: tuple[RecordedAxis, ...]
+
+
+@dataclass(frozen=True)
+class NicheEvent(RunEvent, kind="niche", needs=("trajectory", "node")):
+    """A node was offered to the archive of its search; the root is node 0."""
+
+    round: int
+    machine: str
+    score: float | None
+    values: tuple[float | None, ...]
+    """On the axes, in their order."""
+    cell: tuple[int, ...] | None
+    """Number of the cell on each axis, from 0; None if it belongs to none."""
+    outcome: str
+    """`new` or `better`: it became the best of its cell; `worse` or `unmeasured`: it did not."""
+    mechanism: str | None
+    """Class of the mechanism; None if it is unknown."""
+
+    @property
+    def kept(self) -> bool:
+        """Whether it became the best of its cell."""
+        return self.outcome in ("new", "better")
+
+
+@dataclass(frozen=True)
 class EditEvent(RunEvent, kind="edit", needs=("trajectory", "round")):
     """A random edit was tried, and kept if it scored higher."""
 

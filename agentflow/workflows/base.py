@@ -35,6 +35,8 @@ class SimulationSummary:
     """Hash of every recorded state."""
     moved: float | None = None
     """Largest displacement of any block's centre from its start, m; None without states."""
+    mechanism: str | None = None
+    """Class of the machine's mechanism; None if the simulation does not show it."""
     facts: Mapping[str, str] = field(default_factory=dict)
     """What edit histories tell besides the score: name -> value."""
 

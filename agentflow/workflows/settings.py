@@ -11,6 +11,9 @@ from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.search.settings import SearchSettings
 
+Emitter = Literal["edit", "crossover", "refiner"]
+"""What makes new machines in the workflow `explore`."""
+
 
 class ExternalSettings(BaseModel, frozen=True, extra="forbid"):
     """The agent program of the workflow `external`, which each stage runs once."""
@@ -86,7 +89,14 @@ class WorkflowSettings(BaseModel):
     rollouts: int | None = Field(
         None,
         ge=1,
-        description="simulations of a run; default: 3 per trajectory (random-dsl), 24 (tools)",
+        description="simulations of a run; default: 3 per trajectory (random-dsl), 24 (tools), as "
+        "many as a search of as many rounds can need (explore)",
+    )
+    emitters: tuple[Emitter, ...] = Field(
+        ("edit", "crossover"),
+        min_length=1,
+        description="what makes new machines, each as often: edit (random), crossover, refiner "
+        "(explore)",
     )
     candidates_per_stage: int = Field(
         8, ge=1, description="machines that an agent may submit in a stage (tools)"

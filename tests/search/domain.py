@@ -7,8 +7,12 @@ import random
 from collections.abc import Mapping, Sequence
 
 from agentflow.errors import BudgetSpentError
+from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.events import SearchEvent
 from agentflow.search.node import Attempt, Evaluation, Node
+
+ONE_KIND = (Measurement(Axis("kind", "", 0.0, 1.0, 1), 0.5),)
+"""The measurements of words that are all of one kind."""
 
 
 class Words:
@@ -43,7 +47,7 @@ class Words:
     async def evaluate(self, candidate: str, label: str) -> Evaluation:
         self.rollouts.append((candidate, label))
         await self._wait()
-        return Evaluation(valid=True, score=self.scores[candidate])
+        return Evaluation(True, self.scores[candidate], measurements=ONE_KIND)
 
     async def _answer(self, label: str) -> Attempt[str]:
         await self._wait()

@@ -10,7 +10,7 @@ import pytest
 from agentflow.search.node import Evaluation, SearchResult
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings
-from tests.search.domain import Words
+from tests.search.domain import ONE_KIND, Words
 
 REPLIES = {
     f"round-{round_}/node-{node}/try-{number}": word
@@ -36,7 +36,7 @@ async def search(strategy: str, words: Words, root: Evaluation) -> SearchResult[
 @pytest.mark.parametrize("strategy", STRATEGIES)
 async def test_no_round_follows_a_perfect_candidate(strategy: str) -> None:
     words = Graded(REPLIES, {"a": 3.0, "b": 10.0, "c": 4.0})
-    found = await search(strategy, words, Evaluation(valid=True, score=1.0))
+    found = await search(strategy, words, Evaluation(True, 1.0, measurements=ONE_KIND))
     assert [word for word, _ in words.rollouts] == ["a", "b"]
     assert (found.nodes[found.result].candidate, found.perfect, found.stopped) == ("b", True, False)
 
@@ -44,13 +44,15 @@ async def test_no_round_follows_a_perfect_candidate(strategy: str) -> None:
 @pytest.mark.parametrize("strategy", STRATEGIES)
 async def test_nothing_follows_a_perfect_root(strategy: str) -> None:
     words = Graded(REPLIES, {})
-    found = await search(strategy, words, Evaluation(valid=True, score=10.0, perfect=True))
+    found = await search(
+        strategy, words, Evaluation(True, 10.0, perfect=True, measurements=ONE_KIND)
+    )
     assert (words.waves, found.result, found.perfect, found.cost.rollouts) == ([], 0, True, 0)
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
 async def test_other_searches_go_on_to_the_last_round(strategy: str) -> None:
     words = Graded(REPLIES, {"a": 3.0, "b": 9.9, "c": 4.0})
-    found = await search(strategy, words, Evaluation(valid=True, score=1.0))
+    found = await search(strategy, words, Evaluation(True, 1.0, measurements=ONE_KIND))
     assert not found.perfect
     assert len(words.waves) == 3

@@ -8,9 +8,9 @@ from agentflow.search.node import Evaluation
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings
 from agentflow.search.tree import is_better
-from tests.search.domain import Words
+from tests.search.domain import ONE_KIND, Words
 
-ROOT = Evaluation(valid=True, score=1.0)
+ROOT = Evaluation(True, 1.0, measurements=ONE_KIND)
 FAILED, INVALID = Evaluation(valid=True, score=None), Evaluation(valid=False, score=0.0)
 
 

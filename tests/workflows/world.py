@@ -21,6 +21,7 @@ from agentflow.machine.formats.coordinates import read_coordinates
 from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import PromptSet
+from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import Evaluation
 from agentflow.tools.world import View
 from agentflow.workflows.base import SimulationSummary, WorkflowResult
@@ -194,6 +195,10 @@ def by_digest(found: Machine) -> float:
     return int(found.digest[:4], 16) / 1000
 
 
+BLOCKS = Axis("blocks", "", 0.5, 12.5, 6)
+"""What kind of machine one of the shelf is."""
+
+
 class Shelf:
     """A laboratory that looks scores up instead of simulating."""
 
@@ -213,9 +218,9 @@ class Shelf:
         score = self.score(found)
         status = "timeout" if score is None else "ok"
         told = f"Rolled {score} m."
-        return Evaluation(
-            True, score, SimulationSummary(score, status, told, ((1, 0, 0.5),), found.digest)
-        )
+        summary = SimulationSummary(score, status, told, ((1, 0, 0.5),), found.digest)
+        kind = Measurement(BLOCKS, float(len(found)))
+        return Evaluation(True, score, summary, measurements=(kind,))
 
     async def query(self, found: Machine, queries: Sequence[object]) -> str:
         assert found.digest in self.tried

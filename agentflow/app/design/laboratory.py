@@ -12,6 +12,7 @@ import numpy as np
 
 from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import png_url
+from agentflow.env.mechanism import classify
 from agentflow.env.perturbation import robust_score
 from agentflow.env.pool.pool import Simulator
 from agentflow.env.pool.spool import Rollouts
@@ -19,6 +20,7 @@ from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Rollout, Trace
 from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variation
 from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.descriptors import measure
 from agentflow.env.verification import Verification, run_under, verify_async
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
@@ -57,6 +59,7 @@ class PhysicsLaboratory:
         """Simulate a machine."""
         rollout = await self._simulate(machine)
         self.rollouts.put(machine.digest, rollout)
+        mechanism = classify(machine, rollout)
         summary = SimulationSummary(
             score=rollout.score,
             status=rollout.status,
@@ -64,9 +67,12 @@ class PhysicsLaboratory:
             broken=tuple((item.block, item.partner, item.time) for item in rollout.broken),
             digest=rollout.digest,
             moved=None if rollout.trace is None else farthest_move(rollout.trace),
+            mechanism=None if mechanism is None else str(mechanism),
             facts=decisive_facts(machine, rollout),
         )
-        found = Evaluation(rollout.status != "invalid", rollout.score, summary)
+        kinds = measure(self._task.descriptors, machine, rollout)
+        valid = rollout.status != "invalid"
+        found = Evaluation(valid, rollout.score, summary, measurements=kinds)
         if self._objective == "score" or not found.valid or found.score is None:
             return found
         return await self._with_value(found, machine, rollout)

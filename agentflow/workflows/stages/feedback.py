@@ -80,10 +80,16 @@ class Trajectory:
     """How the search of one trajectory expands a node and evaluates a version."""
 
     def __init__(
-        self, run: WorkflowContext, number: int, blueprint: Blueprint | None, model_role: str
+        self,
+        run: WorkflowContext,
+        number: int,
+        blueprint: Blueprint | None = None,
+        model_role: str = "",
     ) -> None:
         self.first = FirstAttempt()
         """How far the first attempt of the search got."""
+        self.brief = run.brief
+        """The task as refiners are told it; a search may set an aim of its own."""
         self._run, self._blueprint, self._model_role = run, blueprint, model_role
         self._number = number
         self._queried: dict[int, str] = {}
@@ -144,7 +150,7 @@ class Trajectory:
     def _given(self, node: Node[Version], earlier: Sequence[Attempt[Version]]) -> RefinerInput:
         settings = self._run.settings
         return RefinerInput(
-            **self._run.role_input,
+            **self._run.role_input | {"brief": self.brief},
             machine=node.candidate.machine,
             blueprint=None if node.candidate.edit else self._blueprint,
             history=self._history if settings.history else History(),

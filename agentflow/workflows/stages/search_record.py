@@ -6,17 +6,28 @@ from dataclasses import replace
 from typing import Any
 
 from agentflow.runs.events import (
+    ArchiveEvent,
     BackUpEvent,
     ExpandAttempt,
     ExpandEvent,
+    NicheEvent,
     NodeEvent,
+    RecordedAxis,
     SearchEndEvent,
     SelectEvent,
 )
 from agentflow.runs.places import Place
-from agentflow.search.events import BackedUp, Expanded, SearchEvent, Selected, Simulated
+from agentflow.search.events import (
+    ArchiveOpened,
+    BackedUp,
+    Expanded,
+    Filed,
+    SearchEvent,
+    Selected,
+    Simulated,
+)
 from agentflow.search.node import SearchResult
-from agentflow.workflows.base import GREATEST
+from agentflow.workflows.base import GREATEST, SimulationSummary
 from agentflow.workflows.context import WorkflowContext
 
 
@@ -45,6 +56,25 @@ class SearchRecorder:
         elif isinstance(event, BackedUp):
             place = replace(self._place, node=event.path[-1])
             self._run.note(BackUpEvent(place, event.path, event.reward))
+        elif isinstance(event, ArchiveOpened):
+            axes = tuple(RecordedAxis(**vars(axis)) for axis in event.axes)
+            self._run.note(ArchiveEvent(self._place, axes))
+        elif isinstance(event, Filed):
+            self._run.note(self._niche(event))
+
+    def _niche(self, event: Filed) -> NicheEvent:
+        node, filing = event.node, event.filing
+        found: SimulationSummary = node.evaluation.details
+        return NicheEvent(
+            replace(self._place, node=node.id),
+            event.round,
+            node.candidate.machine.digest,
+            node.evaluation.score,
+            tuple(item.value for item in node.evaluation.measurements),
+            filing.cell,
+            filing.outcome,
+            found.mechanism,
+        )
 
     def finish(self, found: SearchResult[Any]) -> None:
         """Record the result."""

@@ -1,0 +1,1 @@
+"""The workflow `explore`: machines of many kinds rather than one good machine."""
