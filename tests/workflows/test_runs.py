@@ -40,7 +40,7 @@ def test_by_name() -> None:
         WORKFLOWS["hierachical"]
     assert str(caught.value) == (
         "unknown workflow 'hierachical'; known: hierarchical, iterative, single, tools, "
-        "random-dsl, explore, external, placement, random-placement"
+        "random-dsl, explore, external, placement, ..."
     )
 
 
