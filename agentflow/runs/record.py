@@ -6,12 +6,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from agentflow.runs.events import (
+    ArchiveEvent,
     AttemptEvent,
     CandidateEvent,
     EditEvent,
     EvaluationEvent,
     ExpandEvent,
     FilesEvent,
+    NicheEvent,
     NodeEvent,
     ProgramEvent,
     RemarkEvent,
@@ -53,6 +55,8 @@ class RunRecord:
     candidates: list[CandidateEvent] = field(default_factory=list)
     expansions: list[ExpandEvent] = field(default_factory=list)
     nodes: list[NodeEvent] = field(default_factory=list)
+    archives: list[ArchiveEvent | NicheEvent] = field(default_factory=list)
+    """The archives that searches began, and what was offered to them."""
     stages: list[StageEvent] = field(default_factory=list)
     """Finished stages."""
     verification: VerificationEvent | None = None
@@ -84,6 +88,8 @@ class RunRecord:
             self.expansions.append(event)
         elif isinstance(event, NodeEvent):
             self.nodes.append(event)
+        elif isinstance(event, ArchiveEvent | NicheEvent):
+            self.archives.append(event)
         elif isinstance(event, EditEvent):
             self.steps += 1
             self.edits.append(event)

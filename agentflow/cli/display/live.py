@@ -17,6 +17,7 @@ from rich.text import Text
 from agentflow.cli.display.output import SafeConsole
 from agentflow.cli.display.text import escape_controls, number
 from agentflow.metrics.failure_kinds import CUT_OFF, EMPTY, FILTERED
+from agentflow.metrics.niches import Elites, best_by_class
 from agentflow.runs import Event, Listener, Notify
 from agentflow.runs.events import (
     AttemptEvent,
@@ -123,6 +124,8 @@ class Progress:
             ),
             Text.assemble("best ", (best, "bold green"), "  ", (sparkline(self.curve), "green")),
         ]
+        if (elites := Elites.of(run.archives)) is not None:
+            lines.append(_one_line(_archive_line(elites)))
         if run.stages:
             lines.append(_stage_table(run.stages))
         lines += [_one_line(line, "dim") for line in self.failures]
@@ -143,6 +146,14 @@ def sparkline(values: list[float], width: int = 40) -> str:
     low, high = min(0.0, *values), max(values)
     scale = (len(BARS) - 1) / (high - low) if high > low else 0.0
     return "".join(BARS[round((value - low) * scale)] for value in picked)
+
+
+def _archive_line(elites: Elites) -> str:
+    classes = len(best_by_class(elites.cells.values()))
+    return (
+        f"archive: {len(elites.cells)} of {elites.size} cells, QD score {elites.qd_score:.2f}, "
+        f"mechanism classes: {classes}"
+    )
 
 
 def _stage_table(rows: list[StageEvent]) -> Table:

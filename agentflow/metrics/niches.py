@@ -1,0 +1,85 @@
+"""Numbers of searches for many kinds of machines: coverage, QD score, mechanism classes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import prod
+
+from agentflow.runs.events import ArchiveEvent, NicheEvent, RecordedAxis, RunEvent
+from agentflow.runs.reading import Event
+
+Cell = tuple[int, ...]
+HALF = 0.5
+"""Share of the good score from which on a class counts as mastered."""
+
+
+@dataclass(frozen=True)
+class Elites:
+    """The best machine of each cell over all searches of a run, or of several runs of one task."""
+
+    axes: tuple[RecordedAxis, ...]
+    cells: dict[Cell, NicheEvent]
+    """In order of the cells; of machines that score the same, the first."""
+
+    @classmethod
+    def of(cls, events: Iterable[RunEvent | Event]) -> Elites | None:
+        """Merge the archives of all searches; None if no search kept one."""
+        axes: tuple[RecordedAxis, ...] | None = None
+        best: dict[Cell, NicheEvent] = {}
+        for event in events:
+            if isinstance(event, ArchiveEvent):
+                axes = axes or event.axes
+            elif isinstance(event, NicheEvent) and event.cell is not None:
+                known = best.get(event.cell)
+                if known is None or _rank(event) < _rank(known):
+                    best[event.cell] = event
+        return None if axes is None else cls(axes, dict(sorted(best.items())))
+
+    @property
+    def size(self) -> int:
+        """Number of cells of the grid, with or without a machine."""
+        return prod(axis.cells for axis in self.axes)
+
+    @property
+    def coverage(self) -> float:
+        """Share of the cells that have a machine."""
+        return len(self.cells) / self.size
+
+    @property
+    def qd_score(self) -> float:
+        """Sum of the scores of the best machines of all cells (quality-diversity score).
+
+        It is not normalised; negative scores count as they are.
+        """
+        return sum(event.score or 0.0 for event in self.cells.values())
+
+    @property
+    def best(self) -> float | None:
+        """Highest score; None without a machine."""
+        return max((event.score or 0.0 for event in self.cells.values()), default=None)
+
+
+def best_by_class(niches: Iterable[NicheEvent]) -> dict[str, NicheEvent]:
+    """The best machine of each mechanism class, the highest scores first.
+
+    Every machine counts, kept in an archive or not.
+    """
+    found: dict[str, NicheEvent] = {}
+    for event in niches:
+        if event.mechanism is None or event.score is None:
+            continue
+        known = found.get(event.mechanism)
+        if known is None or _rank(event) < _rank(known):
+            found[event.mechanism] = event
+    return dict(sorted(found.items(), key=lambda item: _rank(item[1])))
+
+
+def count_mastered(classes: Sequence[NicheEvent], good: float) -> int:
+    """Number of classes whose best machine scores at least half of the level's good score."""
+    return sum((event.score or 0.0) >= HALF * good for event in classes)
+
+
+def _rank(event: NicheEvent) -> tuple[float, int, int]:
+    """The highest score first, then the lowest trajectory and node, whatever came in first."""
+    return -(event.score or 0.0), event.place.trajectory, event.place.node or 0
