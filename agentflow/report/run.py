@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.metrics.usage import Cost, bill
+from agentflow.report.elites import archive_of
 from agentflow.report.film import deflate_json
 from agentflow.report.lineage import Lineage
 from agentflow.report.nodes import LineageNode
@@ -65,6 +66,7 @@ class RunStory:
             "run": self._head(record, priced),
             "nodes": [asdict(node) for node in self.nodes],
             "progress": score_curve(self.events),
+            "archive": archive_of(self.events),
             "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
             "reasons": rejection_reasons(attempts),

@@ -2,6 +2,7 @@
 
 import { scoreChart, barChart } from "./charts.js";
 import { el, section, formatNumber, table } from "./dom.js";
+import { archiveSection } from "./elites.js";
 import { unpackJson } from "./film.js";
 import { Player } from "./player.js";
 import { taskDetails, callDetails, toolDetails, plain, problem } from "./text.js";
@@ -30,6 +31,11 @@ export function runPage(data) {
       header(data),
       chosen,
       data.nodes.length ? section("Search", el("div", { class: "tall" }, tree.element), legend()) : null,
+      archiveSection(data.archive, (machine) => {
+        const node = data.nodes.find((item) => item.machine === machine);
+        tree.select(node.id);
+        choose(node);
+      }),
       scoreCharts(data),
       stages(data),
       tools(data),
