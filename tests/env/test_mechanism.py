@@ -80,9 +80,7 @@ def test_the_drive_did_two_thirds_of_the_work(work: Energy | None, drive: str) -
     assert drive in DRIVES
 
 
-def test_motors_are_wheels_if_a_powered_wheel_touches_the_scene_else_rotors_or_motors() -> (
-    None
-):
+def test_motors_are_wheels_if_a_powered_wheel_touches_the_scene_else_rotors_or_motors() -> None:
     driving = classify(CAR, rollout(3, energy(motors=9.0), ((2, "ground"),)))
     assert driving == Mechanism("wheels", "driven wheels", "nothing")
     turning = classify(CAR, rollout(3, energy(motors=9.0), ((1, "ground"),)))
