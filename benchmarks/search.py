@@ -6,7 +6,8 @@ Candidates are points of a grid, a refinement is a random step, and some refinem
 MCTS-style and best-of-N search make `rounds` expansions of `width` children each. Random search
 makes one child per expansion, so it is also run with `rounds` x `width` expansions, which costs as
 many evaluations. `smooth` has one hill, `deceptive` a broad low hill far from a narrow high one,
-and `noisy` one hill covered with bumps. Scores are relative to the highest point.
+and `noisy` one hill covered with bumps. Scores are relative to the highest point. MAP-Elites keeps
+the best point of each 4 by 4 square.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import random
 import statistics
 from collections.abc import Callable, Sequence
 
+from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import Attempt, Evaluation, Node
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import SearchSettings
@@ -26,6 +28,7 @@ Point = tuple[int, int]
 REFUSED = 0.3
 """Share of refinements that are refused."""
 START = (0, 0)
+AXES = (Axis("x", "", -18.0, 18.0, 9), Axis("y", "", -18.0, 18.0, 9))
 
 
 def smooth(point: Point) -> float:
@@ -73,7 +76,13 @@ class Field:
 
     async def evaluate(self, point: Point, _label: str) -> Evaluation:
         """The height at a point."""
-        return Evaluation(True, self._domain(point))
+        return judge(point, self._domain)
+
+
+def judge(point: Point, domain: Callable[[Point], float]) -> Evaluation:
+    """The height at a point, and where the point is."""
+    found = tuple(Measurement(axis, value) for axis, value in zip(AXES, point, strict=True))
+    return Evaluation(True, domain(point), measurements=found)
 
 
 async def run_search(
@@ -81,7 +90,7 @@ async def run_search(
 ) -> tuple[float, ...]:
     """Result, best candidate, expansions, attempts and evaluations of one search."""
     field = Field(DOMAINS[domain], seed)
-    root = Evaluation(True, DOMAINS[domain](START))
+    root = judge(START, DOMAINS[domain])
     found = await STRATEGIES[name](START, root, field.expand, field.evaluate, settings)
     score = [found.nodes[node].evaluation.score or 0.0 for node in (found.result, found.best)]
     return (*score, found.cost.expansions, found.cost.attempts, found.cost.rollouts)

@@ -9,6 +9,9 @@ from pydantic import BaseModel, Field
 
 from agentflow.search.registry import STRATEGIES
 
+MAP_ELITES = "map-elites"
+"""The strategy that needs pyribs."""
+
 
 class UcbSettings(BaseModel, frozen=True, extra="forbid"):
     """How MCTS-style search balances exploitation and exploration."""

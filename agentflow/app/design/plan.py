@@ -36,7 +36,9 @@ from agentflow.machine.validity import check
 from agentflow.prompts.render import PromptSet
 from agentflow.runs.events import StageBeginEvent, read_typed_events
 from agentflow.runs.places import STAGES
+from agentflow.search.elites.archive import require_pyribs
 from agentflow.search.registry import STRATEGIES
+from agentflow.search.settings import MAP_ELITES
 from agentflow.workflows.registry import WORKFLOWS, check_fit
 from agentflow.workflows.tools.workflow import repetition_of
 from agentflow.workflows.workflow import Workflow
@@ -109,9 +111,12 @@ class RunPlan:
     def require_workflow(self) -> None:
         """Raise ConfigError unless the workflow can begin here.
 
-        It may need a program, or roles that a model in a folder cannot play.
+        It may need a program, pyribs, or roles that a model in a folder cannot play.
         """
-        WORKFLOWS[self.config.workflow].require(self.config.settings)
+        workflow, settings = WORKFLOWS[self.config.workflow], self.config.settings
+        workflow.require(settings)
+        if workflow.adapt(settings).search.strategy == MAP_ELITES:
+            require_pyribs()
         others = [role for role in self._roles_of_designing_model() if role != Designer.name]
         if others:
             raise ConfigError(

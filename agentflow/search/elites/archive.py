@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any, Generic, Literal, cast
 
-from agentflow.errors import UsageError
+from agentflow.errors import ConfigError, UsageError
 from agentflow.search.elites.axes import Axis, Measurement
 from agentflow.search.node import C, Node
 
@@ -20,6 +21,14 @@ Outcome = Literal["new", "better", "worse", "unmeasured"]
 """`new`: the first of its cell. `better` and `worse`: than the elite of its cell, which it replaced
 or not; equals do not replace. `unmeasured`: invalid, without a score or without a value on an axis,
 so that it belongs to no cell."""
+
+
+def require_pyribs() -> None:
+    """Raise ConfigError unless pyribs is installed; this does not import it."""
+    if find_spec("ribs") is None:
+        raise ConfigError(
+            'pyribs is not installed; install it with: pip install "agentflow[explore]"'
+        )
 
 
 @dataclass(frozen=True)
@@ -38,15 +47,17 @@ class Archive(Generic[C]):
         """Begin with empty cells.
 
         Raises:
-            UsageError: There are no axes, or pyribs is not installed.
+            UsageError: There are no axes.
         """
+        from ribs.archives import GridArchive  # an extra, and seconds to import: pandas, numba ...
+
         if not axes:
             raise UsageError(
                 "the strategy map-elites needs candidates that are measured on at least one axis; "
                 "evaluate them with measurements, or choose another strategy"
             )
         self.axes = tuple(axes)
-        self._grid: Any = _grid_archive()(
+        self._grid: Any = GridArchive(
             solution_dim=(),
             dims=[axis.cells for axis in axes],
             ranges=[(axis.low, axis.high) for axis in axes],
@@ -100,13 +111,3 @@ def _values(measurements: Sequence[Measurement]) -> list[float] | None:
     """The values on all axes; None if one is missing."""
     values = [item.value for item in measurements if item.value is not None]
     return values if values and len(values) == len(measurements) else None
-
-
-def _grid_archive() -> Any:
-    try:
-        from ribs.archives import GridArchive
-    except ImportError as error:
-        raise UsageError(
-            "pyribs is not installed; install it with: pip install 'agentflow[explore]'"
-        ) from error
-    return GridArchive

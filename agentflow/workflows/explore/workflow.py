@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib.util import find_spec
 
-from agentflow.errors import ConfigError, UsageError
+from agentflow.errors import UsageError
 from agentflow.machine.edits.random import random_machine
 from agentflow.runs.events import FLAWLESS, FirstAttempt
 from agentflow.runs.places import FEEDBACK, INITIAL, Place
 from agentflow.search.concurrency import run_concurrently
 from agentflow.search.elites.archive import Archive
 from agentflow.search.elites.map_elites import map_elites
+from agentflow.search.settings import MAP_ELITES
 from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.explore.emitters import Emitters
@@ -20,9 +20,7 @@ from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.feedback import Version
 from agentflow.workflows.stages.search_record import SearchRecorder
 from agentflow.workflows.stages.shared import design_machines, simulate
-from agentflow.workflows.workflow import RANDOM_EDITS, Workflow, refuse_program
-
-STRATEGY = "map-elites"
+from agentflow.workflows.workflow import RANDOM_EDITS, Workflow
 
 
 async def explore(run: WorkflowContext) -> WorkflowResult:
@@ -102,7 +100,7 @@ def _rollouts(settings: WorkflowSettings) -> int:
 def _adapt(settings: WorkflowSettings) -> WorkflowSettings:
     """The rollouts end the search, not its rounds: each makes one new machine at least, or none."""
     total = _rollouts(settings)
-    search = settings.search.model_copy(update={"strategy": STRATEGY, "rounds": total})
+    search = settings.search.model_copy(update={"strategy": MAP_ELITES, "rounds": total})
     return settings.model_copy(update={"rollouts": total, "search": search})
 
 
@@ -119,15 +117,6 @@ def _calls(settings: WorkflowSettings) -> Mapping[str, int]:
     return {**calls, "querier": queried}
 
 
-def _require(settings: WorkflowSettings) -> None:
-    refuse_program(settings)
-    if find_spec("ribs") is None:
-        raise ConfigError(
-            "the workflow explore needs pyribs, which is not installed; install it with: "
-            "pip install 'agentflow[explore]'"
-        )
-
-
 EXPLORE = Workflow(
     "explore",
     explore,
@@ -135,6 +124,5 @@ EXPLORE = Workflow(
     rollouts=_rollouts,
     adapt=_adapt,
     author=lambda settings: "" if _asks_models(settings) else RANDOM_EDITS,
-    require=_require,
     has_rollout_limit=True,
 )
