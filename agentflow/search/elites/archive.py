@@ -68,11 +68,11 @@ class Archive(Generic[C]):
         self._nodes: dict[int, Node[C]] = {}
 
     def offer(self, node: Node[C]) -> Filing:
-        """File a node if its cell is empty or it scores higher than the elite there."""
-        score, values = node.evaluation.score, _values(node.evaluation.measurements)
-        if not node.evaluation.valid or score is None or values is None:
+        """File a node if its cell is empty or it is better than the elite there."""
+        reward, values = node.evaluation.reward, _values(node.evaluation.measurements)
+        if not node.evaluation.valid or reward is None or values is None:
             return Filing(None, "unmeasured")
-        status = int(self._grid.add_single(node.id, score, values)["status"])
+        status = int(self._grid.add_single(node.id, reward, values)["status"])
         if status:
             self._nodes[node.id] = node
         outcomes: tuple[Outcome, ...] = ("worse", "better", "new")  # the numbers of pyribs

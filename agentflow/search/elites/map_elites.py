@@ -20,7 +20,7 @@ async def map_elites(
 ) -> SearchResult[C]:
     """Each round, expand one elite into `settings.width` children and file them in the archive.
 
-    The elite is one that was expanded least often, of these the one with the highest score. The
+    The elite is one that was expanded least often, of these the best. The
     published algorithm draws it at random; this choice needs no random stream, and every elite has
     its turn. Children that belong to no cell are not expanded. Without any elite, the best node is.
     Kinds come from `Evaluation.measurements`, which `evaluate` makes.
@@ -42,5 +42,5 @@ async def map_elites(
 
 
 def _turn(elite: Node[C]) -> tuple[int, float, int]:
-    """What elites are ordered by: expansions, then score from the highest, then age."""
-    return elite.visits, -(elite.evaluation.score or 0.0), elite.id
+    """What elites are ordered by: expansions, then reward from the highest, then age."""
+    return elite.visits, -(elite.evaluation.reward or 0.0), elite.id
