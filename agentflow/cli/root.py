@@ -45,6 +45,10 @@ Format = Annotated[
 FormatOrJson = Annotated[
     Literal["text", "md", "csv", "latex", "json"], typer.Option("--format", help="Output format.")
 ]
+Published = Annotated[
+    bool,
+    typer.Option("--published", help="Add the published values of other models as separate rows."),
+]
 Run = Annotated[Path, typer.Argument(help="Run directory.")]
 ModelName = Annotated[
     str | None,

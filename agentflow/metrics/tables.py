@@ -73,6 +73,11 @@ def cell_text(value: Value, percent: bool = False, digits: int = 2) -> str:
     return str(value)
 
 
+def interval_text(ends: Sequence[float] | None, digits: int) -> str | None:
+    """An interval as the content of a cell."""
+    return " - ".join(cell_text(end, digits=digits) for end in ends) if ends else None
+
+
 def text(table: Table) -> str:
     """Aligned columns for a terminal; lines are not wrapped."""
     heads = [*table.heads, *(column.name for column in table.columns)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from agentflow.metrics.intervals import Interval, wilson
 from agentflow.runs.events import CandidateEvent
@@ -26,6 +26,10 @@ class Rate:
     def interval(self) -> Interval | None:
         """Wilson's 95 % interval."""
         return wilson(self.count, self.of)
+
+    def to_json(self) -> dict[str, Any]:
+        """The share with its interval as JSON data."""
+        return {"count": self.count, "of": self.of, "share": self.value, "interval": self.interval}
 
     def __add__(self, other: Rate) -> Rate:
         return Rate(self.count + other.count, self.of + other.of)

@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 from agentflow.app.diagnose.machines import LEVELS, SIZES, describe_blocks, draw_design, list_ids
 from agentflow.app.diagnose.question import Diagnostic, Mark, Question
 from agentflow.app.diagnose.reading import read_poses
-from agentflow.app.diagnose.scores import rate_json
 from agentflow.machine import Machine, place
 from agentflow.machine.edits.random import random_machine
 from agentflow.metrics.validity import Rate
@@ -55,8 +54,8 @@ class Facing(Diagnostic):
         centre = sum(_is_close(true["centre"], said["centre"]) for true, said in pairs)
         return {
             "blocks": len(pairs),
-            "facing": rate_json(Rate(facing, len(pairs))),
-            "centre": rate_json(Rate(centre, len(pairs))),
+            "facing": Rate(facing, len(pairs)).to_json(),
+            "centre": Rate(centre, len(pairs)).to_json(),
         }
 
 

@@ -1,24 +1,28 @@
-"""The questions whether a machine stands, drives and throws; a simulation judges the answers."""
+"""The question whether a machine stands, drives or throws; a simulation judges the answers."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import cycle, islice
+from functools import cache
+from importlib.resources import files
+from itertools import chain, islice
 from math import cos, radians
 from random import Random
 from typing import Any, ClassVar
 
+import yaml
+
 from agentflow.agents.context import machine_context, task_context
-from agentflow.app.diagnose.machines import LEVELS, draw_design
+from agentflow.app.diagnose.machines import draw_design
 from agentflow.app.diagnose.question import Diagnostic, Mark, Question
 from agentflow.app.diagnose.reading import read_verdicts
-from agentflow.app.diagnose.scores import Detection, rate_json
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
+from agentflow.errors import UsageError
 from agentflow.machine import Machine
 from agentflow.machine.edits.random import random_edit
 from agentflow.metrics.validity import Rate
@@ -33,16 +37,13 @@ LEAN = 20.0
 """Greatest angle by which a machine that stands leans at t = 0, degrees."""
 STAND = "stand"
 TESTS: Mapping[str, FunctionTest] = {"drive": Moves(metres=2.0), "throw": Throws(metres=5.0)}
-"""What machines of the two levels do apart from standing."""
-ASKED: Mapping[str, tuple[str, ...]] = {
-    "movement": (STAND, "drive"),
-    "throwing": (STAND, "throw"),
-}
-"""Level -> what is asked of its machines."""
+"""What machines do apart from standing."""
+ALL = "all"
+"""Name of the numbers of all questions."""
 
 
 class Fate(Diagnostic):
-    """Whether a machine stands, drives, throws."""
+    """Whether a machine stands, drives or throws."""
 
     name: ClassVar[str] = "fate"
 
@@ -50,25 +51,36 @@ class Fate(Diagnostic):
         self._engine, self._seed = engine, seed
 
     def questions(self, size: int, seed: int) -> list[Question]:
-        """`size` designs, for each level in turn, with up to `EDITS` random legal edits."""
+        """Designs of `fate.yaml`: for every verb as many that do it as not, in random order."""
         rng = Random(f"diagnose/fate/{seed}")
+        cells = [
+            [(verb, name) for name in rng.sample(names, len(names))]
+            for verb, lists in _known_designs().items()
+            for names in lists.values()
+        ]
+        if size > (most := sum(map(len, cells))):
+            raise UsageError(f"fate has {most} questions, not {size}: lower --questions")
+        chosen = list(islice(chain.from_iterable(zip(*cells, strict=True)), size))
+        rng.shuffle(chosen)
         return [
-            Question(f"fate/{number}", _draw(rng, level), None, level)
-            for number, level in enumerate(islice(cycle(LEVELS), size))
+            Question(f"fate/{number}", draw_edited(name), None, [_level(name), verb])
+            for number, (verb, name) in enumerate(chosen)
         ]
 
     def variables(self, question: Question) -> Mapping[str, object]:
-        brief = self._task(question).brief
+        brief, (_, verb) = self._task(question).brief, question.about
         return {
             **task_context(brief),
             **machine_context(question.machine, spatial=True, brief=brief),
-            "asked": {name: _rule(name) for name in ASKED[question.about]},
+            "verb": verb,
+            "rule": _rule(verb),
         }
 
     def read(self, text: str, question: Question) -> dict[str, bool] | None:
         """Yes or no for what was asked."""
+        _, verb = question.about
         said = read_verdicts(text)
-        return {name: said[name] for name in ASKED[question.about] if name in said} or None
+        return {verb: said[verb]} if verb in said else None
 
     async def judge(self, questions: Sequence[Question], workers: int) -> list[Question]:
         """Simulate every machine."""
@@ -81,65 +93,75 @@ class Fate(Diagnostic):
         ]
 
     def score(self, marks: Sequence[Mark]) -> dict[str, Any]:
-        """Per verb, the share of right answers, of yes in the simulations, and the detection."""
+        """Shares of right answers, of yes in the simulations, and of yes in the answers."""
         judged = [mark for mark in marks if mark.truth is not None]
-        verbs = {verb: _count(judged, verb) for verb in (STAND, *TESTS)}
-        return {"faults": len(marks) - len(judged), **verbs}
+        verbs = {verb: [m for m in judged if verb in m.truth] for verb in (STAND, *TESTS)}
+        return {
+            "faults": len(marks) - len(judged),
+            **{name: _count(own) for name, own in {**verbs, ALL: judged}.items()},
+        }
 
     def _task(self, question: Question) -> Task:
-        return get_task(question.about, {}, self._engine)
+        level, _ = question.about
+        return get_task(level, {}, self._engine)
 
 
-def _draw(rng: Random, level: str) -> Machine:
-    """A design after up to `EDITS` random edits that are legal at its level."""
+@cache
+def _known_designs() -> Mapping[str, Mapping[bool, list[str]]]:
+    """Verb -> whether they do it -> names of designs."""
+    text = files("agentflow.app.diagnose").joinpath("fate.yaml").read_text("utf-8")
+    known: Mapping[str, Mapping[bool, list[str]]] = yaml.safe_load(text)
+    return known
+
+
+def draw_edited(name: str) -> Machine:
+    """A design after up to `EDITS` random edits that are legal at its level.
+
+    Args:
+        name: Its level and a number, such as "throwing-17"; the name decides the machine.
+    """
+    rng, level = Random(f"diagnose/fate/{name}"), _level(name)
     machine, brief = draw_design(rng, level), get_task(level).brief
     for _ in range(rng.randint(0, EDITS)):
         machine = random_edit(machine, rng, brief)
     return machine
 
 
-def _rule(name: str) -> str:
+def _level(name: str) -> str:
+    return name.partition("-")[0]
+
+
+def _rule(verb: str) -> str:
     """What must happen, to follow "yes if"."""
-    if name == STAND:
+    if verb == STAND:
         return (
             f"at t = 0, after it has settled with its motors off, its Starting Block leans by at "
             f"most {LEAN:g} degrees from how it was built"
         )
-    return TESTS[name].phrase
+    return TESTS[verb].phrase
 
 
 def _truth(rollout: Rollout, question: Question, window: float) -> dict[str, bool] | None:
     """What the machine did; None if the simulation timed out or crashed, which says nothing."""
     if rollout.status in ("timeout", "crashed"):
         return None
+    _, verb = question.about
     if rollout.status != "ok" or rollout.trace is None:
-        return dict.fromkeys(ASKED[question.about], False)
-    motion = Motion(question.machine, rollout, rollout.trace, window)
-    return {name: _happens(name, motion) for name in ASKED[question.about]}
+        return {verb: False}
+    return {verb: _happens(verb, Motion(question.machine, rollout, rollout.trace, window))}
 
 
-def _happens(name: str, motion: Motion) -> bool:
-    if name == STAND:
+def _happens(verb: str, motion: Motion) -> bool:
+    if verb == STAND:
         x, _, z, _ = motion.trace.rotation[0, 0]
         return bool(1 - 2 * (x * x + z * z) >= cos(radians(LEAN)))
-    return all(finding.passed for _, finding in TESTS[name].measure(motion))
+    return all(finding.passed for _, finding in TESTS[verb].measure(motion))
 
 
-def _count(marks: Sequence[Mark], verb: str) -> dict[str, Any]:
-    """The numbers of one verb; a missing answer is a wrong one."""
-    pairs = [
-        (mark.truth[verb], (mark.answer or {}).get(verb)) for mark in marks if verb in mark.truth
-    ]
-    yes = sum(true for true, _ in pairs)
-    detection = Detection(
-        sum(true and said is True for true, said in pairs),
-        sum(said is True for _, said in pairs),
-        yes,
-    )
-    return {
-        "right": rate_json(Rate(sum(true == said for true, said in pairs), len(pairs))),
-        "yes": rate_json(Rate(yes, len(pairs))),
-        "recall": detection.recall.value,
-        "precision": detection.precision.value,
-        "f1": detection.f1,
-    }
+def _count(marks: Sequence[Mark]) -> dict[str, Any]:
+    """The numbers of some questions; a missing answer is a wrong one."""
+    true = sum(True in mark.truth.values() for mark in marks)
+    said = sum(True in (mark.answer or {}).values() for mark in marks)
+    right = sum(mark.answer == mark.truth for mark in marks)
+    rates = {"right": right, "yes": true, "said_yes": said}
+    return {name: Rate(count, len(marks)).to_json() for name, count in rates.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import cycle
 from random import Random
 from typing import Any, ClassVar
@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 from agentflow.app.diagnose.machines import LEVELS, SIZES, describe_blocks, draw_design
 from agentflow.app.diagnose.question import Diagnostic, Mark, Question
 from agentflow.app.diagnose.reading import Pair, read_pairs
-from agentflow.app.diagnose.scores import Detection
 from agentflow.machine import ROOT, Machine, check, library
 from agentflow.machine.edits.moves import MOVES, additions
+from agentflow.metrics.validity import Rate
 
 MOST = 8
 """Most overlapping pairs of one machine; a random machine of 20 blocks often has more."""
@@ -47,17 +47,23 @@ class Overlap(Diagnostic):
 
     def score(self, marks: Sequence[Mark]) -> dict[str, Any]:
         """Found pairs / true pairs (`accuracy`), and what this costs (`precision`, `f1`)."""
-        return {"pairs": sum(len(mark.truth) for mark in marks), **_count(marks).to_json()}
+        pairs = [(_pairs(mark.truth), _pairs(mark.answer or ())) for mark in marks]
+        found = sum(len(true & named) for true, named in pairs)
+        recall = Rate(found, sum(len(true) for true, _ in pairs))
+        precision = Rate(found, sum(len(named) for _, named in pairs))
+        return {
+            "pairs": recall.of,
+            "found": found,
+            "named": precision.of,
+            "accuracy": recall.value,
+            "interval": recall.interval,
+            "precision": precision.value,
+            "f1": 2 * found / (recall.of + precision.of),
+        }
 
 
-def _count(marks: Sequence[Mark]) -> Detection:
-    """True, named and found pairs; a pair counts once, in either order."""
-    total = Detection(0, 0, 0)
-    for mark in marks:
-        true = {tuple(pair) for pair in mark.truth}
-        named = {tuple(pair) for pair in mark.answer or ()}
-        total += Detection(len(true & named), len(named), len(true))
-    return total
+def _pairs(lists: Iterable[Sequence[int]]) -> set[tuple[int, ...]]:
+    return {tuple(pair) for pair in lists}
 
 
 def _first_overlapping(machines: Iterator[Machine], most: int) -> tuple[Machine, list[Pair]]:

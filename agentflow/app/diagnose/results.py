@@ -6,16 +6,17 @@ from collections.abc import Mapping
 from typing import Any
 
 from agentflow.app.diagnose.facing import CLOSE
-from agentflow.app.diagnose.fate import STAND, TESTS
+from agentflow.app.diagnose.fate import ALL, STAND, TESTS
 from agentflow.app.diagnose.overlap import Overlap
 from agentflow.app.diagnose.record import Diagnosis
 from agentflow.errors import UsageError
 from agentflow.metrics import published as literature
-from agentflow.metrics.tables import Column, Row, Table, cell_text, text
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, interval_text
 
 TABLE = "overlap_qa"
 """Name of the published table."""
 INTERVAL = "95 %"
+DIGITS = 3
 
 
 def require_published(name: str) -> None:
@@ -36,36 +37,34 @@ def published_accuracies() -> dict[str, float]:
     return {i.model: float(i.value) for i in literature.published() if i.table == TABLE}
 
 
-def format_results(found: Diagnosis, *, published: bool) -> str:
-    """The results of a finished diagnosis as a table in plain text."""
-    return text(_table(found, published=published))
+def format_results(found: Diagnosis, form: str, *, published: bool) -> str:
+    """The results of a finished diagnosis as text in one of the `FORMATS`."""
+    return FORMATS[form](_table(found, published=published))
 
 
 def _table(found: Diagnosis, *, published: bool) -> Table:
     results = found.results or {}
-    columns, rows, note = _LAYOUTS[found.diagnostic](results)
+    names, rows, note = _LAYOUTS[found.diagnostic](results)
     known = published_accuracies() if published else {}
-    empty = (None,) * (len(columns) - 1)
+    empty = (None,) * (len(names) - 1)
     return Table(
         f"{found.diagnostic}, {found.model}, seed {found.seed}",
         ("model" if found.diagnostic == Overlap.name else "question",),
-        columns,
+        tuple(Column("", name, digits=DIGITS) for name in names),
         tuple(Row((label or found.model,), values) for label, values in rows),
         tuple(Row((model,), (share, *empty)) for model, share in known.items()),
         (note, *_notes(results)),
     )
 
 
-Layout = tuple[tuple[Column, ...], list[tuple[str, tuple[Any, ...]]], str]
+Layout = tuple[tuple[str, ...], list[tuple[str, tuple[Any, ...]]], str]
+"""Headings; label (the model's name if empty) and values of each row; a note."""
 
 
 def _overlap(results: Mapping[str, Any]) -> Layout:
-    columns = tuple(
-        Column("", name, digits=3) for name in ("accuracy", INTERVAL, "precision", "F1", "pairs")
-    )
     values = (
         results["accuracy"],
-        _interval(results["interval"]),
+        interval_text(results["interval"], DIGITS),
         results["precision"],
         results["f1"],
         results["pairs"],
@@ -74,43 +73,31 @@ def _overlap(results: Mapping[str, Any]) -> Layout:
         "Accuracy: found pairs / true pairs; a reply that lists every pair has an accuracy of 1. "
         "Precision: found pairs / named pairs. F1: their harmonic mean."
     )
-    return columns, [("", values)], about
+    return ("accuracy", INTERVAL, "precision", "F1", "pairs"), [("", values)], about
 
 
 def _facing(results: Mapping[str, Any]) -> Layout:
-    columns = tuple(Column("", name, digits=3) for name in ("right", INTERVAL, "blocks"))
-    rows = [
-        (name, (own["share"], _interval(own["interval"]), own["of"]))
-        for name in ("facing", "centre")
-        for own in [results[name]]
-    ]
+    rows = [(name, _share(results[name])) for name in ("facing", "centre")]
     about = f"A centre is right if it is at most {CLOSE:g} m off along each axis."
-    return columns, rows, about
+    return ("right", INTERVAL, "blocks"), rows, about
 
 
 def _fate(results: Mapping[str, Any]) -> Layout:
-    names = ("right", INTERVAL, "yes", "recall", "precision", "F1", "machines")
-    columns = tuple(Column("", name, digits=3) for name in names)
     rows = [
-        (
-            verb,
-            (
-                own["right"]["share"],
-                _interval(own["right"]["interval"]),
-                own["yes"]["share"],
-                own["recall"],
-                own["precision"],
-                own["f1"],
-                own["right"]["of"],
-            ),
-        )
-        for verb in (STAND, *TESTS)
+        (verb, (*_share(own["right"]), own["yes"]["share"], own["said_yes"]["share"]))
+        for verb in (STAND, *TESTS, ALL)
         for own in [results[verb]]
     ]
-    return columns, rows, "Yes: share of machines that do it in the simulation."
+    about = "Yes: share of machines that do it; half of them, so a guess is right half the time."
+    return ("right", INTERVAL, "machines", "yes", "said yes"), rows, about
 
 
 _LAYOUTS = {"overlap": _overlap, "facing": _facing, "fate": _fate}
+
+
+def _share(rate: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Share, interval, and of how many."""
+    return rate["share"], interval_text(rate["interval"], DIGITS), rate["of"]
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:
@@ -122,7 +109,3 @@ def _notes(results: Mapping[str, Any]) -> list[str]:
             f"Machines left out because their simulation crashed or timed out: {results['faults']}."
         )
     return notes
-
-
-def _interval(ends: tuple[float, float] | None) -> str | None:
-    return ends and " - ".join(cell_text(end, digits=3) for end in ends)

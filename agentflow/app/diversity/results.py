@@ -12,8 +12,7 @@ from agentflow.app.diversity.sources import Source, read_sources
 from agentflow.diversity.measures import Measure, Measures, compare
 from agentflow.machine import Machine
 from agentflow.metrics import published as literature
-from agentflow.metrics.intervals import Interval
-from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
+from agentflow.metrics.tables import FORMATS, Column, Row, Table, interval_text
 
 TABLE = "diversity"
 """Name of the published table."""
@@ -145,8 +144,4 @@ def _published_means() -> dict[str, dict[str, float]]:
 
 
 def _cells(measure: Measure, digits: int) -> tuple[float | None, str | None]:
-    return measure.mean, _interval_text(measure.interval, digits)
-
-
-def _interval_text(interval: Interval | None, digits: int) -> str | None:
-    return interval and " - ".join(cell_text(end, digits=digits) for end in interval)
+    return measure.mean, interval_text(measure.interval, digits)

@@ -42,7 +42,7 @@ class Summary:
         return {
             "replies": self.replies,
             "faults": self.faults,
-            **{name: _rate_json(getattr(self, name)) for name in ("parsed", "spatial", "valid")},
+            **{name: getattr(self, name).to_json() for name in ("parsed", "spatial", "valid")},
             "mean": self.mean,
             "mean_interval": self.scores.mean_all_interval(self.seed),
             "mean_valid": self.scores.mean_valid,
@@ -72,7 +72,3 @@ def summarise(replies: Iterable[JudgedReply], seed: int = 0) -> Summary:
         scores=Scores(scores, len(counted) - len(scores)),
         seed=seed,
     )
-
-
-def _rate_json(rate: Rate) -> dict[str, Any]:
-    return {"count": rate.count, "of": rate.of, "share": rate.value, "interval": rate.interval}

@@ -115,24 +115,22 @@ def test_rounded_centres_are_right_and_others_not(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_fates_are_judged_by_simulation(tmp_path: Path) -> None:
+def test_fates_are_judged_by_simulation_and_half_of_them_are_yes(tmp_path: Path) -> None:
     out = tmp_path / "fate"
-    found = run("fate", lambda _: '{"stand": true, "drive": true, "throw": true}', out, 4)
+    found = run("fate", lambda _: '{"stand": true, "drive": true, "throw": true}', out, 6)
     judged = results(found)
     assert judged["faults"] == judged["unreadable"] == 0
-    assert [sorted(mark.truth) for mark in found.answers] == [["drive", "stand"],
-                                                              ["stand", "throw"]] * 2  # fmt: skip
-    for verb, of in (("stand", 4), ("drive", 2), ("throw", 2)):
+    for verb, of in (("stand", 2), ("drive", 2), ("throw", 2), ("all", 6)):
         assert judged[verb]["right"] == judged[verb]["yes"]
-        assert judged[verb]["right"]["of"] == of
-    assert judged["stand"]["yes"]["count"] >= 1
+        assert (judged[verb]["right"]["count"], judged[verb]["right"]["of"]) == (of // 2, of)
+        assert judged[verb]["said_yes"]["share"] == 1
 
     def knows(request: Request) -> str:
         number = int(request.label.partition("/")[2])
         return json.dumps(found.answers[number].truth)
 
-    told = results(run("fate", knows, tmp_path / "told", 4))
-    assert [told[verb]["right"]["share"] for verb in ("stand", "drive", "throw")] == [1, 1, 1]
+    told = results(run("fate", knows, tmp_path / "told", 6))
+    assert [told[verb]["right"]["share"] for verb in ("stand", "drive", "throw", "all")] == [1] * 4
 
 
 def test_a_diagnosis_is_continued_without_asking_again(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import combinations
 
 import pytest
@@ -12,6 +13,7 @@ from agentflow.app.diagnose.machines import SIZES
 from agentflow.app.diagnose.overlap import MOST, Overlap
 from agentflow.app.diagnose.question import Diagnostic, Mark, digest_of
 from agentflow.env.tasks.registry import get_task
+from agentflow.errors import UsageError
 from agentflow.machine import check, place
 from agentflow.machine.blocks.library import CONTAINER
 from agentflow.machine.geometry.placement import overlap_of
@@ -34,16 +36,18 @@ def test_the_seed_decides_the_questions(diagnostic: Diagnostic) -> None:
 
 
 @pytest.mark.parametrize(
-    ("diagnostic", "digest"),
+    ("diagnostic", "size", "digest"),
     [
-        (Overlap(), "8d11f7ae41de14e3"),
-        (Facing(), "97e7739809317d58"),
-        (Fate("auto", 0), "af1c9eb7a0e99613"),
+        (Overlap(), 4, "8d11f7ae41de14e3"),
+        (Facing(), 4, "97e7739809317d58"),
+        (Fate("auto", 0), 24, "295b5daf2ce42fc9"),
     ],
 )
-def test_questions_stay_the_same_over_versions(diagnostic: Diagnostic, digest: str) -> None:
-    """Results of models that were asked at different times can be compared."""
-    assert digest_of(diagnostic.questions(4, 0)) == digest
+def test_questions_are_the_same_in_all_versions_and_with_all_engines(
+    diagnostic: Diagnostic, size: int, digest: str
+) -> None:
+    """Results of models that were asked at different times and places can be compared."""
+    assert digest_of(diagnostic.questions(size, 0)) == digest
 
 
 @pytest.mark.parametrize("size", [1, 9])
@@ -77,7 +81,18 @@ def test_facings_and_centres_are_those_of_valid_machines() -> None:
 
 def test_machines_whose_fate_is_asked_are_valid_for_their_level() -> None:
     for question in Fate("auto", 0).questions(4, 0):
-        assert check(question.machine, get_task(question.about).brief).task_valid
+        assert check(question.machine, get_task(question.about[0]).brief).task_valid
+
+
+def test_no_design_is_asked_about_twice_and_too_many_questions_are_refused() -> None:
+    fate = Fate("auto", 0)
+    questions = fate.questions(30, 0)
+    assert len({question.machine.digest for question in questions}) == 30
+    assert Counter(question.about[1] for question in fate.questions(24, 0)) == dict.fromkeys(
+        ("stand", "drive", "throw"), 8
+    )
+    with pytest.raises(UsageError, match=r"^fate has 30 questions, not 31: lower --questions$"):
+        fate.questions(31, 0)
 
 
 @pytest.mark.parametrize("name", PROMPT_SETS)
@@ -116,10 +131,13 @@ def test_machines_without_a_verdict_are_left_out_and_counted() -> None:
     data = {"label": question.label, "machine": question.machine.to_json()}
     marks = [
         Mark(**data, truth=None, answer={"stand": True}),
-        Mark(**data, truth={"stand": True, "drive": False}, answer={"stand": True}),
+        Mark(**data, truth={"stand": True}, answer={"stand": True}),
+        Mark(**data, truth={"drive": False}, answer=None),
     ]
     found = fate.score(marks)
     assert found["faults"] == 1
     assert (found["stand"]["right"]["count"], found["stand"]["right"]["of"]) == (1, 1)
     assert (found["drive"]["right"]["count"], found["drive"]["right"]["of"]) == (0, 1)
-    assert (found["throw"]["right"]["share"], found["throw"]["f1"]) == (None, None)
+    assert found["throw"]["right"]["share"] is None
+    assert (found["all"]["right"]["count"], found["all"]["right"]["of"]) == (1, 2)
+    assert (found["all"]["yes"]["count"], found["all"]["said_yes"]["count"]) == (1, 1)

@@ -7,14 +7,25 @@ from typing import Annotated, Literal
 
 import typer
 
-from agentflow.cli.display.text import escape_controls, show_count
-from agentflow.cli.root import BaseUrl, Engine, Json, ModelName, Settings, commands, print_json
+from agentflow.cli.display.text import show_count
+from agentflow.cli.root import (
+    BaseUrl,
+    Engine,
+    Format,
+    Json,
+    ModelName,
+    Published,
+    Settings,
+    commands,
+    print_json,
+    print_table,
+)
 from agentflow.errors import UsageError
 
 OVERLAP = "overlap"
 PAIRS = 77
 """The published accuracies are multiples of 1/77."""
-QUESTIONS = 20
+QUESTIONS = 24
 
 
 @commands.command(epilog="Example: agentflow diagnose overlap --model NAME --out overlap")
@@ -24,7 +35,7 @@ def diagnose(
         typer.Argument(
             metavar="DIAGNOSTIC",
             help="overlap: which blocks overlap. facing: which way blocks face, where their "
-            "centres are. fate: will the machine stand, drive, throw; judged by simulation.",
+            "centres are. fate: will the machine stand, drive or throw; judged by simulation.",
         ),
     ],
     out: Annotated[
@@ -41,12 +52,8 @@ def diagnose(
         typer.Option(min=1, help="Questions, for facing and fate.", show_default=str(QUESTIONS)),
     ] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the questions.")] = 0,
-    published: Annotated[
-        bool,
-        typer.Option(
-            "--published", help="Add the published values of other models as separate rows."
-        ),
-    ] = False,
+    form: Format = "text",
+    published: Published = False,
     settings: Settings = None,
     engine: Engine = None,
     workers: Annotated[int, typer.Option(min=1, help="Worker processes for simulation.")] = 2,
@@ -88,7 +95,7 @@ def diagnose(
         known = {"published": published_accuracies()} if published else {}
         print_json({**about, **(found.results or {}), **known})
         return
-    print(escape_controls(format_results(found, published=published), "\n"), end="")
+    print_table(format_results(found, form, published=published), form)
 
 
 def _size(name: str, pairs: int | None, questions: int | None) -> int:

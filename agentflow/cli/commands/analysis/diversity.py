@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 from agentflow.cli.display.text import show_count
-from agentflow.cli.root import Format, Json, commands, needs_extra, print_json, print_table
+from agentflow.cli.root import (
+    Format,
+    Json,
+    Published,
+    commands,
+    needs_extra,
+    print_json,
+    print_table,
+)
 
 
 @commands.command(epilog="Example: agentflow diversity runs/recorded-throwing --published")
@@ -31,12 +39,7 @@ def diversity(
         int, typer.Option(min=0, help="Random seed of samples, embedding and intervals.")
     ] = 0,
     form: Format = "text",
-    published: Annotated[
-        bool,
-        typer.Option(
-            "--published", help="Add the published values of other models as separate rows."
-        ),
-    ] = False,
+    published: Published = False,
     as_json: Json = False,
 ) -> None:
     """Measure how different the machines of a source are from each other.
