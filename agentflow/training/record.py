@@ -1,6 +1,6 @@
 """Reads the directory of a training run: configuration, curves, samples, result.
 
-training.json       what kind of training, and the label of its model
+training.json       what kind of training, the label of its model, digests of what it reads
 config.yaml         the complete configuration
 curves.jsonl        one line for each logged step
 samples/            step-000040.jsonl: the judged replies of a step, one a line
@@ -38,6 +38,8 @@ class About(BaseModel):
     kind: Kind
     label: str
     """Name of the trained model in results."""
+    inputs: Mapping[str, str] = {}
+    """Key of the configuration that names files -> digest of them; none in older directories."""
     format: Literal[1] = 1
     """Version of the directory's layout."""
 

@@ -79,7 +79,7 @@ class TrainingRun:
 
         Raises:
             RunError: The folder holds something else; a run without `resume`; a run with another
-                configuration; another process uses it, or it cannot be written.
+                configuration or other files; another process uses it, or it cannot be written.
         """
         with hold_folder(path):
             if (path / ABOUT).exists():
@@ -155,7 +155,7 @@ def _require_empty(path: Path) -> None:
 
 
 def _require_same(record: TrainingRecord, about: About, config: BaseModel) -> None:
-    """Refuse to continue a run with another kind or configuration."""
+    """Refuse to continue a run with another kind or configuration, or with other files."""
     if record.about.kind != about.kind:
         raise RunError(f"{record.path} is a run of {record.about.kind}, not of {about.kind}")
     ours = config.model_dump(mode="json")
@@ -168,6 +168,12 @@ def _require_same(record: TrainingRecord, about: About, config: BaseModel) -> No
             f"not {ours.get(other[0])!r}; continue it with the configuration in its {CONFIG}, or "
             "name another folder with --out"
         )
+    for key, digest in about.inputs.items():
+        if record.about.inputs.get(key, digest) != digest:
+            raise RunError(
+                f"the files of {key} have changed since {record.path} was started: restore them, "
+                "or name another folder with --out"
+            )
 
 
 def _checkpoints(path: Path) -> list[Path]:

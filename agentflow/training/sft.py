@@ -18,6 +18,7 @@ from agentflow.errors import UsageError
 from agentflow.runs import Notify
 from agentflow.training.config import SftConfig
 from agentflow.training.data.pairs import DEV, TRAIN, Pair, read_pairs
+from agentflow.training.digests import digest_base, digest_set
 from agentflow.training.model.base import adapter_config, base_folder, load_base, save_model
 from agentflow.training.model.folder import ModelFolder
 from agentflow.training.record import About
@@ -61,7 +62,8 @@ def train_sft(config: SftConfig, out: Path, resume: bool, notify: Notify) -> Map
         )
     dev = list(islice(read_pairs(Path(config.data) / DEV), config.dev_pairs))
     folder = base_folder(config, {pair.source for pair in pairs})
-    about = About(kind="sft", label=folder.label)
+    inputs = {"data": digest_set(Path(config.data)), **digest_base(config)}
+    about = About(kind="sft", label=folder.label, inputs=inputs)
     with TrainingRun.open(out, about, config, resume) as run:
         if run.result is not None:
             return run.result

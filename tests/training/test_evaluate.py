@@ -251,6 +251,8 @@ def test_an_evaluation_killed_at_any_moment_gives_the_same_result(tmp_path: Path
 def test_a_model_in_a_folder_repeats_itself_where_it_was_interrupted(
     tmp_path: Path, capsys: Captured
 ) -> None:
+    import torch
+
     from agentflow.training.config import TinyModel
     from agentflow.training.model.base import save_model
     from agentflow.training.model.folder import ModelFolder
@@ -273,6 +275,15 @@ def test_a_model_in_a_folder_repeats_itself_where_it_was_interrupted(
     assert main([*command, "--out", str(again)]) == 0
     assert contents(again) == contents(tmp_path / "it")
     assert "calls.jsonl" not in contents(again)
+
+    torch.nn.init.ones_(decoder.lm_head.weight)
+    decoder.save_pretrained(run / "model")
+    assert main([*command, "--out", str(again)]) == 2
+    told = capsys.readouterr().err
+    assert f"the files of {run / 'model'} have changed since {again} was started" in told
+    about = read_about(again).model_copy(update={"files": None})  # as older ones
+    (again / "evaluation.json").write_text(about.model_dump_json())
+    assert main([*command, "--out", str(again)]) == 0
 
 
 @pytest.mark.skipif(INSTALLED, reason="the libraries are there")

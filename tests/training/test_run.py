@@ -131,6 +131,23 @@ def test_a_run_is_not_continued_with_another_configuration(tmp_path: Path) -> No
         pass
 
 
+def test_a_run_is_not_continued_with_other_files(tmp_path: Path) -> None:
+    begin(tmp_path, 1, 1)  # without digests, as older runs
+    with TrainingRun.open(tmp_path, about_files("1"), Settings(), resume=True):
+        pass
+    with TrainingRun.open(tmp_path / "new", about_files("1"), Settings(), resume=False):
+        pass
+    with (
+        pytest.raises(RunError, match=r"the files of data have changed since .*: restore them, or"),
+        TrainingRun.open(tmp_path / "new", about_files("2"), Settings(), resume=True),
+    ):
+        pass
+
+
+def about_files(digest: str) -> About:
+    return About(kind="sft", label="a model", inputs={"data": digest})
+
+
 def test_other_folders_are_left_alone(tmp_path: Path) -> None:
     (tmp_path / "photo.png").write_text("")
     with (

@@ -117,6 +117,8 @@ def test_long_pairs_are_left_out_of_both_files(
     assert "1 pairs of dev.jsonl are longer than 512 tokens and left out" in capsys.readouterr().err
     assert "dev_loss" in read_training(tmp_path / "one").curves[-1]
     dev.write_text(json.dumps(pairs[0]) + "\n")
+    assert main([*sft(tmp_path / "set", tmp_path / "one", **few), "--resume"]) == 2
+    assert f"the files of data have changed since {tmp_path / 'one'}" in capsys.readouterr().err
     assert main(sft(tmp_path / "set", tmp_path / "none", **few)) == 0
     assert "dev_loss" not in read_training(tmp_path / "none").curves[-1]
 

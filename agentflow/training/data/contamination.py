@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from agentflow.diversity.topology import tree_text
 from agentflow.env.tasks.records import read_records
@@ -15,6 +16,7 @@ from agentflow.errors import RunError
 from agentflow.machine import Machine, library, read_machine
 from agentflow.runs import find_runs
 from agentflow.runs.reading import MACHINES
+from agentflow.training.evaluation.record import ABOUT, REPLIES, read_replies
 from agentflow.training.libraries import require_libraries
 
 WORDS = 4
@@ -101,30 +103,34 @@ def tree_hash(machine: Machine) -> str:
     return hashlib.sha256(tree_text(machine).encode()).hexdigest()[:16]
 
 
-def evaluation_trees(runs: Iterable[Path]) -> frozenset[str]:
-    """The trees of the machines in runs, and of the best known machine of every level.
+def evaluation_trees(folders: Iterable[Path]) -> frozenset[str]:
+    """The trees of the machines in evaluations, and of the best known machine of every level.
 
     Args:
-        runs: Run directories, or folders that hold some, such as sweeps.
+        folders: Run directories, evaluations of models, or folders that hold some.
 
     Raises:
-        RunError: One holds no runs, or a machine cannot be read.
+        RunError: One holds neither, or a machine cannot be read.
     """
     trees = {tree_hash(record.machine) for record in read_records().values()}
-    for folder in runs:
-        found = list(find_runs(folder))
-        if not found:
-            raise RunError(f"{folder} holds no runs; name a run directory, or a folder with some")
-        files = [file for run in found for file in (run / MACHINES).glob("[!.]*.json")]
-        trees.update(map(_tree_in, files))
+    for folder in folders:
+        runs, evaluations = list(find_runs(folder)), sorted(folder.rglob(ABOUT))
+        if not runs and not evaluations:
+            raise RunError(
+                f"{folder} holds no runs and no evaluations: name a run directory, one of "
+                "agentflow evaluate, or a folder with some"
+            )
+        files = [file for run in runs for file in (run / MACHINES).glob("[!.]*.json")]
+        trees.update(_tree_in(file.read_bytes(), file) for file in files)
+        for file in filter(Path.exists, (about.with_name(REPLIES) for about in evaluations)):
+            machines = (reply.machine for reply in read_replies(file))
+            trees.update(_tree_in(machine, file) for machine in machines if machine is not None)
     return frozenset(trees)
 
 
-def _tree_in(file: Path) -> str:
-    try:
-        machine = read_machine(file.read_text(encoding="utf-8"), tuple(library())).machine
-    except (OSError, UnicodeDecodeError):
-        machine = None
+def _tree_in(content: bytes | list[dict[str, Any]], file: Path) -> str:
+    source = content.decode(errors="replace") if isinstance(content, bytes) else content
+    machine = read_machine(source, tuple(library())).machine
     if machine is None:
         raise RunError(f"{file} is damaged: it holds no machine")
     return tree_hash(machine)

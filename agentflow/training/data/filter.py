@@ -67,7 +67,7 @@ def filter_answers(
     Args:
         folder: From `generate`.
         out: Folder of the set.
-        evaluation: Runs whose machines must not be in the set.
+        evaluation: Runs and evaluations whose machines must not be in the set.
         engine: Name of the physics engine.
         licence: Of the set; by default ours for the procedural model, else unknown.
         workers: Processes that simulate.

@@ -41,7 +41,7 @@ GATES: Mapping[Gate, str] = MappingProxyType(
         "original": "it is no variant of a machine that another gate dropped, duplicates apart",
         "parse": "the reply holds a machine",
         "validity": "the machine meets the rules of space and of the task",
-        "evaluation": "the machine is in no evaluation run and no record of a level",
+        "evaluation": "the machine is in no evaluation and no record of a level",
         "duplicate": "no earlier machine is the same tree of block types",
         "simulation": "the simulation neither timed out nor crashed",
         "function": "the simulated machine does what the objective asks",

@@ -62,7 +62,7 @@ def import_set(
     Args:
         source: JSON or JSONL file of conversations, or folder of .bsg files with captions.
         out: Folder of the set: new or empty.
-        evaluation: Runs whose machines must not be in the set.
+        evaluation: Runs and evaluations whose machines must not be in the set.
         licence: Of the set.
 
     Raises:

@@ -86,8 +86,8 @@ def card_text(card: Card) -> str:
         "",
         *_table(("text", "level", "shared", "cosine"), _nearest(card)),
         "",
-        "A machine is left out if it is the same tree of block types as one of an evaluation run "
-        "or as the best known machine of a level.",
+        "A machine is left out if it is the same tree of block types as one of an evaluation or as "
+        "the best known machine of a level.",
         "",
         "## Objectives",
         "",

@@ -27,6 +27,7 @@ from agentflow.llm.wrappers.tape import Tape
 from agentflow.metrics.intervals import missing_scipy
 from agentflow.rewards.scoring import Sample, Scorer
 from agentflow.runs import Notify
+from agentflow.training.digests import digest_model
 from agentflow.training.evaluation.models import ClientModel, EvaluatedModel, FolderModel
 from agentflow.training.evaluation.record import (
     CALLS,
@@ -111,10 +112,11 @@ def _describe(config: DesignConfig, tasks: Sequence[str], samples: int, name: st
             "keys of model, knobs, prompts and engine"
         )
     briefs = [get_task(task, config.knobs, config.engine).brief for task in tasks]
-    prompt = render_prompt(config.prompts, ROLE, briefs[0])
+    prompt, folder = render_prompt(config.prompts, ROLE, briefs[0]), _folder(config)
     return Evaluation(
         name=name,
         model=config.model.name,
+        files=None if folder is None else digest_model(folder),
         label=choose_models(config.model)[ROLE].display_name,
         trained_on=_trained_on(config),
         tasks=tuple(tasks),

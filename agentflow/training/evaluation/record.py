@@ -40,6 +40,8 @@ class Evaluation(BaseModel, frozen=True, extra="forbid"):
     """Name of the row in tables; evaluations with the same name are pooled."""
     model: str
     """As given: a name at an endpoint, `procedural`, or a folder."""
+    files: str | None = None
+    """Digest of the model's files; None without a folder, and in older evaluations."""
     label: str
     """The model's name in results."""
     trained_on: tuple[str, ...] = ()
@@ -180,10 +182,17 @@ def _expected_replies(path: Path, about: Evaluation) -> list[JudgedReply]:
 def _continue(path: Path, recorded: Evaluation, about: Evaluation) -> Evaluation:
     """The recorded evaluation, which must be the same; a new one if that has no replies."""
     before, now = (item.model_dump(mode="json", exclude={"results"}) for item in (recorded, about))
+    if before["files"] is None:  # an older evaluation, or a model that is not in a folder
+        now["files"] = None
     other = [key for key in now if before[key] != now[key]]
     if not other:
         return recorded
     if any((path / name).exists() and (path / name).stat().st_size for name in (REPLIES, CALLS)):
+        if other == ["files"]:
+            raise RunError(
+                f"the files of {about.model} have changed since {path} was started: restore them, "
+                "or choose another folder with --out"
+            )
         raise RunError(
             f"{path} holds an evaluation with another {other[0]}: {before[other[0]]}, not "
             f"{now[other[0]]}; give the same options to continue it, or choose another folder "

@@ -17,6 +17,7 @@ from trl import GRPOConfig as LibraryConfig
 from agentflow.api import design_prompt
 from agentflow.rewards.scoring import Scorer
 from agentflow.runs import Notify
+from agentflow.training.digests import digest_base
 from agentflow.training.grpo.config import GrpoConfig
 from agentflow.training.grpo.evaluating import Evaluations
 from agentflow.training.grpo.judging import Judging
@@ -68,7 +69,7 @@ def train_grpo(config: GrpoConfig, out: Path, resume: bool, notify: Notify) -> M
         {"prompt": folder.prompt(design_prompt(task, engine=config.engine)), "task": task}
         for task in config.tasks
     ]
-    about = About(kind="grpo", label=folder.label)
+    about = About(kind="grpo", label=folder.label, inputs=digest_base(config))
     with TrainingRun.open(out, about, config, resume) as run:
         if run.result is not None:
             return run.result

@@ -15,6 +15,7 @@ from agentflow.errors import RunError
 from agentflow.machine import Machine, read_machine
 from agentflow.machine.tree import ROOT, Step
 from agentflow.training.data.contamination import compare_texts, evaluation_trees, tree_hash
+from agentflow.training.evaluation import JudgedReply
 from agentflow.training.objectives import read_objectives
 
 pytest.importorskip("sklearn")
@@ -78,6 +79,21 @@ def test_machines_of_runs_and_records_are_known(tmp_path: Path) -> None:
     assert tree_hash(machine) in evaluation_trees([tmp_path / "sweep"]) - trees
 
 
+def test_machines_of_evaluations_are_known(tmp_path: Path) -> None:
+    machine = Machine((ROOT, *(Step(n, 15, n - 1, 0) for n in range(1, 9))))
+    reply = JudgedReply(
+        task="movement", seed=0, text="", parsed=True, spatial=True, valid=True, status="ok",
+        score=1.0, machine=machine.to_json(),
+    )  # fmt: skip
+    nothing = reply.model_copy(update={"machine": None})
+    for name in ("drives", "begun"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "evaluation.json").write_text("{}")
+    lines = "".join(f"{item.model_dump_json()}\n" for item in (nothing, reply))
+    (tmp_path / "drives" / "samples.jsonl").write_text(lines)
+    assert evaluation_trees([tmp_path]) - evaluation_trees([]) == {tree_hash(machine)}
+
+
 def test_equal_trees_have_equal_hashes() -> None:
     first = Machine((ROOT, Step(1, 15, 0, 0), Step(2, 2, 0, 3)))
     renumbered = Machine((ROOT, Step(1, 2, 0, 3), Step(2, 15, 0, 0)))
@@ -86,7 +102,7 @@ def test_equal_trees_have_equal_hashes() -> None:
 
 
 def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="holds no runs; name a run directory"):
+    with pytest.raises(RunError, match="holds no runs and no evaluations: name a run directory"):
         evaluation_trees([tmp_path])
     shutil.copytree(RECORDED, tmp_path / "run")
     (tmp_path / "run" / "machines" / "bad.json").write_text("no machine")

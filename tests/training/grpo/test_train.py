@@ -20,6 +20,7 @@ from peft import LoraConfig, get_peft_model
 from agentflow import design_prompt
 from agentflow.errors import ConfigError, RunError
 from agentflow.training.config import TinyModel, read_config
+from agentflow.training.digests import digest_model
 from agentflow.training.evaluation import JudgedReply
 from agentflow.training.grpo.config import GrpoConfig
 from agentflow.training.grpo.train import CURVES, train_grpo
@@ -78,6 +79,7 @@ def test_training_leaves_curves_samples_films_and_a_model(model: Path, tmp_path:
     result = train_grpo(config(model), out, resume=False, notify=told.append)
     label = "tiny model that knows one car, GRPO (maxpo)"
     assert (result["label"], result["steps"], result["replies"]) == (label, 4, 32)
+    assert read_training(out).about.inputs == {"model.name": digest_model(model)}
     rows = read_training(out).curves
     assert [row["step"] for row in rows] == [0, 1, 2, 3, 4]
     assert {*CURVES.values()} - {"kl"} <= set(rows[1])

@@ -32,8 +32,8 @@ Set = Annotated[Path, typer.Option("--out", help="Directory of the set; created 
 Evaluation = Annotated[
     list[Path] | None,
     typer.Option(
-        help="Run, or directory with runs, that models are evaluated with: leave its machines "
-        "out; repeatable.",
+        help="Run or evaluation of a model, or directory with some: leave its machines out; "
+        "repeatable.",
     ),
 ]
 Licence = Annotated[
