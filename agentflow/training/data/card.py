@@ -146,13 +146,17 @@ def make_card(
             )
             for name, kind in kinds.items()
         ),
-        contamination={
-            "words": WORDS,
-            "most_shared": MOST_SHARED,
-            "most_similar": MOST_SIMILAR,
-            "texts": {name: vars(found) for name, found in likenesses.items()},
-        },
+        contamination=_contamination(likenesses),
     )
+
+
+def _contamination(likenesses: Mapping[str, Likeness]) -> dict[str, Any]:
+    return {
+        "words": WORDS,
+        "most_shared": MOST_SHARED,
+        "most_similar": MOST_SIMILAR,
+        "texts": {name: vars(found) for name, found in likenesses.items()},
+    }
 
 
 def _kept_apart(kept: Mapping[str, int], seed: int) -> frozenset[str]:

@@ -34,11 +34,23 @@ def write_set(folder: Path, pairs: Sequence[Pair], card: Card) -> None:
 
 def card_text(card: Card) -> str:
     """The card for people, in Markdown."""
-    tokens, published = card.tokens, card.published
-    total = sum(card.pairs.values())
-    lines = [
-        "# Data card",
-        "",
+    parts = {
+        "Data card": _facts(card),
+        "Gates": _gates(card),
+        "Sources": _table(("source", "pairs"), list(card.sources.items())),
+        "Lengths": _lengths(card),
+        "Contamination": _contamination(card),
+        "Objectives": _table(
+            ("objective", "kind", "file", "machines", "pairs"),
+            [(i.name, i.kind, i.split, i.machines, i.pairs) for i in card.objectives],
+        ),
+    }
+    headed = ("\n".join([f"## {title}", "", *lines]) for title, lines in parts.items())
+    return "\n\n".join(headed).removeprefix("#") + "\n"
+
+
+def _facts(card: Card) -> list[str]:
+    return [
         f"* Machines designed by: {card.model}",
         f"* Recorded with: `{card.made_with}`",
         f"* Licence: {card.licence}",
@@ -48,9 +60,12 @@ def card_text(card: Card) -> str:
         f"* Pairs: {card.pairs['train']} in {TRAIN}, {card.pairs['dev']} in {DEV}; no objective is "
         "in both",
         f"* Simulations that timed out or crashed, dropped: {card.faults}",
-        "",
-        "## Gates",
-        "",
+    ]
+
+
+def _gates(card: Card) -> list[str]:
+    published, total = card.published, sum(card.pairs.values())
+    return [
         "In the order in which they were applied: those that need no simulation come first.",
         "",
         *_table(
@@ -63,22 +78,22 @@ def card_text(card: Card) -> str:
         f"({published['pairs'] / published['answers']:.0%}) passed. Here: {len(card.objectives)} "
         f"objectives, {card.answers:,} answers and {card.variants:,} variants, {total:,} pairs "
         f"({total / max(1, card.answers + card.variants):.0%}).",
-        "",
-        "## Sources",
-        "",
-        *_table(("source", "pairs"), list(card.sources.items())),
-        "",
-        "## Lengths",
-        "",
+    ]
+
+
+def _lengths(card: Card) -> list[str]:
+    return [
         f"In tokens, estimated from {CHARS_PER_TOKEN} characters a token.",
         "",
         *_table(
             ("text", "mean", "median", "greatest"),
-            [(name, item.mean, item.median, item.most) for name, item in tokens.items()],
+            [(name, item.mean, item.median, item.most) for name, item in card.tokens.items()],
         ),
-        "",
-        "## Contamination",
-        "",
+    ]
+
+
+def _contamination(card: Card) -> list[str]:
+    return [
         f"An objective is left out if {MOST_SHARED:.0%} or more of its runs of {WORDS} words are "
         f"in the brief of a level, if {MOST_SHARED:.0%} or more of those of a level's objective "
         "are in its text, or if its TF-IDF cosine with a sentence of a brief is "
@@ -88,15 +103,7 @@ def card_text(card: Card) -> str:
         "",
         "A machine is left out if it is the same tree of block types as one of an evaluation or as "
         "the best known machine of a level.",
-        "",
-        "## Objectives",
-        "",
-        *_table(
-            ("objective", "kind", "file", "machines", "pairs"),
-            [(i.name, i.kind, i.split, i.machines, i.pairs) for i in card.objectives],
-        ),
     ]
-    return "\n".join(lines) + "\n"
 
 
 def _nearest(card: Card) -> list[tuple[object, ...]]:
