@@ -59,12 +59,12 @@ def main() -> None:
     print(f"{given.page}: results of {given.folder}")
 
 
-def write(page: Path, made: str) -> None:
+def write(page: Path, made: str, begin: str = BEGIN) -> None:
     """Put the results between the marks of the page, or into a page of their own."""
-    text = page.read_text(encoding="utf-8") if page.exists() else f"{BEGIN}\n{END}\n"
-    before, _, rest = text.partition(BEGIN)
+    text = page.read_text(encoding="utf-8") if page.exists() else f"{begin}\n{END}\n"
+    before, _, rest = text.partition(begin)
     after = rest.partition(END)[2]
-    page.write_text(f"{before}{BEGIN}\n\n{made}\n{END}{after}", encoding="utf-8")
+    page.write_text(f"{before}{begin}\n\n{made}\n{END}{after}", encoding="utf-8")
 
 
 def funnel(card_file: Path) -> Table:

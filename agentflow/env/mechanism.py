@@ -59,13 +59,13 @@ class Mechanism:
 
 
 def classify(machine: Machine, rollout: Rollout) -> Mechanism | None:
-    """The class of a machine; None without a recorded rollout that ended well."""
+    """The class of a machine; None without a recorded rollout that ended well and measured work."""
     trace = rollout.trace
-    if rollout.status != "ok" or trace is None:
+    if rollout.status != "ok" or trace is None or trace.measured.energy is None:
         return None
     payload = payload_of(machine, rollout)
     return Mechanism(
-        _drive(machine, trace),
+        _drive(machine, trace, trace.measured.energy),
         _stand(machine, trace) if payload is None else _grip(machine, trace, payload),
         _release(machine, rollout, trace, payload),
     )
@@ -97,8 +97,8 @@ def work_shares(energy: Energy) -> dict[str, float] | None:
     return {name: max(0.0, value) / total for name, value in work.items()}
 
 
-def _drive(machine: Machine, trace: Trace) -> Drive:
-    shares = None if trace.measured.energy is None else work_shares(trace.measured.energy)
+def _drive(machine: Machine, trace: Trace, energy: Energy) -> Drive:
+    shares = work_shares(energy)
     if shares is None:
         return "nothing"
     if shares["springs"] >= MAIN_SHARE:

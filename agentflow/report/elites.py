@@ -1,34 +1,56 @@
-"""The archive of a run as JSON for its page: axes, the best machine of each cell, classes."""
+"""Kinds of machines as JSON for the page of a run: its archive, and its mechanism classes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from agentflow.metrics.niches import Elites, best_by_class
+from agentflow.metrics.niches import Elites
+from agentflow.report.nodes import LineageNode
 from agentflow.runs import Event
-from agentflow.runs.events import NicheEvent, RecordedAxis, RunEvent
+from agentflow.runs.events import RecordedAxis, RunEvent
 
 
 def archive_of(events: Iterable[RunEvent | Event]) -> dict[str, Any] | None:
     """The merged archives of all searches; None if no search kept one."""
-    every = tuple(events)
-    elites = Elites.of(every)
+    elites = Elites.of(events)
     if elites is None:
         return None
-    niches = [event for event in every if isinstance(event, NicheEvent)]
     return {
         "axes": [{"name": _title(axis), "cells": _cell_names(axis)} for axis in elites.axes],
-        "cells": [{"cell": list(cell), **_machine(event)} for cell, event in elites.cells.items()],
+        "cells": [
+            {
+                "cell": list(cell),
+                "machine": event.machine,
+                "score": event.score,
+                "mechanism": event.mechanism,
+            }
+            for cell, event in elites.cells.items()
+        ],
         "size": elites.size,
         "coverage": elites.coverage,
         "qd_score": elites.qd_score,
-        "classes": [_machine(event) for event in best_by_class(niches).values()],
     }
 
 
-def _machine(event: NicheEvent) -> dict[str, Any]:
-    return {"machine": event.machine, "score": event.score, "mechanism": event.mechanism}
+def classes_of(
+    machines: Mapping[str, LineageNode], mechanisms: Mapping[str, str | None]
+) -> list[dict[str, Any]]:
+    """The best machine of each mechanism class, best first, and the number of machines in it.
+
+    Args:
+        machines: Content hash -> node, the highest scores first.
+        mechanisms: Content hash -> class; None or missing if it is unknown.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    count = Counter(mechanisms.get(digest) for digest in machines)
+    for digest, node in machines.items():
+        mechanism = mechanisms.get(digest)
+        if mechanism is not None:
+            best = {"machine": digest, "score": node.score, "count": count[mechanism]}
+            found.setdefault(mechanism, {"mechanism": mechanism, **best})
+    return list(found.values())
 
 
 def _title(axis: RecordedAxis) -> str:

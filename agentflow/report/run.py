@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.metrics.usage import Cost, bill
-from agentflow.report.elites import archive_of
+from agentflow.report.elites import archive_of, classes_of
 from agentflow.report.film import deflate_json
 from agentflow.report.lineage import Lineage
 from agentflow.report.nodes import LineageNode
@@ -18,6 +18,7 @@ from agentflow.runs import Event, read_calls, read_document, state_of
 from agentflow.runs.events import (
     AttemptEvent,
     EvaluationEvent,
+    NicheEvent,
     RunEvent,
     ToolEvent,
     read_typed_events,
@@ -56,6 +57,15 @@ class RunStory:
         for node in shown:
             found.setdefault(str(node.machine), node)
         return found
+
+    def classes(self, seen: Mapping[str, str | None]) -> list[dict[str, Any]]:
+        """The best machine of each mechanism class; `seen` are classes by content hash.
+
+        What the run itself recorded comes first.
+        """
+        niches = (event for event in self.events if isinstance(event, NicheEvent))
+        recorded = {event.machine: event.mechanism for event in niches if event.mechanism}
+        return classes_of(self.machines, {**seen, **recorded})
 
     def to_json(self, cost: Cost, priced: bool) -> dict[str, Any]:
         """Everything except machines and films; `priced` is whether any prices are known."""

@@ -15,6 +15,7 @@ from agentflow.runs.events import DrawingEvent, StageEvent, ToolEvent
 from agentflow.runs.places import Place
 from tests.metrics.events import attempt as answered
 from tests.metrics.events import candidate, evaluation
+from tests.metrics.test_niches import EVENTS as NICHES
 
 STAGE = StageEvent(
     Place("initial"),
@@ -76,6 +77,14 @@ def progress() -> Progress:
         view.note(event)
     view.started += 1e9  # so that the clock shows a number that does not change the width
     return view
+
+
+def test_the_archive_of_a_search_is_counted(progress: Progress) -> None:
+    assert not any(line.startswith("archive") for line in seen(progress, 100))
+    for event in NICHES:
+        progress.note(event.to_event())
+    told = "archive: 3 of 8 cells, QD score 10.00, mechanism classes: 2"
+    assert told in seen(progress, 100)
 
 
 def plain(lines: list[str]) -> list[str]:

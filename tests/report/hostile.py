@@ -63,6 +63,15 @@ def hostile_run(folder: Path) -> Path:
     _evaluated(run, f"{search}/round-1/node-1", bad, 0.0, [[8, 7, 0.4]])
     node = {"round": 1, "parent": 0, "made_by": "round-1/node-0/try-1"}
     run.event("node", f"{search}/node-1", **node, machine=bad.digest, valid=True, score=0.0)
+    axes = [
+        {"name": NASTY, "unit": NASTY, "low": 0.0, "high": 2.0, "cells": 2, "labels": labels}
+        for labels in ([NASTY, "motors"], [])
+    ]
+    run.event("archive", search, axes=axes)
+    for number, (item, score) in enumerate([(good, 12.5), (bad, 0.0)]):
+        data = {"score": score, "values": [number, number], "cell": [number, number]}
+        found = {"round": number, "machine": item.digest, "outcome": "new", "mechanism": NASTY}
+        run.event("niche", f"{search}/node-{number}", **found, **data)
     run.tape.write_text("".join(json.dumps(call) + "\n" for call in calls))
     run.close()
     return run.path

@@ -215,8 +215,26 @@ def test_hostile_text_is_shown_and_executes_nothing(opened: webdriver.Chrome) ->
     about = find(opened, ".lede").get_property("textContent")
     assert about == f"{VISIBLE}: 3 calls, 2 machines simulated"
     assert opened.execute_script("return window.owned ?? null") is None
-    assert opened.find_elements(By.CSS_SELECTOR, "main img, main a, main script, main b b") == []
+    made = "main img:not(.card img), main a, main script, main b b"
+    assert opened.find_elements(By.CSS_SELECTOR, made) == []
     assert opened.execute_script("return document.querySelectorAll('script').length") == 2
+    assert complaints(opened) == []
+
+
+def test_kinds_of_machines_open_their_films(opened: webdriver.Chrome) -> None:
+    cells = opened.find_elements(By.CSS_SELECTOR, ".heat td button")
+    assert [cell.get_property("title") for cell in cells] == [f"{VISIBLE}: 0", f"{VISIBLE}: 12.50"]
+    names = opened.find_elements(By.CSS_SELECTOR, ".heat tfoot th")
+    assert [name.get_property("textContent") for name in names] == [VISIBLE, "motors"]
+    cells[0].click()
+    until(opened, lambda: title(opened) == "trajectory 1, round 1 · 0")
+    card = find(opened, ".card")
+    assert card.find_element(By.TAG_NAME, "span").get_property("textContent") == VISIBLE
+    assert card.text.startswith("12.50")
+    assert card.find_element(By.TAG_NAME, "small").text == "2 machines"
+    card.click()
+    until(opened, lambda: title(opened).endswith("12.50"))
+    assert opened.execute_script("return window.owned ?? null") is None
     assert complaints(opened) == []
 
 

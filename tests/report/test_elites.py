@@ -1,12 +1,13 @@
-"""What the page of a run says of its archive."""
+"""What the page of a run says of kinds of machines."""
 
 from __future__ import annotations
 
-from agentflow.report.elites import archive_of
+from agentflow.report.elites import archive_of, classes_of
+from agentflow.report.nodes import LineageNode
 from tests.metrics.test_niches import EVENTS
 
 
-def test_axes_cells_and_classes() -> None:
+def test_axes_and_cells() -> None:
     found = archive_of(EVENTS)
     assert found is not None
     assert found["axes"] == [
@@ -19,11 +20,20 @@ def test_axes_cells_and_classes() -> None:
         ([3, 1], "m11", 4.0),
     ]
     assert (found["size"], found["coverage"], found["qd_score"]) == (8, 0.375, 10.0)
-    assert [item["mechanism"] for item in found["classes"]] == [
-        "springs / container / arm",
-        "wheels / driven wheels / nothing",
-    ]
 
 
 def test_a_run_without_an_archive_has_none() -> None:
     assert archive_of(()) is None
+
+
+def test_classes_name_their_best_machine_and_count_the_others() -> None:
+    scores = {"a": 9.0, "b": 7.0, "c": 3.0, "d": None}
+    machines = {
+        name: LineageNode(name, None, "", "", name, score) for name, score in scores.items()
+    }
+    mechanisms = {"a": "springs", "b": "motors", "c": "springs", "d": None}
+    assert classes_of(machines, mechanisms) == [
+        {"mechanism": "springs", "machine": "a", "score": 9.0, "count": 2},
+        {"mechanism": "motors", "machine": "b", "score": 7.0, "count": 1},
+    ]
+    assert classes_of(machines, {}) == []

@@ -11,6 +11,7 @@ import numpy as np
 from agentflow.app.machines.formats import FORMATS
 from agentflow.env.drawing.film import tracked_block
 from agentflow.env.drawing.solids import MachineSolids
+from agentflow.env.mechanism import classify
 from agentflow.env.physics.model import Color
 from agentflow.env.rollout import Broken, Rollout, RolloutEvent, Trace
 from agentflow.env.scene import Scene, Thing
@@ -93,11 +94,18 @@ def machine_data(
         "hero": tracked_block(machine),
         "given": [[name, list(color[:3])] for name, color in dict(marks.values()).items()],
         "feedback": rollout.feedback.text if rollout is not None else "",
+        "mechanism": _mechanism(machine, rollout),
         "remark": remark,
         "files": _files(machine, shapes),
         "trials": _trial_data(machine, figures, rollout, played),
         **_film_data(machine, figures, rollout),
     }
+
+
+def _mechanism(machine: Machine, rollout: Rollout | None) -> str | None:
+    """The mechanism class; None if the rollout does not show it."""
+    found = None if rollout is None else classify(machine, rollout)
+    return None if found is None else str(found)
 
 
 def _files(machine: Machine, shapes: Shapes) -> dict[str, tuple[int, int]]:

@@ -17,15 +17,14 @@ from agentflow.app.pages.runs import (
     film_machines,
     require_writable,
     task_summary,
+    thumbnail,
     write_page,
 )
 from agentflow.config.run import build_config
-from agentflow.env.drawing.stills import png_url
 from agentflow.errors import RunError
 from agentflow.report.page import page
 from agentflow.runs import find_runs, read_document, state_of
 
-THUMBNAIL = (320, 240)
 Run = tuple[dict[str, Any], ReportedMachine | None]
 """The data of a run's card, and the best machine that it found."""
 
@@ -90,7 +89,7 @@ def _read_run(path: Path) -> Run:
     machine, best, picture = best_machine(result), None, None
     if machine is not None:
         best = ReportedMachine.of(path, document, machine, result["score"], FINE)
-        picture = png_url(machine, view="three-quarter", size=THUMBNAIL)
+        picture = thumbnail(best)
     card = {
         "task": config.task,
         "asked": task_summary(path, document),

@@ -24,6 +24,7 @@ from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.config.run import build_config
 from agentflow.env.archive import load_npz
+from agentflow.env.drawing.stills import png_url
 from agentflow.env.physics.engines import usable_engine
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.rollout import Rollout
@@ -41,6 +42,8 @@ FINE, COARSE = 1 / 30, 0.1
 """Seconds between samples of films: of the best machines, and of the others."""
 BEST = 8
 """Number of machines with fine films."""
+THUMBNAIL = (320, 240)
+"""Width and height of pictures on cards, in pixels."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +113,10 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
     shapes = Shapes()
     chosen = _machines_to_report(path, story, films)
     machines = asyncio.run(film_machines(chosen, shapes, workers, say))
+    classes = story.classes({digest: item["mechanism"] for digest, item in machines.items()})
     data |= {
         "machines": machines,
+        "classes": [item | {"picture": thumbnail(chosen[item["machine"]])} for item in classes],
         "shapes": shapes.rows,
         "files": shapes.files,
         "task": task_summary(path, document),
@@ -141,6 +146,11 @@ def require_writable(out: Path) -> None:
     if out.is_dir() or not out.parent.is_dir():
         why = "it is a directory" if out.is_dir() else f"no such directory: {out.parent}"
         raise UsageError(f"cannot write {out}: {why}")
+
+
+def thumbnail(item: ReportedMachine) -> str:
+    """A small picture of a machine as built, as a data URL."""
+    return png_url(item.machine, view="three-quarter", size=THUMBNAIL)
 
 
 def best_machine(result: Mapping[str, Any] | None) -> Machine | None:

@@ -7,7 +7,15 @@ from typing import Any
 
 from agentflow.app.pages.runs import require_writable, write_page
 from agentflow.app.sweeps.tables import SweepResult, layout_table, read_sweep_result
-from agentflow.app.sweeps.views import LAYOUT, PLAYERS, VERIFIED, VIEWS, last_cell, variants
+from agentflow.app.sweeps.views import (
+    LAYOUT,
+    MECHANISMS,
+    PLAYERS,
+    VERIFIED,
+    VIEWS,
+    last_cell,
+    variants,
+)
 from agentflow.metrics.scores import Scores
 from agentflow.report.page import page
 from agentflow.report.sweep import sweep_data
@@ -19,7 +27,7 @@ def sweep_report(path: Path, out: Path, **_: Any) -> Path:
     require_writable(out)
     result = read_sweep_result(path)
     views = {name: make(result) for name, make in VIEWS.items() if name != LAYOUT}
-    for name in (PLAYERS, VERIFIED):
+    for name in (PLAYERS, VERIFIED, MECHANISMS):
         if not any(row.values[-1] is not None for row in views[name].rows):
             del views[name]
     tables = [layout_table(result, published=bool(result.sweep.table.published)), *views.values()]

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from agentflow.agents.registry import stage_of
 from agentflow.app.design.models import cost_function
+from agentflow.app.sweeps.mechanisms import classes_of
 from agentflow.app.sweeps.tables import (
     FinishedRun,
     SweepResult,
@@ -34,6 +35,8 @@ PLAYERS = "players"
 """Name of the view relative to experienced players."""
 VERIFIED = "verified"
 """Name of the view of verified scores."""
+MECHANISMS = "mechanisms"
+"""Name of the view of mechanism classes."""
 CURVE = (0, 1, 2, 4, 8, 12, 16, 20, 30, 40)
 """Numbers of expansions at which strategies are compared."""
 INTERVAL = "95 %"
@@ -192,6 +195,31 @@ def verified_table(result: SweepResult) -> Table:
     )
 
 
+def mechanisms_table(result: SweepResult) -> Table:
+    """In how many runs machines of each mechanism class were found, and how good, by variant."""
+    rows = []
+    for key, runs in all_variants(result).items():
+        scores: dict[str, list[float]] = {}
+        for run in runs:
+            for name, score in classes_of(run).items():
+                scores.setdefault(name, []).append(score)
+        for name, found in sorted(scores.items(), key=lambda item: -max(item[1])):
+            values = (Rate(len(found), len(runs)), max(found), statistics.fmean(found))
+            rows.append(Row((*key, name), values))
+    return Table(
+        f"{result.sweep.title}: mechanism classes",
+        ("task", "model", "variant", "mechanism class"),
+        tuple(Column("", name) for name in ("runs", "best", "mean")),
+        tuple(rows),
+        notes=(
+            *result.notes,
+            "Classes say what drives / what holds / how it lets go. Of runs of explore, all "
+            "machines count; of other runs, the best machine. runs is how many runs have such a "
+            "machine, mean the mean over them of its highest score.",
+        ),
+    )
+
+
 def _mean(scores: Iterable[float | None]) -> float | None:
     known = [score for score in scores if score is not None]
     return statistics.fmean(known) if known else None
@@ -205,6 +233,7 @@ VIEWS: Mapping[str, Callable[[SweepResult], Table]] = MappingProxyType(
         PLAYERS: players_table,
         "expansions": expansions_table,
         VERIFIED: verified_table,
+        MECHANISMS: mechanisms_table,
     }
 )
 """Name of a view -> function that makes its table."""

@@ -92,7 +92,7 @@ def wheelbase(machine: Machine, rollout: Rollout) -> float:  # noqa: ARG001
 
 
 GENERAL = (
-    Descriptor(Axis("blocks", "", 0.0, 40.0, 8), count_blocks),
+    Descriptor(Axis("number of blocks", "", 0.0, 40.0, 8), count_blocks),
     Descriptor(Axis("mass", "kg", 0.0, 40.0, 8), weigh),
     Descriptor(Axis.of_categories("drive", DRIVES), number_drive),
 )

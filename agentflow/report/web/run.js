@@ -2,8 +2,8 @@
 
 import { scoreChart, barChart } from "./charts.js";
 import { el, section, formatNumber, table } from "./dom.js";
-import { archiveSection } from "./elites.js";
 import { unpackJson } from "./film.js";
+import { kindsSection } from "./kinds.js";
 import { Player } from "./player.js";
 import { taskDetails, callDetails, toolDetails, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
@@ -31,7 +31,7 @@ export function runPage(data) {
       header(data),
       chosen,
       data.nodes.length ? section("Search", el("div", { class: "tall" }, tree.element), legend()) : null,
-      archiveSection(data.archive, (machine) => {
+      kindsSection(data, (machine) => {
         const node = data.nodes.find((item) => item.machine === machine);
         tree.select(node.id);
         choose(node);

@@ -13,6 +13,7 @@ class Axis:
     """One property that candidates differ in, divided into cells of equal width."""
 
     name: str
+    """As prompts say it: "a machine whose NAME is ..."."""
     unit: str
     """"" for numbers without one."""
     low: float
@@ -29,11 +30,13 @@ class Axis:
         return cls(name, "", -0.5, len(labels) - 0.5, len(labels), labels)
 
     def describe(self, cell: int) -> str:
-        """The values of a cell: "springs", "2 to 4 m"."""
+        """The values of a cell: "springs", "2 to 4 m", or "3" if it holds one whole number."""
         if self.labels:
             return self.labels[cell]
         width = (self.high - self.low) / self.cells
         start = self.low + cell * width
+        if width == 1.0 and start % 1.0 == 0.5:
+            return f"{start + 0.5:g}"
         return f"{start:g} to {start + width:g} {self.unit}".rstrip()
 
 

@@ -73,7 +73,7 @@ class Movement(Family):
     family: ClassVar[str] = "movement"
     knobs: ClassVar[type[CommonKnobs]] = MovementKnobs
     descriptors: ClassVar[tuple[Descriptor, ...]] = (
-        Descriptor(Axis("driven wheels", "", -0.5, 11.5, 12), count_driven_wheels),
+        Descriptor(Axis("number of powered wheels", "", -0.5, 11.5, 12), count_driven_wheels),
         Descriptor(Axis("wheelbase", "m", 0.0, 16.0, 8), wheelbase),
     )
     parameters: MovementKnobs

@@ -92,8 +92,8 @@ class Throwing(Family):
     knobs: ClassVar[type[CommonKnobs]] = ThrowingKnobs
     descriptors: ClassVar[tuple[Descriptor, ...]] = (
         # falling weight does the rest of the work, so most cells of high shares of both stay empty
-        Descriptor(Axis("work of springs", "", 0.0, 1.0, 4), share_of("springs")),
-        Descriptor(Axis("work of motors", "", 0.0, 1.0, 4), share_of("motors")),
+        Descriptor(Axis("share of the work done by springs", "", 0.0, 1.0, 4), share_of("springs")),
+        Descriptor(Axis("share of the work done by motors", "", 0.0, 1.0, 4), share_of("motors")),
         Descriptor(Axis("release height", "m", 0.0, 12.0, 6), release_height),
     )
     parameters: ThrowingKnobs

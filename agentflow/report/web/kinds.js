@@ -1,0 +1,55 @@
+// Kinds of machines: the archive of a search as heat maps, and the best machine of each mechanism class.
+
+import { el, section, formatNumber, revealHidden } from "./dom.js";
+
+/** The section; `choose` is called with the content hash of a machine. Null if no kind is known. */
+export function kindsSection({ archive, classes }, choose) {
+  if (!archive && !classes.length) return null;
+  return section("Kinds of machines", ...(archive ? archiveParts(archive, choose) : []),
+    classes.length ? el("h3", {}, "Best machine of each mechanism class: what drives / what holds / how it lets go") : null,
+    el("div", { class: "cards" }, ...classes.map((item) => classCard(item, choose))));
+}
+
+function archiveParts({ axes, cells, size, coverage, qd_score }, choose) {
+  const best = Math.max(...cells.map(({ score }) => score), 0) || 1;
+  const panels = axes[2] ? axes[2].cells.map((name, index) => [`${axes[2].name}: ${name}`, index]) : [["", null]];
+  const shown = panels.map(([title, index]) => [title, cells.filter(({ cell }) => index === null || cell[2] === index)])
+    .filter(([, found]) => found.length);
+  return [
+    el("p", {}, `${cells.length} of ${size} cells have a machine (${formatNumber(100 * coverage, 1)} %). QD score: ${formatNumber(qd_score)}.`),
+    el("div", { class: "heats" }, ...shown.map(([title, found]) => heatMap(title, axes, found, best, choose))),
+    el("p", { class: "quiet" }, "Each coloured cell is the best machine of its kind; stronger colour means a higher score. ",
+      "Numbers at the axes are lower bounds, or single whole numbers. Select a cell to see its machine.",
+      shown.length < panels.length ? ` Grids without a machine are left out: ${panels.length - shown.length} of ${panels.length}.` : ""),
+  ];
+}
+
+/** One grid: the first axis across, the second upwards (a single row without one). */
+function heatMap(title, [across, up], cells, best, choose) {
+  const found = new Map(cells.map((item) => [item.cell.slice(0, 2).join(), item]));
+  const rows = up ? up.cells.map((name, index) => [name, index]).reverse() : [["", undefined]];
+  return el("table", { class: "heat", "aria-label": revealHidden(title) || "Archive" },
+    el("caption", {}, title),
+    el("tbody", {}, ...rows.map(([name, y]) => el("tr", {},
+      el("th", { scope: "row" }, name),
+      ...across.cells.map((_, x) => heatCell(found.get(y === undefined ? `${x}` : `${x},${y}`), best, choose))))),
+    el("tfoot", {},
+      el("tr", {}, el("td", {}), ...across.cells.map((name) => el("th", { scope: "col" }, name))),
+      el("tr", {}, el("td", { colspan: across.cells.length + 1 }, up ? `${across.name} (across), ${up.name} (upwards)` : across.name))));
+}
+
+function heatCell(item, best, choose) {
+  if (!item) return el("td", {});
+  const text = revealHidden(`${item.mechanism ?? "unknown mechanism"}: ${formatNumber(item.score)}`);
+  const button = el("button", { title: text, "aria-label": text, click: () => choose(item.machine) });
+  button.style.opacity = 0.2 + 0.8 * Math.max(0, item.score / best);
+  return el("td", {}, button);
+}
+
+function classCard({ mechanism, score, machine, count, picture }, choose) {
+  return el("button", { class: "card", click: () => choose(machine) },
+    el("img", { src: picture, alt: "", loading: "lazy", width: 320, height: 240 }),
+    el("b", {}, formatNumber(score)),
+    el("span", {}, mechanism),
+    el("small", {}, count === 1 ? "1 machine" : `${count} machines`));
+}
