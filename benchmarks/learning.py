@@ -10,6 +10,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
+from math import ceil, floor, log10
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -211,10 +212,19 @@ def _line(records: Sequence[TrainingRecord], number: str) -> list[tuple[int, flo
     return [(step, fmean(found)) for step, found in sorted(values.items())]
 
 
+def round_ticks(top: float, least: float = 0.0) -> list[float]:
+    """About four round numbers from 0 to `top` or a little more, at least `least` apart."""
+    raw = max(top / 4, least)
+    power = 10.0 ** floor(log10(raw))
+    size = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= 0.999 * raw)
+    return [number * size for number in range(ceil(0.999 * top / size) + 1)]
+
+
 def chart(title: str, lines: Mapping[str, Sequence[tuple[int, float]]]) -> str:
     """A line chart as SVG."""
     last = max(step for points in lines.values() for step, _ in points) or 1
-    top = max(value for points in lines.values() for _, value in points) or 1.0
+    rows = round_ticks(max(value for points in lines.values() for _, value in points) or 1.0)
+    top = rows[-1]
     wide, high = WIDTH - LEFT - 10, HEIGHT - BOTTOM - TOP
 
     def place(step: float, value: float) -> str:
@@ -226,16 +236,13 @@ def chart(title: str, lines: Mapping[str, Sequence[tuple[int, float]]]) -> str:
         'font-family="sans-serif" font-size="12"><rect width="100%" height="100%" fill="white"/>',
         f'<text x="{LEFT}" y="18" font-size="14">{escape(title)}</text>',
     ]
-    for part in (0, 0.25, 0.5, 0.75, 1):
-        y = TOP + high * (1 - part)
+    for value in rows:
+        y = TOP + high * (1 - value / top)
         parts.append(f'<path d="M{LEFT} {y:.1f}h{wide}" stroke="#ddd"/>')
-        parts.append(
-            f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{top * part:.3g}</text>'
-        )
-        x = LEFT + wide * part
-        parts.append(
-            f'<text x="{x:.1f}" y="{HEIGHT - 14}" text-anchor="middle">{last * part:.0f}</text>'
-        )
+        parts.append(f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{value:.3g}</text>')
+    for step in (step for step in round_ticks(last, least=1) if step <= last):
+        x = LEFT + wide * step / last
+        parts.append(f'<text x="{x:.1f}" y="{HEIGHT - 14}" text-anchor="middle">{step:.0f}</text>')
     for number, (name, points) in enumerate(lines.items()):
         colour, y = COLOURS[number % len(COLOURS)], HEIGHT + 18 * number
         path = " ".join(place(step, value) for step, value in points)

@@ -25,7 +25,7 @@ from agentflow.report.page import page
 from agentflow.training.curves import OF_SAMPLES, flatten
 from agentflow.training.evaluation import JudgedReply, summarise
 from agentflow.training.evaluation.record import read_replies
-from agentflow.training.record import ABOUT, TrainingRecord, read_training
+from agentflow.training.record import TrainingRecord, read_training
 
 CHARTS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("Reward", "per reply", ("reward", "score")),
@@ -67,11 +67,6 @@ REFUSED = 2
 Row = Mapping[str, float]
 
 
-def is_training(path: Path) -> bool:
-    """Whether a folder holds a training run."""
-    return (path / ABOUT).is_file()
-
-
 def training_report(path: Path, out: Path, *, films: int, workers: int, say: Progress) -> Path:
     """Write the page of a training run, finished or not.
 
@@ -89,12 +84,14 @@ def training_report(path: Path, out: Path, *, films: int, workers: int, say: Pro
     chosen = shown.to_film(films)
     machines = asyncio.run(film_machines(chosen, shapes, workers, say))
     rows = [flatten(row) for row in run.curves]
+    charts = _charts(CHARTS, rows, others=True)
     data = {
         "kind": "training",
         "title": run.path.resolve().name,
         "label": run.about.label,
         "about": _about(run),
-        "charts": _charts(CHARTS, rows, others=True),
+        "charts": [chart for chart in charts if not _is_zero(chart)],
+        "zero": [line["name"] for chart in charts if _is_zero(chart) for line in chart["lines"]],
         "tasks": [
             {"task": task, "charts": _charts(EVALUATED, _of_task(rows, task), others=False)}
             for task in shown.tasks
@@ -226,6 +223,11 @@ def _charts(
         if found:
             charts.append({"title": title, "unit": unit, "lines": found})
     return charts
+
+
+def _is_zero(chart: Mapping[str, Any]) -> bool:
+    """Whether a chart would show nothing but zeros."""
+    return not any(value for line in chart["lines"] for _, value in line["points"])
 
 
 def _settings(config: Mapping[str, Any], above: str = "") -> Iterable[tuple[str, Any]]:

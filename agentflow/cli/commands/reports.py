@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from agentflow.app.pages.registry import PAGES
+from agentflow.app.pages.registry import PAGES, page_of
 from agentflow.cli.display.text import show_count
 from agentflow.cli.root import Engine, Json, Knobs, commands, print_result
 from agentflow.errors import UsageError
@@ -33,11 +33,7 @@ def report(
     ] = None,
 ) -> None:
     """Write an HTML report about a run (3D films), a sweep (tables) or training (curves, films)."""
-    from agentflow.app.pages.training import is_training
-    from agentflow.app.sweeps.folder import is_sweep
-
-    kind = "sweep" if is_sweep(run) else "training" if is_training(run) else "run"
-    write = PAGES[page or kind]
+    write = PAGES[page or page_of(run)]
     say = show_count("simulation")
     print(write(run, out or run / "report.html", films=films, workers=workers, say=say))
 

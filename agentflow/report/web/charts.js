@@ -165,7 +165,7 @@ function ticks(low, high, count, least = 0) {
   const power = 10 ** Math.floor(Math.log10(raw));
   const step = [1, 2, 5, 10].map((factor) => factor * power).find((size) => size >= raw * 0.999);
   const found = [];
-  for (let value = Math.ceil(low / step) * step; value <= high * 1.0001; value += step) found.push(value);
+  for (let value = Math.ceil(low / step) * step; value <= high * 1.0001; value += step) found.push(value || 0); // never -0
   return found;
 }
 

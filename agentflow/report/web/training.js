@@ -22,9 +22,10 @@ export function trainingPage(data) {
   return [
     bare ? "" : el("aside", {}, player.element),
     el("main", { class: bare ? "alone" : null },
-      el("header", {}, el("p", { class: "kind" }, `agentflow training · ${data.about}`), el("h1", {}, data.title), el("p", { class: "lede" }, data.label)),
+      el("header", {}, el("p", { class: "kind" }, `agentflow training · ${data.about}`), el("h1", { class: "folder" }, data.title), el("p", { class: "lede" }, data.label)),
       best ? chosen : null,
       data.charts.length ? section("Curves", ...data.charts.map(curve)) : el("p", { class: "quiet" }, "No step is logged yet."),
+      data.zero.length ? el("p", { class: "quiet" }, `Always 0: ${data.zero.map(readable).join(", ")}.`) : null,
       ...data.tasks.filter(({ charts }) => charts.length).map(({ task, charts }) => section(several ? `Samples in numbers: ${task}` : "Samples in numbers", ...charts.map(curve))),
       data.steps.length ? samples(data.steps, several, choose) : null,
       section("Settings", el("dl", { class: "facts" }, ...data.facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])))),
@@ -55,7 +56,7 @@ function counts({ count, valid, faults, mean, values }) {
     faults ? `${faults} without a score: their simulation crashed or timed out` : null].filter(Boolean).join(" · ");
 }
 
-/** The name of a number without its group: "best_at.4" is "Best@4". */
-const readable = (name) => name.replace("best_at.", "Best@").replace(/^diversity\.|\.share$/g, "").replaceAll("_", " ");
+/** The name of a number without its group: "best_at.4" is "Best@4", "seconds_update" is "update". */
+const readable = (name) => name.replace("best_at.", "Best@").replace(/^diversity\.|^seconds_|\.share$/g, "").replaceAll("_", " ");
 
 const capitalize = (text) => text.charAt(0).toUpperCase() + text.slice(1);

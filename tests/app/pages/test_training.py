@@ -17,7 +17,7 @@ from tests.app.pages.test_runs import data_of, quiet
 from tests.training.folders import Config, drives, throws, write_training
 
 CURVES = [
-    {"loss": 0.5, "reward": 1.0, "valid": 0.5, "unheard_of": 3},
+    {"loss": 0.5, "reward": 1.0, "valid": 0.5, "unheard_of": 3, "faults": 0, "clipped": 0.0},
     {"loss": 0.25, "reward": None, "valid": 0.75, "eval": {"throwing": {"valid": {"share": 0.75}}}},
 ]
 
@@ -44,6 +44,7 @@ def test_curves_samples_and_films_are_on_the_page(tmp_path: Path) -> None:
     assert data["about"] == "reinforcement learning (GRPO), 2 steps, unfinished"
     charts = {chart["title"]: chart for chart in data["charts"]}
     assert list(charts) == ["Reward", "Replies", "Loss", "Time so far", "unheard_of"]
+    assert data["zero"] == ["faults", "clipped"]
     assert charts["Reward"]["lines"] == [{"name": "reward", "points": [[1, 1.0]]}]
     assert charts["Loss"]["lines"] == [{"name": "loss", "points": [[1, 0.5], [2, 0.25]]}]
     throwing, movement = data["tasks"]
@@ -78,6 +79,16 @@ def test_supervised_fine_tuning_has_curves_and_no_film(tmp_path: Path) -> None:
     data = data_of(training_report(path, tmp_path / "r.html", films=9, workers=1, say=quiet))
     assert (data["machines"], data["steps"], data["tasks"]) == ({}, [], [])
     assert [chart["title"] for chart in data["charts"]][:1] == ["Reward"]
+
+
+def test_a_folder_of_training_runs_names_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("best-0", "pass1-0"):
+        run_with(tmp_path / name, samples=False)
+    assert main(["report", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert f"but holds some: give one of them, such as {tmp_path / 'best-0'};" in told
 
 
 def test_forged_numbers_and_machines_break_nothing(tmp_path: Path) -> None:
