@@ -45,6 +45,11 @@ class EvaluateOnce(Generic[C]):
         """A finished evaluation; None without one."""
         return self._known.get(candidate)
 
+    @property
+    def finished(self) -> Iterable[tuple[C, Evaluation]]:
+        """The candidates with finished evaluations, in no particular order."""
+        return self._known.items()
+
     async def __call__(self, candidate: C, label: str) -> Evaluation:
         """The candidate's evaluation, made under the label of its first request."""
         if candidate in self._known:

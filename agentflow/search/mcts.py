@@ -39,7 +39,7 @@ async def mcts(
 
 
 def _back_up(tree: SearchTree[C], child: Node[C], round_: int, observe: Observer) -> None:
-    reward = child.evaluation.reward
+    reward = child.reward
     if reward is None:
         return
     path = tree.path(child)

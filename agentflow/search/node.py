@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 from agentflow.search.elites.axes import Measurement
+from agentflow.search.pareto import Point
 
 C = TypeVar("C")
 
@@ -33,6 +34,8 @@ class Evaluation:
     measurements: tuple[Measurement, ...] = ()
     """What kind of candidate it is, for searches that keep different kinds: one per axis, and the
     same axes for every candidate of a search."""
+    objectives: Point | None = None
+    """What searches for a Pareto front compare besides; None in other searches."""
 
     @property
     def reward(self) -> float | None:
@@ -60,6 +63,8 @@ class Node(Generic[C]):
     evaluation: Evaluation
     label: str = ""
     """Label of the attempt that made it; empty for the root and for a fallback child."""
+    reward: float | None = None
+    """What it was worth among the nodes of the tree when it joined them; None without a score."""
     children: list[int] = field(default_factory=list)
     visits: int = 0
     total: float = 0.0

@@ -6,7 +6,7 @@ Nodes are numbered by attempt, not by arrival, so the tree does not depend on co
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import takewhile
 from typing import Generic
 
@@ -23,13 +23,21 @@ from agentflow.search.node import (
     SearchCost,
     SearchResult,
 )
+from agentflow.search.pareto import dominates, ranks
 
 
 def is_better(new: Evaluation, old: Evaluation) -> bool:
-    """Whether `new` is valid and has a higher reward than `old`; any valid one beats none."""
+    """Whether `new` is valid and has a higher reward than `old`; any valid one beats none.
+
+    Among equal rewards, one that dominates the other is better.
+    """
     if not new.valid or new.reward is None:
         return False
-    return not old.valid or old.reward is None or new.reward > old.reward
+    if not old.valid or old.reward is None:
+        return True
+    if new.reward == old.reward:
+        return dominates(new.objectives or (), old.objectives or ())
+    return new.reward > old.reward
 
 
 class SearchTree(Generic[C]):
@@ -45,7 +53,7 @@ class SearchTree(Generic[C]):
         observe: Observer,
     ) -> None:
         """Start with an evaluated root; make at most `waves` waves of attempts per expansion."""
-        self.nodes = [Node(0, root, None, evaluation)]
+        self.nodes: list[Node[C]] = []
         self.stopped = False
         """Whether the budget has run out."""
         self._cost = SearchCost()
@@ -54,6 +62,7 @@ class SearchTree(Generic[C]):
         self._waves = waves
         self._observe = observe
         self._started = time.perf_counter()
+        self._join([Node(0, root, None, evaluation)])
 
     def path(self, node: Node[C]) -> list[Node[C]]:
         """The nodes from the root to `node`, inclusive."""
@@ -106,11 +115,27 @@ class SearchTree(Generic[C]):
             Node(id_, candidate, parent.id, evaluation, label)
             for id_, (candidate, label), evaluation in zip(ids, new, evaluations, strict=True)
         ]
-        self.nodes += children
+        self._join(children)
         parent.children += ids
         for child in children:
             self._observe(Simulated(round_, child))
         return children
+
+    def _join(self, new: Sequence[Node[C]]) -> None:
+        """Add nodes, and give each its reward.
+
+        In a search for a Pareto front, the reward is 1 / the number of the front that the node is
+        in, among all nodes so far: a graded form of the dominance reward, which is 1 for the first
+        front and 0 for others (Wang and Sebag 2013, "Hypervolume indicator and dominance reward
+        based multi-objective Monte-Carlo tree search", Machine Learning 92).
+        """
+        self.nodes += new
+        compared = [node for node in self.nodes if node.evaluation.objectives is not None]
+        fronts = ranks([node.evaluation.objectives or () for node in compared])
+        front_of = {node.id: front for node, front in zip(compared, fronts, strict=True)}
+        for node in new:
+            front = front_of.get(node.id)
+            node.reward = node.evaluation.reward if front is None else 1 / front
 
     async def _run_waves(self, node: Node[C], prefix: str, width: int) -> list[Attempt[C]]:
         """Run waves of attempts until enough are valid, no waves are left or the budget is spent.

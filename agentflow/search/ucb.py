@@ -15,7 +15,7 @@ def reward_range(nodes: Sequence[Node[C]], settings: UcbSettings) -> tuple[float
     With `scale: minmax`, the lowest reward of the current tree, including the root, and the spread
     of its rewards (1 if they are all equal). With `none`, (0, 1).
     """
-    rewards = [node.evaluation.reward for node in nodes if node.evaluation.reward is not None]
+    rewards = [node.reward for node in nodes if node.reward is not None]
     if settings.scale == "none" or not rewards:
         return 0.0, 1.0
     return min(rewards), (max(rewards) - min(rewards)) or 1.0

@@ -158,3 +158,6 @@ class WorkflowResult:
     """Why it ended early, if it did; `greatest score` if a search ended because of it."""
     reason: str
     """Why there is no best machine; empty if there is one."""
+    front: tuple[tuple[Machine, Evaluation], ...] = ()
+    """The Pareto front of all simulated machines, the highest robust score first; empty unless the
+    objective is `pareto`."""

@@ -42,7 +42,7 @@ from agentflow.workflows.base import (
     WorkflowResult,
 )
 from agentflow.workflows.settings import WorkflowSettings
-from agentflow.workflows.statistics import find_best, stage_row
+from agentflow.workflows.statistics import find_best, pareto_front, stage_row
 
 In = TypeVar("In")
 Out = TypeVar("Out")
@@ -273,6 +273,7 @@ class WorkflowContext:
             stages=stages,
             stopped="budget" if self.spent else GREATEST if self.reached_greatest else None,
             reason=reason,
+            front=pareto_front(self._simulate.finished),
         )
         found = _fields(best) if best else {"reason": reason}
         place, stopped = Place(self._workflow), result.stopped
@@ -284,7 +285,8 @@ class WorkflowContext:
         evaluation = await self._laboratory.evaluate(machine, label)
         greatest, reward = self.brief.greatest, evaluation.reward
         reached = greatest is not None and reward is not None and reward >= greatest
-        return replace(evaluation, perfect=evaluation.valid and reached)
+        alone = evaluation.objectives is None  # else smaller machines are better still
+        return replace(evaluation, perfect=evaluation.valid and reached and alone)
 
     def _count(
         self, attempt: RoleAttempt[Any], count: _Count, then: Callable[[RoleAttempt[object]], None]

@@ -13,6 +13,7 @@ from agentflow.search.settings import SearchSettings
 
 Emitter = Literal["edit", "crossover", "refiner"]
 """What makes new machines in the workflow `explore`."""
+Objective = Literal["score", "robust", "pareto"]
 
 
 class ExternalSettings(BaseModel, frozen=True, extra="forbid"):
@@ -107,10 +108,11 @@ class WorkflowSettings(BaseModel):
     external: ExternalSettings = Field(
         ExternalSettings(), description="the agent program (external)"
     )
-    objective: Literal["score", "robust"] = Field(
+    objective: Objective = Field(
         "score",
-        description="what makes a machine better: its score, or its robust score, which takes ten "
-        "simulations of each machine",
+        description="what makes a machine better: its score; its robust score; or pareto: score, "
+        "robust score, number of blocks and mass. Robust scores take ten simulations of each "
+        "machine",
     )
     search: SearchSettings = Field(
         SearchSettings(), description="the feedback loop; 0 rounds skip it"

@@ -1,10 +1,15 @@
-"""Statistics of stages: rows of the stage table, passes, the best machine."""
+"""Statistics of stages: rows of the stage table, passes, the best machine, the Pareto front."""
 
 from __future__ import annotations
 
 import statistics
+from collections.abc import Iterable
 from typing import Any
 
+from agentflow.machine.tree import Machine
+from agentflow.search.node import Evaluation
+from agentflow.search.pareto import ranks
+from agentflow.search.tree import is_better
 from agentflow.workflows.base import Candidate, Stage
 
 PASS = 1.0
@@ -63,5 +68,22 @@ def count_passes(stage: Stage) -> dict[str, Any]:
 
 def find_best(stages: tuple[Stage, ...]) -> tuple[Candidate, Stage] | None:
     """The valid machine with the highest reward, the earliest if tied; None without one."""
-    scored = [(c, stage) for stage in stages for c in stage.survivors if c.reward is not None]
-    return max(scored, key=lambda found: found[0].reward or 0.0, default=None)
+    best: tuple[Candidate, Stage] | None = None
+    for stage in stages:
+        for candidate in stage.survivors:
+            found, earlier = candidate.evaluation, best and best[0].evaluation
+            if candidate.reward is None or found is None:
+                continue
+            if earlier is None or is_better(found, earlier):
+                best = candidate, stage
+    return best
+
+
+def pareto_front(
+    found: Iterable[tuple[Machine, Evaluation]],
+) -> tuple[tuple[Machine, Evaluation], ...]:
+    """The machines that no other dominates, by falling reward; none without objectives."""
+    compared = [(machine, result) for machine, result in found if result.objectives]
+    fronts = ranks([result.objectives or () for _, result in compared])
+    first = [pair for pair, front in zip(compared, fronts, strict=True) if front == 1]
+    return tuple(sorted(first, key=lambda pair: (-(pair[1].reward or 0.0), pair[0].digest)))

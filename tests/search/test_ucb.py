@@ -8,7 +8,7 @@ from agentflow.search.ucb import reward_range, select, ucb
 
 
 def node(id_: int, score: float | None, parent: int | None = 0, **books: object) -> Node[str]:
-    return Node(id_, "", parent, Evaluation(valid=True, score=score), **books)  # type: ignore[arg-type]
+    return Node(id_, "", parent, Evaluation(valid=True, score=score), reward=score, **books)  # type: ignore[arg-type]
 
 
 def test_upper_confidence_bound() -> None:

@@ -6,7 +6,6 @@ import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
@@ -23,12 +22,14 @@ from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.descriptors import measure
 from agentflow.env.verification import Verification, run_under, verify_async
 from agentflow.machine.blocks.library import library
+from agentflow.machine.geometry.balance import mass
+from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 from agentflow.search.node import Evaluation
 from agentflow.tools.world import View
 from agentflow.workflows.base import SimulationSummary
+from agentflow.workflows.settings import Objective
 
-Objective = Literal["score", "robust"]
 PICTURE = (960, 720)
 """Width and height of pictures for models, in pixels."""
 
@@ -41,7 +42,8 @@ class PhysicsLaboratory:
     ) -> None:
         """Rollouts take random perturbations and gusts from `seed`.
 
-        With the objective `robust`, the value of an evaluation is the robust score.
+        With the objectives `robust` and `pareto`, the value of an evaluation is the robust score.
+        With `pareto`, it has `objectives` as well.
         """
         self._objective = objective
         self._task = task
@@ -73,9 +75,11 @@ class PhysicsLaboratory:
         kinds = measure(self._task.descriptors, machine, rollout)
         valid = rollout.status != "invalid"
         found = Evaluation(valid, rollout.score, summary, measurements=kinds)
-        if self._objective == "score" or not found.valid or found.score is None:
-            return found
-        return await self._with_value(found, machine, rollout)
+        if self._objective != "score" and valid and found.score is not None:
+            found = await self._with_value(found, machine, rollout)
+        if self._objective == "pareto" and found.score is not None:
+            found = replace(found, objectives=pareto_objectives(machine, found))
+        return found
 
     async def _with_value(
         self, found: Evaluation, machine: Machine, default: Rollout
@@ -117,6 +121,17 @@ class PhysicsLaboratory:
         """Draw a machine in a thread: as built, or at a time of its rollout."""
         rollout = None if time is None else self.rollouts[machine.digest]
         return await asyncio.to_thread(look_at, machine, view, rollout, time)
+
+
+def pareto_objectives(machine: Machine, found: Evaluation) -> tuple[float, ...]:
+    """Score, robust score, and minus number of blocks and mass in kg.
+
+    () for a machine that is invalid or scores 0, which the smallest machine does; this is
+    constrained dominance (Deb et al. 2002).
+    """
+    if not found.valid or found.score is None or found.value is None or found.score <= 0:
+        return ()
+    return (found.score, found.value, -float(len(machine)), -mass(place(machine)))
 
 
 def decisive_facts(machine: Machine, rollout: Rollout) -> dict[str, str]:

@@ -14,9 +14,11 @@ from agentflow.config.run import DesignConfig
 from agentflow.env.archive import save_npz
 from agentflow.errors import RunError
 from agentflow.files import write_output
+from agentflow.machine.tree import Machine
 from agentflow.metrics.intervals import wilson
 from agentflow.runs import Event, read_result
 from agentflow.runs.events import VerificationEvent, typed_event
+from agentflow.search.node import Evaluation
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.registry import WORKFLOWS
 from agentflow.workflows.statistics import count_passes, stage_row
@@ -48,6 +50,14 @@ class _Passes(BaseModel):
     interval: list[Number] | None
 
 
+class _Member(BaseModel):
+    machine: str
+    score: Number
+    robust: Number
+    blocks: Count
+    mass: Number
+
+
 class _Result(BaseModel):
     """What readers of results rely on; result.json may hold more."""
 
@@ -74,6 +84,8 @@ class _Result(BaseModel):
     seconds: Number
     attempts: _Passes | None = None
     engine: str | None = None
+    robust: Number | None = None
+    front: list[_Member] | None = None
 
 
 def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:
@@ -99,6 +111,30 @@ def result_json(plan: RunPlan, execution: Execution) -> dict[str, Any]:
         "stopped": result.stopped,
         "reason": result.reason,
         **attempts,
+        **_objective_json(plan.config, result),
+    }
+
+
+def _objective_json(config: DesignConfig, result: WorkflowResult) -> dict[str, Any]:
+    """The robust score of the best machine, and the Pareto front, if the run compared these."""
+    objective, best = config.settings.objective, result.best
+    if objective == "score":
+        return {}
+    robust = {"robust": best.evaluation.value if best and best.evaluation else None}
+    if objective == "robust":
+        return robust
+    return {**robust, "front": [_front_member(*found) for found in result.front]}
+
+
+def _front_member(machine: Machine, found: Evaluation) -> dict[str, Any]:
+    """A machine of the front: its hash and its `pareto_objectives`; mass in kg."""
+    score, robust, blocks, mass = found.objectives or ()
+    return {
+        "machine": machine.digest,
+        "score": score,
+        "robust": robust,
+        "blocks": -int(blocks),
+        "mass": -mass,
     }
 
 

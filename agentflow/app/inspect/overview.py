@@ -69,10 +69,11 @@ def _result_so_far(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
 def run_details(path: Path) -> dict[str, Any]:
     """One run in detail.
 
-    The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `marginal` (connections of the
-    best machine as in `rollout_json`; None if its rollout was not saved), `record` (see
-    `record_json`, with the share that the run reached), `stages` (rows of the stage table),
-    `stopped`, `reason`, `spent` (calls, tokens, seconds and money by role), `failures` (see
+    The keys of `run_list` and `blocks`, `most_blocks`, `best_stage`, `robust` and `front` (as in
+    result.json; None unless the objective needs them), `marginal` (connections of the best machine
+    as in `rollout_json`; None if its rollout was not saved), `record` (see `record_json`, with the
+    share that the run reached), `stages` (rows of the stage table), `stopped`, `reason`, `spent`
+    (calls, tokens, seconds and money by role), `failures` (see
     `count_failures`), `remarks`, `config`, and the rest of run.yaml.
     """
     document = read_document(path)
@@ -89,6 +90,8 @@ def run_details(path: Path) -> dict[str, Any]:
         "blocks": result.get("blocks", len(machine) if machine else None),
         "most_blocks": result.get("most_blocks"),
         "best_stage": result.get("best_stage"),
+        "robust": result.get("robust"),
+        "front": result.get("front"),
         "record": _record(path, document, summary),
         "marginal": _marginal(path, machine),
         "stages": [stage.data for stage in record.stages],

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from agentflow.agents.registry import ROLES
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import PROCEDURAL, DesignConfig
-from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, VARIATIONS
+from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, VARIATIONS, Variation
 from agentflow.llm.messages import Usage
 from agentflow.workflows.registry import WORKFLOWS
 
@@ -30,6 +30,8 @@ class Estimate:
     money: float | None
     """None if a model has no price."""
     rollouts: int
+    perturbation: int
+    """Further simulations of machines, for robust scores; not among the rollouts."""
     verification: int
     """Simulations to verify the best machines; not among the rollouts."""
     seconds: float
@@ -43,6 +45,7 @@ class Estimate:
             self.completion + other.completion,
             None if unknown else (self.money or 0.0) + (other.money or 0.0),
             self.rollouts + other.rollouts,
+            self.perturbation + other.perturbation,
             self.verification + other.verification,
             self.seconds + other.seconds,
         )
@@ -51,11 +54,11 @@ class Estimate:
         """Cost of this many runs."""
         whole = (self.calls * runs, self.prompt * runs, self.completion * runs)
         money = None if self.money is None else self.money * runs
-        simulations = (self.rollouts * runs, self.verification * runs)
+        simulations = (self.rollouts * runs, self.perturbation * runs, self.verification * runs)
         return Estimate(*whole, money, *simulations, self.seconds * runs)
 
 
-NOTHING = Estimate(0, 0, 0, 0.0, 0, 0, 0.0)
+NOTHING = Estimate(0, 0, 0, 0.0, 0, 0, 0, 0.0)
 
 
 def estimate(plan: RunPlan) -> Estimate:
@@ -64,9 +67,8 @@ def estimate(plan: RunPlan) -> Estimate:
     workflow = WORKFLOWS[config.workflow]
     settings = workflow.adapt(config.settings)
     calls, rollouts = workflow.calls(settings), workflow.rollouts(settings)
-    varied = [v.rate for v in VARIATIONS if v is not DEFAULT] if config.verify else []
-    conditions = PERTURBATIONS if settings.objective == "robust" else (DEFAULT,)
-    per_machine = sum(condition.rate for condition in conditions)
+    verified = _rates(VARIATIONS) if config.verify else []
+    perturbed = [] if settings.objective == "score" else _rates(PERTURBATIONS)
     seconds = len(plan.task.trials(config.seed)) * ROLLOUT_SECONDS * plan.task.window / WINDOW
     return Estimate(
         calls=sum(calls.values()),
@@ -74,9 +76,15 @@ def estimate(plan: RunPlan) -> Estimate:
         completion=sum(count * ROLES[role].tokens[1] for role, count in calls.items()),
         money=_total_money(config, calls),
         rollouts=rollouts,
-        verification=len(varied),
-        seconds=(rollouts * per_machine + sum(varied)) * seconds,
+        perturbation=rollouts * len(perturbed),
+        verification=len(verified),
+        seconds=(rollouts * (1 + sum(perturbed)) + sum(verified)) * seconds,
     )
+
+
+def _rates(variations: Iterable[Variation]) -> list[float]:
+    """The step rates, as factors, of the variations besides the default."""
+    return [variation.rate for variation in variations if variation is not DEFAULT]
 
 
 def _total_money(config: DesignConfig, calls: Mapping[str, int]) -> float | None:

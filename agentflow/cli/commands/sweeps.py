@@ -197,6 +197,7 @@ def _estimate_json(cost: Estimate) -> dict[str, Any]:
         "completion_tokens": cost.completion,
         "money": cost.money,
         "rollouts": cost.rollouts,
+        "perturbation": cost.perturbation,
         "verification": cost.verification,
         "worker_seconds": round(cost.seconds, 1),
     }
@@ -208,8 +209,9 @@ def _cost_text(cost: Mapping[str, Any]) -> str:
 
 
 def _simulations_text(cost: Mapping[str, Any]) -> str:
-    count = cost["verification"]
-    return f"{cost['rollouts']} rollouts" + f" and {count} for verification" * bool(count)
+    more = {"robust scores": cost["perturbation"], "verification": cost["verification"]}
+    told = [f"{cost['rollouts']} rollouts"]
+    return " and ".join(told + [f"{count} for {why}" for why, count in more.items() if count])
 
 
 def _remaining_text(cost: Mapping[str, Any], runs: int, procedural: bool, workers: int) -> str:

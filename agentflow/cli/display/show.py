@@ -15,6 +15,8 @@ from agentflow.cli.display.text import block_count, number
 Data = Mapping[str, Any]
 VALID = ("valid at once", "after retries")
 """Headers of the counts of machines that were valid at the first attempt, and after retries."""
+FRONT = 10
+"""Most machines of a Pareto front that are printed; the data holds all."""
 MARGINAL = 3
 """Most marginal connections that are printed; the data holds all."""
 
@@ -33,6 +35,7 @@ def show_result(result: Data, pictures: Mapping[str, str]) -> None:
         )
     if verified := result.get("verified"):
         console.print(verified_line(verified))
+    show_objectives(result)
     table = columns("stage", *VALID, "mean", "best")
     for row in result["stages"]:
         counts = (f"{row[key]}/{row['trajectories']}" for key in ("valid_first", "valid"))
@@ -110,6 +113,23 @@ def verified_line(verified: Data) -> str:
         f"verified score {number(verified['score'])}, the median of {len(scores)} simulations "
         f"that scored {number(verified['low'])} to {number(verified['high'])}"
     )
+
+
+def show_objectives(result: Data) -> None:
+    """Print the robust score and the Pareto front of a run that compared them."""
+    console = output()
+    if result.get("robust") is not None:
+        robust = number(result["robust"])
+        console.print(f"robust score {robust}, the 10 % quantile of 10 conditions")
+    if front := result.get("front"):
+        console.print(f"Pareto front: {len(front)} of the simulated machines")
+        table = columns("machine", "robust", "score", "blocks", "mass, kg")
+        for one in front[:FRONT]:
+            scores = (number(one["robust"]), number(one["score"]))
+            table.add_row(one["machine"], *scores, str(one["blocks"]), f"{one['mass']:g}")
+        console.print(table)
+        if len(front) > FRONT:
+            console.print(f"and {len(front) - FRONT} more (--json)")
 
 
 def _passes(attempts: Data) -> str:

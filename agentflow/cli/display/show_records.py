@@ -10,6 +10,7 @@ from agentflow.cli.display.show import (
     Data,
     marginal_line,
     record_line,
+    show_objectives,
     show_tools,
     verified_line,
 )
@@ -52,6 +53,7 @@ def show_run(run: Data) -> None:
     console.print(", ".join(found))
     if run["verified"]:
         console.print(verified_line(run["verified"]))
+    show_objectives(run)
     if (record := run["record"]) and record["share"] is not None:
         console.print(record_line(record))
     if run["marginal"]:

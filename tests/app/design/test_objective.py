@@ -1,20 +1,32 @@
-"""The objective of a search: the score, or the robust score."""
+"""The objective of a search: the score, the robust score, or a Pareto front."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
+import pytest
+
+from agentflow.app.design.config import load_config
 from agentflow.app.design.laboratory import PhysicsLaboratory
+from agentflow.app.design.run import RunOptions, design
+from agentflow.app.inspect.reading import recorded_machine
+from agentflow.cli import main
 from agentflow.env.rollout import Feedback, Rollout
 from agentflow.env.simulation.variations import DEFAULT, PERTURBATIONS, Variation
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.registry import get_task
-from agentflow.machine import Machine
+from agentflow.machine import Machine, library
+from agentflow.runs.events import read_typed_events
+from agentflow.runs.record import RunRecord
 from agentflow.search.node import Evaluation
 from agentflow.search.tree import is_better
-from tests.machine.builders import CAR
+from agentflow.workflows.statistics import pareto_front
+from tests.machine.builders import CAR, build
 
 TASK = get_task("movement")
+SMALL, BLOCK = build((2, 0, 2)), build((63, 0, 4))
 
 
 class Scores:
@@ -69,6 +81,63 @@ async def test_an_invalid_machine_is_not_perturbed() -> None:
     scores = Refusing()
     found = await PhysicsLaboratory(TASK, scores, 0, "robust").evaluate(CAR, "")
     assert (found.valid, found.reward, scores.asked) == (False, 0.0, ["default"])
+
+
+async def test_pareto_compares_score_robustness_blocks_and_mass() -> None:
+    laboratory = PhysicsLaboratory(TASK, Scores(default=20.0, strength=2.0), 0, "pareto")
+    found = await laboratory.evaluate(CAR, "")
+    weight = sum(library()[step.type].mass for step in CAR.steps)
+    assert found.objectives == (20.0, 2.0, -len(CAR), pytest.approx(-weight))
+    assert (found.reward, found.perfect) == (2.0, False)
+
+
+async def test_what_scores_nothing_is_dominated_by_whatever_scores() -> None:
+    laboratory = PhysicsLaboratory(TASK, Scores(default=0.0), 0, "pareto")
+    assert (await laboratory.evaluate(CAR, "")).objectives == ()
+    laboratory = PhysicsLaboratory(TASK, Scores(default=None), 0, "pareto")
+    assert (await laboratory.evaluate(CAR, "")).objectives is None  # the computer failed
+
+
+def test_the_front_is_sorted_by_robust_score() -> None:
+    values = {
+        CAR: (9.0, 5.0, -7.0, -4.0),
+        SMALL: (3.0, 3.0, -2.0, -1.0),
+        BLOCK: (2.0, 2.0, -2.0, -1.0),
+    }
+    found = [(machine, Evaluation(True, point[0], value=point[1], objectives=point))
+             for machine, point in values.items()]  # fmt: skip
+    assert [machine for machine, _ in pareto_front(reversed(found))] == [CAR, SMALL]
+    assert pareto_front([(CAR, Evaluation(True, 1.0))]) == ()
+
+
+@pytest.mark.slow
+def test_a_run_records_the_front_of_all_its_machines(tmp_path: Path) -> None:
+    """The front against brute force over the record, on real physics."""
+    given = {"task": "movement", "workflow": "random-dsl", "trajectories": 1, "objective": "pareto",
+             "rollouts": 4, "verify": False, "start": CAR.to_json()}  # fmt: skip
+    config = load_config(None, [f"{key}={json.dumps(value)}" for key, value in given.items()], {})
+    result = design(config, tmp_path, RunOptions())
+    path = Path(result["run"])
+    points = {}
+    for event in RunRecord.of(read_typed_events(path)).machines.values():
+        if event.valid and event.score and event.score > 0:
+            machine = recorded_machine(path, event.machine)
+            weight = sum(library()[step.type].mass for step in machine.steps)
+            points[event.machine] = (event.score, event.robust, len(machine), round(weight, 6))
+    assert len(points) >= 2
+    front = {
+        digest: point for digest, point in points.items()
+        if not any(p != point and p[0] >= point[0] and p[1] >= point[1]
+                   and p[2] <= point[2] and p[3] <= point[3] for p in points.values())
+    }  # fmt: skip
+    told = {one["machine"]: (one["score"], one["robust"], one["blocks"], round(one["mass"], 6))
+            for one in result["front"]}  # fmt: skip
+    assert told == front
+    assert [one["robust"] for one in result["front"]] == sorted(
+        (point[1] for point in front.values()), reverse=True
+    )
+    assert result["robust"] == result["front"][0]["robust"]
+    assert main(["replay", str(path)]) == 0
 
 
 def test_searches_compare_values_where_there_are_some() -> None:

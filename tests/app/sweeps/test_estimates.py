@@ -98,6 +98,14 @@ def test_long_windows_and_trials_take_longer() -> None:
     assert of(**single, task="lifting").seconds == pytest.approx(2.0)
 
 
+def test_robust_scores_are_estimated_apart_from_the_rollouts() -> None:
+    objectives = ("score", "robust", "pareto")
+    plain, robust, pareto = (of(settings={"objective": name}, verify=False) for name in objectives)
+    assert (plain.perturbation, robust.perturbation) == (0, 9 * plain.rollouts)
+    assert robust == pareto
+    assert robust.seconds > 10 * plain.seconds
+
+
 def test_verification_is_estimated_apart_from_the_rollouts() -> None:
     found, without = of(), of(verify=False)
     assert (found.rollouts, found.verification) == (176, 7)
@@ -107,5 +115,5 @@ def test_verification_is_estimated_apart_from_the_rollouts() -> None:
 
 
 def test_estimates_are_added() -> None:
-    one = Estimate(1, 2, 3, 4.0, 5, 6, 7.0)
-    assert one + one == NOTHING + one.times(2) == Estimate(2, 4, 6, 8.0, 10, 12, 14.0)
+    one = Estimate(1, 2, 3, 4.0, 5, 6, 7, 8.0)
+    assert one + one == NOTHING + one.times(2) == Estimate(2, 4, 6, 8.0, 10, 12, 14, 16.0)
