@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from agentflow.errors import UsageError
+from agentflow.files import write_output
 
 BUNDLE = Path(__file__).parent / "bundle"
 """Built from web/ when the package is installed; not in the repository."""
@@ -39,11 +40,25 @@ PAGE = """<!DOCTYPE html>
 
 
 def page(title: str, data: Mapping[str, Any]) -> str:
-    """The whole page; `title` is plain text, and the data's `kind` is run, sweep or gallery."""
+    """The whole page; `title` is plain text, and the data's `kind` says which page."""
     script, style = read_bundle(SCRIPT), read_bundle(STYLE)
     policy = POLICY.format(script=_source(script), style=_source(style))
     title, content = html.escape(title), embeddable_json(data)
     return PAGE.format(policy=policy, title=title, style=style, data=content, script=script)
+
+
+def write_page(out: Path, title: str, data: Mapping[str, Any]) -> None:
+    """Write a page to a file; arguments as for `page`."""
+    with write_output(out) as part:
+        part.write_text(page(title, data), encoding="utf-8")
+
+
+def require_writable(out: Path) -> None:
+    """Check that the bundle exists and the page can be written, before the work starts."""
+    check_bundle()
+    if out.is_dir() or not out.parent.is_dir():
+        why = "it is a directory" if out.is_dir() else f"no such directory: {out.parent}"
+        raise UsageError(f"cannot write {out}: {why}")
 
 
 def check_bundle() -> None:

@@ -59,7 +59,7 @@ def test_an_invalid_machine_says_why(tmp_path: Path, capsys: Captured) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([CAR], "a machine is verified on a task; name the task with --task"),
+        ([CAR], "a machine file does not name its task; add --task"),
         (
             [str(RECORDED), "--seed", "1"],
             "a run has its own task, knobs, seed and engine; remove --set, --seed and --engine, or "

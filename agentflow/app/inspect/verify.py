@@ -12,6 +12,7 @@ from typing import Any
 from agentflow.app.design.execution import verification_event
 from agentflow.app.design.plan import RunPlan, task_of_run
 from agentflow.app.design.results import read_finished
+from agentflow.app.inspect.reading import best_machine
 from agentflow.config.run import build_config
 from agentflow.env.pool.pool import RolloutPool, Simulator
 from agentflow.env.tasks.base import Task
@@ -21,8 +22,7 @@ from agentflow.env.verification import (
     score_on_others,
     verify_async,
 )
-from agentflow.errors import RunError
-from agentflow.machine import Machine, library, read_machine
+from agentflow.machine import Machine
 from agentflow.runs import Notify, RunDirectory, read_document
 
 
@@ -47,7 +47,7 @@ def verify_run(path: Path, workers: int, notify: Notify) -> dict[str, Any]:
     """
     document, result = read_document(path), read_finished(path)
     task, seed = task_of_run(path, document), build_config(document.get("config")).seed
-    machine, verified = _best_machine(path, result), result.get("verified")
+    machine, verified = best_machine(path, result), result.get("verified")
     missing = verified is None or verified["score"] is None
     if missing:
         task = RunPlan.of_run(path, document).task
@@ -79,16 +79,9 @@ async def verify_finished(path: Path, pool: Simulator) -> None:
     """Verify a finished run that is not verified, if it has a valid machine, and store that."""
     result = read_finished(path)
     if result["valid"]:
-        plan, machine = RunPlan.of_run(path, read_document(path)), _best_machine(path, result)
+        plan, machine = RunPlan.of_run(path, read_document(path)), best_machine(path, result)
         run = partial(pool.run, machine, plan.task, seed=plan.config.seed)
         _store(path, result, machine, await verify_async(run))
-
-
-def _best_machine(path: Path, result: Mapping[str, Any]) -> Machine:
-    machine = read_machine(result["machine"], library()).machine if result["valid"] else None
-    if machine is None:
-        raise RunError(f"{path} has no valid machine to verify; {result['reason']}")
-    return machine
 
 
 async def _simulate(

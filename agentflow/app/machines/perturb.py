@@ -38,10 +38,11 @@ def perturb_text(
         say: Told the number of simulations done, and of all.
 
     Returns:
-        `task`, `seed`, `engine`, `score` (the plain one), `robust`, `world` and `edits` (see
-        `Spread.to_json`), `conditions` (variation, status and score of each), `others` (see
-        `score_on_others`), `blocks` and `faces` (the most sensitive first), and `problems` (why the
-        machine is invalid; everything else but the first three is then empty or None).
+        `task`, `seed`, `engine`, `machine` (its construction tree), `score` (the plain one),
+        `robust`, `world` and `edits` (see `Spread.to_json`), `conditions` (variation, status and
+        score of each), `others` (see `score_on_others`), `blocks` and `faces` (the most sensitive
+        first), and `problems` (why the machine is invalid; everything else but the first three is
+        then empty or None).
     """
     report = check(read_for(task.brief, text), task.brief)
     told: dict[str, Any] = {
@@ -51,7 +52,7 @@ def perturb_text(
     }
     machine = report.machine
     if machine is None or report.problems:
-        nothing = {"score": None, "robust": None, "world": None, "edits": None}
+        nothing = dict.fromkeys(("machine", "score", "robust", "world", "edits"))
         empty: dict[str, list[Any]] = {"conditions": [], "others": [], "blocks": [], "faces": []}
         return {
             **told,
@@ -86,6 +87,7 @@ def _to_json(found: Perturbation, machine: Machine) -> dict[str, Any]:
         return library()[machine[block].type].name
 
     return {
+        "machine": machine.to_json(),
         "score": found.default.score,
         "robust": found.robust,
         "world": found.world_spread.to_json(),

@@ -16,9 +16,7 @@ from agentflow.app.pages.films import Shapes, machine_data
 from agentflow.app.pages.runs import (
     FINE,
     ReportedMachine,
-    require_writable,
     simulate_trials,
-    write_page,
 )
 from agentflow.config.run import build_config
 from agentflow.env.physics.engines import AUTO, choose_engine, usable_engine
@@ -29,7 +27,7 @@ from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import Brief, Geometry, Machine, library, place
 from agentflow.machine.geometry.pose import Placed
-from agentflow.report.page import page
+from agentflow.report.page import require_writable, write_page
 from agentflow.runs import read_document
 
 Played = Sequence[Rollout]
@@ -114,7 +112,7 @@ def compare(
             "shapes": shapes.rows,
             "files": shapes.files,
         }
-        write_page(out, page("Comparison · agentflow", {**data, "asked": _asked(level.brief)}))
+        write_page(out, "Comparison · agentflow", {**data, "asked": _asked(level.brief)})
     return found
 
 

@@ -15,14 +15,12 @@ from agentflow.app.pages.runs import (
     ReportedMachine,
     best_machine,
     film_machines,
-    require_writable,
     task_summary,
     thumbnail,
-    write_page,
 )
 from agentflow.config.run import build_config
 from agentflow.errors import RunError
-from agentflow.report.page import page
+from agentflow.report.page import require_writable, write_page
 from agentflow.runs import find_runs, read_document, state_of
 
 Run = tuple[dict[str, Any], ReportedMachine | None]
@@ -57,7 +55,7 @@ def gallery(folders: Sequence[Path], out: Path, *, workers: int, say: Progress) 
         "machines": machines,
         "cards": [{"machine": str(place), **card} for place, (card, _) in enumerate(runs)],
     }
-    write_page(out, page("Machines · agentflow", data))
+    write_page(out, "Machines · agentflow", data)
     return out
 
 

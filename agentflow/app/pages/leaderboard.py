@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from agentflow.app.pages.runs import require_writable, write_page
 from agentflow.metrics.tables import Table
-from agentflow.report.page import page
+from agentflow.report.page import require_writable, write_page
 from agentflow.report.sweep import sweep_data
 
 
@@ -15,5 +14,5 @@ def leaderboard_page(tables: Sequence[Table], out: Path) -> Path:
     """Write the tables of a leaderboard to an HTML file."""
     require_writable(out)
     title = "Leaderboard"
-    write_page(out, page(f"{title} · agentflow", sweep_data(title, "", {}, tables)))
+    write_page(out, f"{title} · agentflow", sweep_data(title, "", {}, tables))
     return out

@@ -22,6 +22,7 @@ from agentflow.app.inspect.failures import count_failures
 from agentflow.app.inspect.reading import later_note, recorded_machine
 from agentflow.app.machines.simulate import Progress
 from agentflow.app.pages.films import Shapes, machine_data
+from agentflow.app.pages.robustness import kept_figure
 from agentflow.config.run import build_config
 from agentflow.env.archive import load_npz
 from agentflow.env.drawing.stills import png_url
@@ -32,9 +33,8 @@ from agentflow.env.simulation.trials import SHOWN_TRIAL, combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.env.tasks.records import record_json
 from agentflow.errors import UsageError
-from agentflow.files import write_output
 from agentflow.machine import Machine, library, read_machine
-from agentflow.report.page import check_bundle, page
+from agentflow.report.page import require_writable, write_page
 from agentflow.report.run import RunStory
 from agentflow.runs import read_document
 
@@ -115,6 +115,7 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
     machines = asyncio.run(film_machines(chosen, shapes, workers, say))
     classes = story.classes({digest: item["mechanism"] for digest, item in machines.items()})
     data |= {
+        "robustness": kept_figure(path, best),
         "machines": machines,
         "classes": [item | {"picture": thumbnail(chosen[item["machine"]])} for item in classes],
         "shapes": shapes.rows,
@@ -125,7 +126,7 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
         data["run"]["about"] += f"; {record['share']:.0%} of the {record['of']}"
     if note := level_note(path, document):
         data["facts"].append(["Level", note])
-    write_page(out, page(f"{config.task} · agentflow", data))
+    write_page(out, f"{config.task} · agentflow", data)
     return out
 
 
@@ -138,14 +139,6 @@ def task_summary(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
         "score": list(brief.score),
         "scene": [*brief.scene, *brief.schedule],
     }
-
-
-def require_writable(out: Path) -> None:
-    """Check that the bundle exists and the page can be written, before the work starts."""
-    check_bundle()
-    if out.is_dir() or not out.parent.is_dir():
-        why = "it is a directory" if out.is_dir() else f"no such directory: {out.parent}"
-        raise UsageError(f"cannot write {out}: {why}")
 
 
 def thumbnail(item: ReportedMachine) -> str:
@@ -187,12 +180,6 @@ async def film_machines(
             await stack.enter_async_context(pool)
         found = dict(await asyncio.gather(*(film(key, item) for key, item in chosen.items())))
     return {key: found[key] for key in chosen}
-
-
-def write_page(out: Path, text: str) -> None:
-    """Write the text of a page to a file."""
-    with write_output(out) as part:
-        part.write_text(text, encoding="utf-8")
 
 
 def _machines_to_report(path: Path, story: RunStory, films: int) -> dict[str, ReportedMachine]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from agentflow.app.pages.runs import require_writable, write_page
 from agentflow.app.sweeps.tables import SweepResult, layout_table, read_sweep_result
 from agentflow.app.sweeps.views import (
     LAYOUT,
@@ -17,7 +16,7 @@ from agentflow.app.sweeps.views import (
     variants,
 )
 from agentflow.metrics.scores import Scores
-from agentflow.report.page import page
+from agentflow.report.page import require_writable, write_page
 from agentflow.report.sweep import sweep_data
 from agentflow.runs import read_result
 
@@ -34,7 +33,7 @@ def sweep_report(path: Path, out: Path, **_: Any) -> Path:
     data = sweep_data(
         result.sweep.title, result.sweep.about, _spreads(result), tables, _runs(result)
     )
-    write_page(out, page(f"{result.sweep.title} · agentflow", data))
+    write_page(out, f"{result.sweep.title} · agentflow", data)
     return out
 
 

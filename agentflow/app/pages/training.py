@@ -14,14 +14,12 @@ from agentflow.app.pages.runs import (
     FINE,
     ReportedMachine,
     film_machines,
-    require_writable,
-    write_page,
 )
 from agentflow.env.physics.engines import AUTO, usable_engine
 from agentflow.env.tasks.registry import get_task
 from agentflow.machine import Machine, check, read_machine
 from agentflow.machine.brief import Brief
-from agentflow.report.page import page
+from agentflow.report.page import require_writable, write_page
 from agentflow.training.curves import OF_SAMPLES, flatten
 from agentflow.training.evaluation import JudgedReply, summarise
 from agentflow.training.evaluation.record import read_replies
@@ -102,7 +100,7 @@ def training_report(path: Path, out: Path, *, films: int, workers: int, say: Pro
         "shapes": shapes.rows,
         "files": shapes.files,
     }
-    write_page(out, page(f"{run.path.resolve().name} · agentflow", data))
+    write_page(out, f"{run.path.resolve().name} · agentflow", data)
     return out
 
 

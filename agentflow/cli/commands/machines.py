@@ -19,6 +19,29 @@ Source = Annotated[
 ]
 
 
+def named_task(source: str, task: str | None, *own: object) -> str | None:
+    """The task given for a machine; None for a run that is meant with its own task.
+
+    Args:
+        source: Machine file or run directory.
+        task: The task given, if any.
+        own: Knobs, seed and engine, which such a run has itself.
+
+    Raises:
+        UsageError: One of `own` is given for such a run, or a file has no task.
+    """
+    if task is not None:
+        return task
+    if not Path(source).is_dir():
+        raise UsageError("a machine file does not name its task; add --task")
+    if any(own):
+        raise UsageError(
+            "a run has its own task, knobs, seed and engine; remove --set, --seed and --engine, or "
+            "name a task with --task"
+        )
+    return None
+
+
 @commands.command(epilog="Example: agentflow check machine.json --task throwing --json")
 def check(
     machine: Source,

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.commands.machines import Seed, Task
+from agentflow.cli.commands.machines import Seed, Task, named_task
 from agentflow.cli.root import Engine, Json, Knobs, commands, print_result
-from agentflow.errors import UsageError
 
 
 @commands.command(epilog="Example: agentflow verify examples/car.json --task movement")
@@ -36,22 +35,16 @@ def verify(
     from agentflow.cli.display.live import print_line
     from agentflow.cli.display.show_verified import show_verified
 
-    if task is None and Path(source).is_dir():
+    name = named_task(source, task, knobs, seed, engine)
+    if name is None:
         from agentflow.app.inspect.verify import verify_run
 
-        if knobs or seed or engine:
-            raise UsageError(
-                "a run has its own task, knobs, seed and engine; remove --set, --seed and "
-                "--engine, or name a task with --task"
-            )
         found = verify_run(Path(source), workers, lambda line: print_line(f"agentflow: {line}"))
     else:
         from agentflow.app.machines.files import machine_text
         from agentflow.app.machines.verify import verify_text
         from agentflow.app.tasks import find_task
 
-        if task is None:
-            raise UsageError("a machine is verified on a task; name the task with --task")
-        level = find_task(task, knobs or (), engine)
+        level = find_task(name, knobs or (), engine)
         found = verify_text(machine_text(source), level, seed=seed, workers=workers)
     print_result(found, as_json, show_verified)

@@ -51,10 +51,10 @@ def render_png(
     _picture(machine, view, size, red).save(path, "PNG", optimize=True)
 
 
-def png_url(machine: Machine, *, view: str, size: Size) -> str:
+def png_url(machine: Machine, *, view: str, size: Size, red: Collection[int] = ()) -> str:
     """The picture of `render_png` as a data URL, for pages and requests."""
     content = BytesIO()
-    _picture(machine, view, size).save(content, "PNG", optimize=True)
+    _picture(machine, view, size, red).save(content, "PNG", optimize=True)
     return "data:image/png;base64," + base64.b64encode(content.getvalue()).decode()
 
 

@@ -70,9 +70,10 @@ const NEAR = 0.6; // if all values exceed this share of the greatest, the axis d
 const [LETTER, SMALL] = [6.9, 5.8]; // width of a character of a name and of a number, pixels
 const PILE = [0, -4, 4, -8, 8]; // vertical offsets of dots that would overlap
 
-/** Values as dots, one row each, with mean and interval: {name, values, count, invalid, mean, low, high}. */
-export function intervalChart(title, unit, rows) {
-  const every = rows.flatMap((row) => [...row.values, row.low, row.high]).filter(Number.isFinite);
+/** Values as dots, one row each, with mean and interval: {name, values, count, invalid, failed, mean, low, high};
+ *  a dashed line at `mark`, if it is given: {value, name}. */
+export function intervalChart(title, unit, rows, mark) {
+  const every = [...rows.flatMap((row) => [...row.values, row.low, row.high]), mark?.value].filter(Number.isFinite);
   const height = BOTTOM + 6 + BAND * rows.length;
   return figure(title, (width) => {
     const xs = scale(valueRange(every), [LEFT / 2, width - RIGHT]);
@@ -90,7 +91,8 @@ export function intervalChart(title, unit, rows) {
           ? svg("path", { class: "mean", d: `M${xs(row.mean)} ${below - 6}v12` }) : null,
       ];
     });
-    return [...lines, ...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
+    const line = Number.isFinite(mark?.value) ? svg("path", { class: "mark", d: `M${xs(mark.value)} 4V${height - BOTTOM + 8}` }, svg("title", {}, mark.name)) : null;
+    return [...lines, line, ...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
   }, height);
 }
 
@@ -101,9 +103,9 @@ function valueRange(values) {
   return least > NEAR * high ? [least - (high - least) / 10, high] : [low, high];
 }
 
-function statistics({ mean, low, high, count, invalid }) {
+function statistics({ mean, low, high, count, invalid, failed }) {
   const range = Number.isFinite(low) && Number.isFinite(high) ? ` (${formatNumber(low)} to ${formatNumber(high)})` : "";
-  return `mean ${formatNumber(mean)}${range}, n = ${formatNumber(count)}${invalid ? `, ${formatNumber(invalid)} invalid` : ""}`;
+  return `mean ${formatNumber(mean)}${range}, n = ${formatNumber(count)}${invalid ? `, ${formatNumber(invalid)} invalid` : ""}${failed ? `, ${formatNumber(failed)} failed` : ""}`;
 }
 
 /** A name cut to a width in pixels. */

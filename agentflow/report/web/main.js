@@ -3,11 +3,12 @@
 import "./player.css";
 import { comparePage } from "./compare.js";
 import { galleryPage } from "./gallery.js";
+import { robustnessPage } from "./robustness.js";
 import { runPage } from "./run.js";
 import { sweepPage } from "./sweep.js";
 import { trainingPage } from "./training.js";
 
-const PAGES = { run: runPage, sweep: sweepPage, gallery: galleryPage, compare: comparePage, training: trainingPage };
+const PAGES = { run: runPage, sweep: sweepPage, gallery: galleryPage, compare: comparePage, robustness: robustnessPage, training: trainingPage };
 const data = JSON.parse(document.getElementById("data").textContent);
 
 document.body.append(...PAGES[data.kind](data));

@@ -5,7 +5,8 @@ import { el, section, formatNumber, table } from "./dom.js";
 import { unpackJson } from "./film.js";
 import { kindsSection } from "./kinds.js";
 import { Player } from "./player.js";
-import { taskDetails, callDetails, toolDetails, plain, problem } from "./text.js";
+import { robustnessSection } from "./robustness.js";
+import { STATUS, taskDetails, callDetails, toolDetails, plain, problem, scoreTable } from "./text.js";
 import { Tree } from "./tree.js";
 
 const PLURAL = { reply: "replies", machine: "machines" };
@@ -36,6 +37,7 @@ export function runPage(data) {
         tree.select(node.id);
         choose(node);
       }),
+      robustnessSection(data.robustness),
       scoreCharts(data),
       stages(data),
       tools(data),
@@ -60,18 +62,11 @@ function header(data) {
 
 /** The verified score, and the scores that it is the median of. */
 function verification({ score, low, high, scores }) {
-  const [first] = scores;
-  const change = (item) => {
-    if (!first.score || item.score === null || item === first) return null;
-    const percent = 100 * (item.score / first.score - 1);
-    return `${percent > 0 ? "+" : ""}${formatNumber(percent, 1)} %`;
-  };
-  const name = ({ variation, status }) => (status === "ok" ? variation : `${variation} (${STATUS[status] ?? status})`);
   const summary = score === null ? "No verified score: some simulations failed"
     : `Verified score ${formatNumber(score)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}`;
   return el("details", {}, el("summary", {}, summary),
     el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and motor torque. The verified score is the median."),
-    table("Scores of the best machine", ["Simulation", "Score", "Change"], scores.map((item) => [name(item), item.score, change(item)])));
+    scoreTable("Scores of the best machine", "Simulation", scores));
 }
 
 function heading(node) {
@@ -176,8 +171,6 @@ function settings({ facts }) {
   return section("Settings and versions", el("dl", { class: "facts" },
     ...facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
 }
-
-const STATUS = { ok: "simulated", diverged: "simulation diverged", timeout: "simulation timed out", crashed: "simulation crashed" };
 
 const readable = (name) => name.replaceAll("_", " ");
 

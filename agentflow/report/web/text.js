@@ -68,3 +68,18 @@ function part(name, text, open) {
   details.open = open;
   return details;
 }
+
+/** Words for how a simulation ended. */
+export const STATUS = { ok: "simulated", diverged: "simulation diverged", timeout: "simulation timed out", crashed: "simulation crashed" };
+
+/** Scores of one machine under several variations, and their change against the first, the default. */
+export function scoreTable(caption, head, scores) {
+  const [first] = scores;
+  const change = (item) => {
+    if (!first.score || item.score === null || item === first) return null;
+    const percent = 100 * (item.score / first.score - 1);
+    return `${percent > 0 ? "+" : ""}${formatNumber(percent, 1)} %`;
+  };
+  const name = ({ variation, status }) => (status === "ok" ? variation : `${variation} (${STATUS[status] ?? status})`);
+  return table(caption, [head, "Score", "Change"], scores.map((item) => [name(item), item.score, change(item)]));
+}

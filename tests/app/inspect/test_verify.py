@@ -144,7 +144,7 @@ def test_runs_without_a_valid_machine_cannot_be_verified(tmp_path: Path) -> None
         "throwing", workflow="single", answer=car, settings=TINY, out=tmp_path, say=ignore
     )
     assert failed.data["verified"] is None
-    with pytest.raises(RunError, match="has no valid machine to verify; no valid machine: "):
+    with pytest.raises(RunError, match="has no valid machine; no valid machine: "):
         verify_run(failed.run, 1, ignore)
 
 

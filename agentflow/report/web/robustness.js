@@ -1,0 +1,37 @@
+// How robust a design is: scores by what was varied, and the block whose edits cost most.
+
+import { intervalChart } from "./charts.js";
+import { el, section, formatNumber, table } from "./dom.js";
+import { scoreTable } from "./text.js";
+
+/** The page of one machine. */
+export function robustnessPage(data) {
+  return [el("main", { class: "alone" },
+    el("header", {}, el("p", { class: "kind" }, "agentflow perturb"), el("h1", {}, data.task), el("p", { class: "lede" }, data.about)),
+    robustnessSection(data.robustness))];
+}
+
+/** The section; null without data. */
+export function robustnessSection(found) {
+  if (!found) return null;
+  const { score, robust, kept, neighbours, rows, conditions, others, blocks, faces, picture } = found;
+  const share = kept === null ? "" : ` ${formatNumber(100 * kept, 0)} % of ${neighbours} machines one edit away keep at least half of the score.`;
+  const told = robust === null ? "No robust score: some simulations failed." : `Robust score ${formatNumber(robust)}, the 10 % quantile of ${formatNumber(conditions.length)} conditions.`;
+  return section("Robustness",
+    el("p", {}, `${told}${share}`),
+    intervalChart("Score by what was varied", "score", rows, { value: score, name: `score ${formatNumber(score)}` }),
+    el("p", { class: "quiet" }, "Each dot is a simulation; the bar below is their mean. The dashed line is the score without a change."),
+    el("details", {}, el("summary", {}, "Score under each condition"), scoreTable("Score of the design in each world", "Condition", [...conditions, ...others])),
+    picture ? sensitive(blocks, faces, picture) : null);
+}
+
+function sensitive(blocks, faces, picture) {
+  const [worst] = blocks;
+  const told = `Most sensitive: block ${worst.block} (${worst.name}), red. Machines with another block in its place, or none, score ${formatNumber(worst.mean)} on average.`;
+  return el("div", {},
+    el("figure", {}, el("figcaption", {}, told), el("img", { class: "still", src: picture, alt: told, width: 640, height: 480 })),
+    el("details", {}, el("summary", {}, "Most sensitive blocks and faces"),
+      table("Mean score of the machines that differ there", ["Where", "Mean score"], [
+        ...blocks.map(({ block, name, mean }) => [`block ${block} (${name})`, mean]),
+        ...faces.map(({ block, name, face, mean }) => [`face ${face} of block ${block} (${name})`, mean])])));
+}
