@@ -91,8 +91,9 @@ export function intervalChart(title, unit, rows, mark) {
           ? svg("path", { class: "mean", d: `M${xs(row.mean)} ${below - 6}v12` }) : null,
       ];
     });
-    const line = Number.isFinite(mark?.value) ? svg("path", { class: "mark", d: `M${xs(mark.value)} 4V${height - BOTTOM + 8}` }, svg("title", {}, mark.name)) : null;
-    return [...lines, line, ...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
+    const line = rows.map((_, index) => `M${xs(mark?.value)} ${34 + BAND * index - 10}v30`).join(""); // not over the names
+    if (Number.isFinite(mark?.value)) lines.push(svg("path", { class: "mark", d: line }, svg("title", {}, mark.name)));
+    return [...lines, ...ticksBelow(xs, height - BOTTOM + 8, unit), ...marks];
   }, height);
 }
 

@@ -20,14 +20,14 @@ export function robustnessSection(found) {
   return section("Robustness",
     el("p", {}, `${told}${share}`),
     intervalChart("Score by what was varied", "score", rows, { value: score, name: `score ${formatNumber(score)}` }),
-    el("p", { class: "quiet" }, "Each dot is a simulation; the bar below is their mean. The dashed line is the score without a change."),
+    el("p", { class: "quiet" }, "Each dot is a simulation; the bar below is their mean. The dashed line is the score without a change. Other engines do not count for the robust score."),
     el("details", {}, el("summary", {}, "Score under each condition"), scoreTable("Score of the design in each world", "Condition", [...conditions, ...others])),
     picture ? sensitive(blocks, faces, picture) : null);
 }
 
 function sensitive(blocks, faces, picture) {
   const [worst] = blocks;
-  const told = `Most sensitive: block ${worst.block} (${worst.name}), red. Machines with another block in its place, or none, score ${formatNumber(worst.mean)} on average.`;
+  const told = `Most sensitive: block ${worst.block} (${worst.name}), red. Machines in which it is changed or removed score ${formatNumber(worst.mean)} on average.`;
   return el("div", {},
     el("figure", {}, el("figcaption", {}, told), el("img", { class: "still", src: picture, alt: told, width: 640, height: 480 })),
     el("details", {}, el("summary", {}, "Most sensitive blocks and faces"),

@@ -1,6 +1,6 @@
 // Prompts and replies as plain text. Long texts are first shown in part.
 
-import { el, formatNumber, revealHidden } from "./dom.js";
+import { el, formatNumber, revealHidden, table } from "./dom.js";
 
 const SHORT = 2000; // longest text shown as a paragraph, characters
 const LONG = 20000; // characters shown at first
@@ -77,7 +77,7 @@ export function scoreTable(caption, head, scores) {
   const [first] = scores;
   const change = (item) => {
     if (!first.score || item.score === null || item === first) return null;
-    const percent = 100 * (item.score / first.score - 1);
+    const percent = Math.round(1000 * (item.score / first.score - 1)) / 10 + 0; // no negative zero
     return `${percent > 0 ? "+" : ""}${formatNumber(percent, 1)} %`;
   };
   const name = ({ variation, status }) => (status === "ok" ? variation : `${variation} (${STATUS[status] ?? status})`);
