@@ -77,6 +77,7 @@ class RunStory:
             "nodes": [asdict(node) for node in self.nodes],
             "progress": score_curve(self.events),
             "archive": archive_of(self.events),
+            "front": (self.result or {}).get("front"),
             "stages": [stage.data for stage in record.stages],
             "validity": validity(attempts),
             "reasons": rejection_reasons(attempts),

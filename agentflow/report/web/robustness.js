@@ -11,6 +11,14 @@ export function robustnessPage(data) {
     robustnessSection(data.robustness))];
 }
 
+/** The Pareto front of a run; `choose` is called with the content hash of a machine. Null without one. */
+export function frontSection(front, choose) {
+  if (!front?.length) return null;
+  return section("Pareto front",
+    table("Machines that no other simulated machine beats in robust score, score, blocks and mass at once", ["Machine", "Robust score", "Score", "Blocks", "Mass, kg"],
+      front.map(({ machine, robust, score, blocks, mass }) => [el("button", { class: "link", click: () => choose(machine) }, machine), robust, score, blocks, mass])));
+}
+
 /** The section; null without data. */
 export function robustnessSection(found) {
   if (!found) return null;

@@ -5,7 +5,7 @@ import { el, section, formatNumber, table } from "./dom.js";
 import { unpackJson } from "./film.js";
 import { kindsSection } from "./kinds.js";
 import { Player } from "./player.js";
-import { robustnessSection } from "./robustness.js";
+import { frontSection, robustnessSection } from "./robustness.js";
 import { STATUS, taskDetails, callDetails, toolDetails, plain, problem, scoreTable } from "./text.js";
 import { Tree } from "./tree.js";
 
@@ -20,6 +20,12 @@ export function runPage(data) {
     describe(chosen, node, data, calls);
   };
   const tree = new Tree(data.nodes, choose);
+  const pick = (machine) => {
+    const node = data.nodes.find((item) => item.machine === machine);
+    if (!node) return;
+    tree.select(node.id);
+    choose(node);
+  };
   const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
   if (first) {
     tree.select(first.id);
@@ -32,11 +38,8 @@ export function runPage(data) {
       header(data),
       chosen,
       data.nodes.length ? section("Search", el("div", { class: "tall" }, tree.element), legend()) : null,
-      kindsSection(data, (machine) => {
-        const node = data.nodes.find((item) => item.machine === machine);
-        tree.select(node.id);
-        choose(node);
-      }),
+      kindsSection(data, pick),
+      frontSection(data.front, pick),
       robustnessSection(data.robustness),
       scoreCharts(data),
       stages(data),
