@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from agentflow.agents.refiner import PREDICTION, Refiner
 from agentflow.agents.replies import find_sections
+from agentflow.agents.tool_agent.role import Agent
 from agentflow.app.design.plan import RunPlan, engine_of_run
 from agentflow.app.inspect.reading import recorded_machine
 from agentflow.diversity.topology import tree_edit_distance
 from agentflow.env.physics.engines import usable_engine
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library
-from agentflow.metrics.behaviour.measures import Behaviour, behaviour
+from agentflow.metrics.behaviour.agents import agent_edits
+from agentflow.metrics.behaviour.measures import Behaviour, behaviour, edits
+from agentflow.metrics.behaviour.predictions import expectations
 from agentflow.metrics.intervals import bootstrap_mean
 from agentflow.metrics.tables import FORMATS, Column, Row, Table, cell_text
 from agentflow.metrics.usage import bill
@@ -90,6 +93,8 @@ def observe(paths: Iterable[Path]) -> list[Result]:
 
 
 def _observe(path: Path) -> Result:
+    if not path.is_dir():
+        raise RunError(f"no such directory: {path}")
     runs = list(find_runs(path))
     if not runs:
         raise RunError(f"{path} contains no run")
@@ -100,21 +105,24 @@ def behaviour_of(run: Path) -> Behaviour:
     """How the designer of one run behaves."""
     document = read_document(run)
     task = RunPlan.of_run(run, document, usable_engine(engine_of_run(document))).task
-    record = RunRecord.of(read_typed_events(run))
-    predictions: dict[str, str] = {}
-    calls = list(read_calls(run))
-    for call in calls:
-        if call["request"]["role"] == Refiner.name:
-            sections = find_sections(call["reply"]["text"], (PREDICTION,))
-            predictions[call["request"]["label"]] = sections.get(PREDICTION, "")
+    events, calls = list(read_typed_events(run)), list(read_calls(run))
+    predictions = {call["request"]["label"]: prediction_in(call) for call in calls}
     spent = bill(calls).roles
     return behaviour(
-        record,
+        [*edits(RunRecord.of(events)), *agent_edits(events)],
         lambda place: predictions.get(str(place), ""),
         Machines(run),
         {role: item.completion for role, item in spent.items()},
         metres=task.brief.greatest is None,
     )
+
+
+def prediction_in(call: Mapping[str, Any]) -> str:
+    """What the reply to a call predicts: a refiner in a section of its own, an agent anywhere."""
+    role, text = call["request"]["role"], call["reply"]["text"]
+    if role == Refiner.name:
+        return find_sections(text, (PREDICTION,)).get(PREDICTION, "")
+    return expectations(text) if role == Agent.name else ""
 
 
 class Machines:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -24,20 +24,17 @@ NONE = Rate(0, 0)
 class Edit:
     """An accepted edit whose machine was simulated; both results have scores."""
 
-    place: Place
-    """Of the call that asked for it, or of the random edit."""
+    replies: tuple[Place, ...]
+    """Of the calls in which its author may have predicted its result; none of a random edit."""
     before: EvaluationEvent
     after: EvaluationEvent
+    informed: bool
+    """Whether its author was told how the machine before it had done in the simulation."""
 
     @property
     def failed(self) -> bool:
         """Whether the edited machine fails, or scores over 2 % less than the one before."""
         return fails(self.after) or _score(self.after) < (1 - MARGIN) * _score(self.before)
-
-    @property
-    def informed(self) -> bool:
-        """Whether its author was told how the machine before it had done in the simulation."""
-        return self.place.node is not None
 
 
 def fails(result: EvaluationEvent) -> bool:
@@ -56,15 +53,16 @@ def edits(record: RunRecord) -> Iterator[Edit]:
     machines |= {(start.trajectory, None): start.machine for start in record.of_stage(INITIAL)}
     machines |= {(number, 0): start.machine for number, start in search_roots(record).items()}
     machines |= {(node.place.trajectory, node.place.node): node.machine for node in record.nodes}
-    made = [
-        (item.place, machines.get((item.place.trajectory, item.place.node)), item.machine)
+    made: list[tuple[tuple[Place, ...], str | None, str | None]] = [
+        ((item.place,), machines.get((item.place.trajectory, item.place.node)), item.machine)
         for item in record.refinements
     ]
-    made += [(item.place, item.parent, item.machine) for item in record.edits]
-    for place, parent, machine in made:
+    made += [((), item.parent, item.machine) for item in record.edits]
+    for replies, parent, machine in made:
         before, after = record.machines.get(parent or ""), record.machines.get(machine or "")
         if before and after and parent != machine and None not in (before.score, after.score):
-            yield Edit(place, before, after)
+            informed = any(place.node is not None for place in replies)  # by the feedback stage
+            yield Edit(replies, before, after, informed)
 
 
 class Change(Protocol):
@@ -123,7 +121,7 @@ class Behaviour:
 
 
 def behaviour(
-    record: RunRecord,
+    made: Sequence[Edit],
     prediction_of: Callable[[Place], str],
     change: Change,
     effort: Mapping[str, int],
@@ -133,15 +131,14 @@ def behaviour(
     """How the designer of a run behaved.
 
     Args:
-        record: The run.
+        made: Its edits.
         prediction_of: The prediction in the reply to a call; "" if there is none.
         change: Compares machines.
         effort: Role -> tokens of its replies.
         metres: Whether the score of the task is a distance.
     """
-    made = list(edits(record))
     kept = [change.keeps_mechanism(one.before.machine, one.after.machine) for one in made]
-    told = [prediction_of(one.place) for one in made]
+    told = ["\n".join(map(prediction_of, one.replies)) for one in made]
     hopeful = [one.failed for one, words in zip(made, told, strict=True) if predicts_success(words)]
     failed = {one.after.machine for one in made if one.failed}
     repairs = [

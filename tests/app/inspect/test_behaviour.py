@@ -8,9 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from agentflow.app.design.config import load_config
+from agentflow.app.design.run import RunOptions, design
 from agentflow.app.inspect.behaviour import moving_types, observe
 from agentflow.cli import main
 from agentflow.errors import RunError
+from agentflow.metrics.behaviour.agents import agent_edits
+from agentflow.runs.events import read_typed_events
 from tests.machine.builders import build
 
 RUNS = Path(__file__).parents[3] / "runs"
@@ -69,6 +73,21 @@ def test_a_run_of_an_older_version_is_read(tmp_path: Path) -> None:
     assert found.found.bias > 0  # it expects too much
 
 
+@pytest.mark.slow
+def test_the_edits_of_an_agent_lead_from_one_simulated_machine_to_the_next(tmp_path: Path) -> None:
+    settings = ["task=movement", "workflow=tools", "rollouts=6", "candidates_per_stage=2"]
+    config = load_config(None, [*settings, "verify=false"], {})
+    run = Path(design(config, tmp_path, RunOptions())["run"])
+    made = list(agent_edits(read_typed_events(run)))
+    assert made
+    assert [one.informed for one in made] == sorted(one.informed for one in made)  # blind first
+    (found,) = observe([run])
+    assert found.found.local.of == len(made)
+    assert found.found.mispredicted.of == 0  # the procedural agent writes nothing
+
+
 def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="contains no run"):
         observe([tmp_path])
+    with pytest.raises(RunError, match="no such directory"):
+        observe([tmp_path / "missing"])

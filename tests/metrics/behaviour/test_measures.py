@@ -44,7 +44,9 @@ def record(*scores: float | None) -> RunRecord:
 
 
 def observed(made: RunRecord, *, told: str = "") -> Behaviour:
-    return behaviour(made, lambda _place: told, Letters(), {"refiner": 30}, metres=False)
+    return behaviour(
+        list(edits(made)), lambda _place: told, Letters(), {"refiner": 30}, metres=False
+    )
 
 
 def test_each_edit_joins_the_machine_before_and_after() -> None:
@@ -98,7 +100,7 @@ def test_runs_add_up() -> None:
 def test_predictions_are_found_by_the_place_of_the_call() -> None:
     told = {FIRST: "score 4", SECOND: "score 6"}
     found = behaviour(
-        record(1.0, 2.0, 3.0, 4.0),
+        list(edits(record(1.0, 2.0, 3.0, 4.0))),
         lambda place: told.get(str(place), ""),
         Letters(),
         {},

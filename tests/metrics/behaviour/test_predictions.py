@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agentflow.metrics.behaviour.predictions import predicted_score, predicts_success
+from agentflow.metrics.behaviour.predictions import expectations, predicted_score, predicts_success
 
 
 @pytest.mark.parametrize(
@@ -50,3 +50,12 @@ def test_a_score_is_named_as_points_or_as_metres(
     words: str, metres: bool, score: float | None
 ) -> None:
     assert predicted_score(words, metres=metres) == score
+
+
+def test_only_sentences_about_the_future_are_predictions_of_agents() -> None:
+    text = (
+        "It scored 22.5 m. The longer arm should reach a score of 30. Let me see.\nI'll simulate."
+    )
+    assert expectations(text) == "The longer arm should reach a score of 30. I'll simulate."
+    assert predicted_score(expectations(text), metres=True) == 30.0
+    assert expectations("Score 22, as before.") == ""
