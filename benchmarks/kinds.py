@@ -15,8 +15,8 @@ import argparse
 import asyncio
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
+from math import prod
 from pathlib import Path
 from statistics import fmean
 from typing import Any, Generic
@@ -36,11 +36,8 @@ from agentflow.env.tasks.descriptors import measure
 from agentflow.env.tasks.registry import get_level, get_task
 from agentflow.machine import Machine
 from agentflow.metrics.intervals import bootstrap_mean
-from agentflow.metrics.niches import Elites, best_by_class, count_mastered
 from agentflow.metrics.tables import Column, Row, Table, markdown
 from agentflow.prompts.render import PromptSet
-from agentflow.runs.events import ArchiveEvent, NicheEvent, RecordedAxis
-from agentflow.runs.places import FEEDBACK, Place
 from agentflow.search.elites.archive import Archive, Cell
 from agentflow.search.events import SearchEvent, Simulated
 from agentflow.search.mcts import mcts
@@ -53,6 +50,8 @@ CELLS, PAGE = HERE / "data" / "kinds.jsonl", HERE.parent / "docs" / "search.md"
 BEGIN = "<!-- made by benchmarks/kinds.py: do not edit -->"
 STRATEGIES = (MAP_ELITES, "mcts")
 EMITTERS = {"random": ("edit", "crossover"), "procedural": ("refiner",)}
+HALF = 0.5
+"""Share of the good score that the best machine of a class that counts reaches."""
 NUMBERS = ("coverage", "QD score", "best", "classes at half of good")
 Found = dict[str, Any]
 
@@ -111,37 +110,27 @@ async def explore(task: str, seed: int, settings: Mapping[str, Any]) -> dict[Mac
 
 def judge(task: str, machines: Mapping[Machine, Rollout]) -> Found:
     """The numbers of a run, and its best machine."""
-    level = get_task(task)
-    axes = [item.axis for item in level.descriptors]
-    archive = Archive[Machine](axes)
-    niches = []
+    level, good = get_task(task), get_level(task).file.good
+    archive = Archive[Machine]([item.axis for item in level.descriptors])
+    classes: dict[str, float] = {}
     for number, (machine, rollout) in enumerate(machines.items()):
         kinds = measure(level.descriptors, machine, rollout)
-        valid = rollout.status == "ok"
-        node = Node(number, machine, None, Evaluation(valid, rollout.score, measurements=kinds))
-        filing = archive.offer(node)
-        mechanism = classify(machine, rollout)
-        values = tuple(item.value for item in kinds)
-        place = Place(FEEDBACK, trajectory=1, node=number)
-        told = None if mechanism is None else str(mechanism)
-        niches.append(
-            NicheEvent(
-                place, 1, machine.digest, rollout.score, values, filing.cell, filing.outcome, told
-            )
+        valid = rollout.status != "invalid"
+        archive.offer(
+            Node(number, machine, None, Evaluation(valid, rollout.score, measurements=kinds))
         )
-    recorded = tuple(RecordedAxis(**asdict(axis)) for axis in axes)
-    elites = Elites.of([ArchiveEvent(Place(FEEDBACK, trajectory=1), recorded), *niches])
-    assert elites is not None
-    classes = best_by_class(niches)
-    good = get_level(task).file.good
-    best = max(machines, key=lambda item: machines[item].score or 0.0)
+        name, score = str(classify(machine, rollout)), rollout.score or 0.0
+        classes[name] = max(score, classes.get(name, score))
+    classes.pop(str(None), None)
+    scores = [node.evaluation.score or 0.0 for node in archive.elites.values()]
+    best = max(machines, key=lambda machine: machines[machine].score or 0.0)
     return {
         "rollouts": len(machines),
-        "coverage": 100 * elites.coverage,
-        "QD score": elites.qd_score,
-        "best": elites.best or 0.0,
-        "classes at half of good": count_mastered(tuple(classes.values()), good),
-        "classes": {name: event.score for name, event in classes.items()},
+        "coverage": 100 * len(scores) / prod(axis.cells for axis in archive.axes),
+        "QD score": sum(scores),
+        "best": max(scores, default=0.0),
+        "classes at half of good": sum(score >= HALF * good for score in classes.values()),
+        "classes": classes,
         "machine": best.to_json(),
     }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import prod
 
@@ -10,8 +10,6 @@ from agentflow.runs.events import ArchiveEvent, NicheEvent, RecordedAxis, RunEve
 from agentflow.runs.reading import Event
 
 Cell = tuple[int, ...]
-HALF = 0.5
-"""Share of the good score from which on a class counts as mastered."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +52,6 @@ class Elites:
         """
         return sum(event.score or 0.0 for event in self.cells.values())
 
-    @property
-    def best(self) -> float | None:
-        """Highest score; None without a machine."""
-        return max((event.score or 0.0 for event in self.cells.values()), default=None)
-
 
 def best_by_class(niches: Iterable[NicheEvent]) -> dict[str, NicheEvent]:
     """The best machine of each mechanism class, the highest scores first.
@@ -73,11 +66,6 @@ def best_by_class(niches: Iterable[NicheEvent]) -> dict[str, NicheEvent]:
         if known is None or _rank(event) < _rank(known):
             found[event.mechanism] = event
     return dict(sorted(found.items(), key=lambda item: _rank(item[1])))
-
-
-def count_mastered(classes: Sequence[NicheEvent], good: float) -> int:
-    """Number of classes whose best machine scores at least half of the level's good score."""
-    return sum((event.score or 0.0) >= HALF * good for event in classes)
 
 
 def _rank(event: NicheEvent) -> tuple[float, int, int]:

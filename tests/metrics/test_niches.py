@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agentflow.metrics.niches import Elites, best_by_class, count_mastered
+from agentflow.metrics.niches import Elites, best_by_class
 from agentflow.runs.events import ArchiveEvent, NicheEvent, RecordedAxis
 from agentflow.runs.places import FEEDBACK, Place
 
@@ -46,7 +46,7 @@ def test_archives_of_several_searches_are_merged_by_cell() -> None:
     }
     assert list(found.cells) == sorted(found.cells)
     assert (found.size, found.coverage) == (8, 3 / 8)
-    assert (found.qd_score, found.best) == (10.0, 5.0)
+    assert found.qd_score == 10.0
 
 
 def test_the_order_of_searches_makes_no_difference() -> None:
@@ -57,7 +57,7 @@ def test_without_an_archive_there_is_nothing() -> None:
     assert Elites.of(()) is None
     empty = Elites.of(EVENTS[:1])
     assert empty is not None
-    assert (empty.coverage, empty.qd_score, empty.best) == (0.0, 0.0, None)
+    assert (empty.coverage, empty.qd_score) == (0.0, 0.0)
 
 
 def test_classes_are_told_by_their_best_machine() -> None:
@@ -67,5 +67,3 @@ def test_classes_are_told_by_their_best_machine() -> None:
         ("springs / container / arm", "m20"),
         ("wheels / driven wheels / nothing", "m11"),
     ]
-    classes = list(found.values())
-    assert [count_mastered(classes, good) for good in (8.0, 9.0, 20.0)] == [2, 1, 0]

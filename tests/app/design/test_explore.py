@@ -54,7 +54,7 @@ def archive(path: Path) -> Elites:
 def test_a_run_fills_an_archive_within_its_budget(run: Path) -> None:
     result, found = read_result(run), archive(run)
     assert result["rollouts"] == 24
-    assert result["score"] == found.best
+    assert result["score"] == max(event.score or 0.0 for event in found.cells.values())
     assert len(found.cells) > 3
     notes = [
         item["note"]

@@ -37,6 +37,7 @@ def node(id_: int, word: str, score: float | None) -> Node[str]:
 def test_axes_describe_their_cells() -> None:
     assert [LENGTH.describe(cell) for cell in (0, 3)] == ["0 to 2 letters", "6 to 8 letters"]
     assert LETTER.describe(1) == "b"
+    assert [Axis("wheels", "", -0.5, 3.5, 4).describe(cell) for cell in (0, 3)] == ["0", "3"]
     assert (LETTER.low, LETTER.high, LETTER.cells) == (-0.5, 2.5, 3)
 
 
