@@ -18,6 +18,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 from agentflow.app.machines.files import read_one
 from agentflow.app.pages.compare import compare
 from agentflow.app.pages.gallery import gallery
+from agentflow.app.pages.robustness import page_writer, robustness_figure
 from agentflow.app.pages.runs import report
 from agentflow.app.pages.training import training_report
 from agentflow.env.drawing.gltf import machine_glb
@@ -30,6 +31,7 @@ from agentflow.report.sweep import sweep_data
 from agentflow.runs import read_result
 from agentflow.training.record import About
 from agentflow.training.run import TrainingRun
+from tests.app.pages.test_robustness import FOUND
 from tests.machine.builders import CAR
 from tests.report.browser import chromium, complaints
 from tests.report.hostile import LONG, NASTY, hostile_run
@@ -423,3 +425,18 @@ def test_where_nothing_scored_the_axis_has_plain_numbers(
     until(browser, lambda: browser.find_elements(By.CSS_SELECTOR, ".chart .tick"))
     ticks = browser.find_elements(By.CSS_SELECTOR, ".chart .tick.middle")
     assert [tick.text for tick in ticks] == ["0", "0.2", "0.4", "0.6", "0.8", "1"]
+
+
+def test_robustness_is_a_chart_and_a_picture(browser: webdriver.Chrome, tmp_path: Path) -> None:
+    out = tmp_path / "robust.html"
+    page_writer(out)(FOUND)
+    complaints(browser)
+    browser.get(out.as_uri())
+    until(browser, lambda: find(browser, "body").get_attribute("data-ready") == "robustness")
+    until(browser, lambda: len(browser.find_elements(By.CSS_SELECTOR, ".chart .name")) == 5)
+    dots = browser.find_elements(By.CSS_SELECTOR, ".chart .dot")
+    assert len(dots) == sum(len(row["values"]) for row in robustness_figure(FOUND)["rows"])
+    assert len(browser.find_elements(By.CSS_SELECTOR, ".chart .mark")) == 1
+    assert find(browser, "figure img").get_property("naturalWidth") == 640
+    assert "block 5 (Powered Wheel)" in find(browser, "main").text
+    assert complaints(browser) == []
