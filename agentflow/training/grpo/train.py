@@ -125,9 +125,12 @@ def _first_model(config: GrpoConfig) -> tuple[Any, Any]:
         torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
     model, tokenizer = load_base(config, ())
-    if config.fresh:
-        model = AutoModelForCausalLM.from_config(model.config, dtype=model.dtype)
-    return model, tokenizer
+    if not config.fresh:
+        return model, tokenizer
+    fresh = AutoModelForCausalLM.from_config(model.config, dtype=model.dtype)
+    # Its own would come from the configuration, in which training has switched the cache off.
+    fresh.generation_config = model.generation_config
+    return fresh, tokenizer
 
 
 def _library_config(config: GrpoConfig, run: TrainingRun) -> LibraryConfig:

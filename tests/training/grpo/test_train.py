@@ -16,6 +16,7 @@ require_training()
 
 import torch
 from peft import LoraConfig, get_peft_model
+from transformers import AutoConfig, GenerationConfig
 
 from agentflow import design_prompt
 from agentflow.errors import ConfigError, RunError
@@ -138,10 +139,14 @@ def test_a_run_that_was_killed_after_its_last_step_only_saves_the_model(
 
 
 def test_fresh_weights_know_nothing_of_the_car(model: Path, tmp_path: Path) -> None:
-    wanted = config(model, "fresh=true", "steps=1", "save_every=1", "max_tokens=20")
+    folder = tmp_path / "trained"
+    shutil.copytree(model, folder)
+    AutoConfig.from_pretrained(folder, use_cache=False).save_pretrained(folder)  # as TRL leaves it
+    wanted = config(folder, "fresh=true", "steps=1", "save_every=1", "max_tokens=20")
     result = train_grpo(wanted, tmp_path / "run", resume=False, notify=lambda _: None)
     assert "without a cold start" in result["label"]
     assert result["eval"]["movement"]["parsed"]["count"] == 0
+    assert GenerationConfig.from_pretrained(tmp_path / "run" / "model").use_cache
 
 
 def test_a_chat_model_gets_the_real_prompt(model: Path, tmp_path: Path) -> None:
