@@ -82,16 +82,17 @@ def training_report(path: Path, out: Path, *, films: int, workers: int, say: Pro
     chosen = shown.to_film(films)
     machines = asyncio.run(film_machines(chosen, shapes, workers, say))
     rows = [flatten(row) for row in run.curves]
-    charts = _charts(CHARTS, rows, others=True)
+    others = {name: any(row.get(name) for row in rows) for name in _others(rows)}
+    single = [(name, "", (name,)) for name, shown in others.items() if shown]
     data = {
         "kind": "training",
         "title": run.path.resolve().name,
         "label": run.about.label,
         "about": _about(run),
-        "charts": [chart for chart in charts if not _is_zero(chart)],
-        "zero": [line["name"] for chart in charts if _is_zero(chart) for line in chart["lines"]],
+        "charts": _charts([*CHARTS, *single], rows),
+        "zero": [name for name, shown in others.items() if not shown],
         "tasks": [
-            {"task": task, "charts": _charts(EVALUATED, _of_task(rows, task), others=False)}
+            {"task": task, "charts": _charts(EVALUATED, _of_task(rows, task))}
             for task in shown.tasks
         ],
         "steps": shown.to_json(),
@@ -203,16 +204,20 @@ def _of_task(rows: Iterable[Row], task: str) -> list[Row]:
     ]
 
 
-def _charts(
-    wanted: Sequence[tuple[str, str, tuple[str, ...]]], rows: Sequence[Row], *, others: bool
-) -> list[dict[str, Any]]:
-    """The charts of numbers that the rows have; each other number in a chart of its own."""
-    known = {"step", *(name for _, _, names in wanted for name in names)}
+def _others(rows: Sequence[Row]) -> list[str]:
+    """Numbers of every step that have no place in `CHARTS`; each has a chart of its own."""
+    known = {"step", *(name for _, _, names in CHARTS for name in names)}
     names = dict.fromkeys(name for row in rows for name in row)
-    rest = [name for name in names if name not in known and not name.startswith(OF_SAMPLES)]
-    every = [*wanted, *((name, "", (name,)) for name in rest if others)]
+    return [name for name in names if name not in known and not name.startswith(OF_SAMPLES)]
+
+
+def _charts(
+    wanted: Sequence[tuple[str, str, tuple[str, ...]]], rows: Sequence[Row]
+) -> list[dict[str, Any]]:
+    """The charts of numbers that the rows have."""
+    names = {name for row in rows for name in row}
     charts = []
-    for title, unit, lines in every:
+    for title, unit, lines in wanted:
         found = [
             {"name": name, "points": [[row["step"], row[name]] for row in rows if name in row]}
             for name in lines
@@ -221,11 +226,6 @@ def _charts(
         if found:
             charts.append({"title": title, "unit": unit, "lines": found})
     return charts
-
-
-def _is_zero(chart: Mapping[str, Any]) -> bool:
-    """Whether a chart would show nothing but zeros."""
-    return not any(value for line in chart["lines"] for _, value in line["points"])
 
 
 def _settings(config: Mapping[str, Any], above: str = "") -> Iterable[tuple[str, Any]]:
