@@ -213,8 +213,8 @@ def _line(records: Sequence[TrainingRecord], number: str) -> list[tuple[int, flo
 
 
 def round_ticks(top: float, least: float = 0.0) -> list[float]:
-    """About four round numbers from 0 to `top` or a little more, at least `least` apart."""
-    raw = max(top / 4, least)
+    """About five round numbers from 0 to `top` or a little more, at least `least` apart."""
+    raw = max(top / 5, least)
     power = 10.0 ** floor(log10(raw))
     size = next(factor * power for factor in (1, 2, 5, 10) if factor * power >= 0.999 * raw)
     return [number * size for number in range(ceil(0.999 * top / size) + 1)]
