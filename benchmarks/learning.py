@@ -193,10 +193,16 @@ def _total(record: TrainingRecord, number: str) -> float:
 
 
 def curves(found: Collection, pictures: Path, base: Path) -> list[str]:
-    """A picture for each number: one line for each kind of GRPO, the mean of its seeds."""
+    """A picture for each number: one line for each kind of GRPO, the mean of its seeds.
+
+    Trainings without a cold start are left out: their scores stay 0, and their entropy is so high
+    that the others could not be told apart.
+    """
+    runs = by_name(found).items()
+    learned = {name: records for name, records in runs if not records[0].config["fresh"]}
     parts = []
     for number, title in CURVES.items():
-        lines = {name: _line(records, number) for name, records in by_name(found).items()}
+        lines = {name: _line(records, number) for name, records in learned.items()}
         if any(lines.values()):
             file = pictures / f"{number.replace('_', '-')}.svg"
             file.write_text(chart(title, lines), encoding="utf-8")
