@@ -147,7 +147,12 @@ def test_shares_count_positive_work_only_and_sum_to_one() -> None:
         ("movement", "plain_car", "wheels / driven wheels / nothing"),
         ("throwing", "boulder_off_car", "wheels / open seat / body"),
         ("throwing", "wind_arm", "springs / open seat / breakage"),
-        ("movement", "slow_tipping", "wheels / driven wheels / breakage"),
+        pytest.param(
+            "movement",
+            "slow_tipping",
+            "wheels / driven wheels / breakage",
+            marks=pytest.mark.pybullet,  # with MuJoCo it does no work
+        ),
         ("movement", "spinning_top", "motors / blocks / nothing"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tarfile
 from pathlib import Path
 
@@ -56,8 +57,10 @@ def test_the_procedural_model_always_predicts_a_higher_score(
     assert "1/6 (17%)" in row
 
 
-def test_a_folder_adds_up_its_runs() -> None:
-    both, one, other = observe([RUNS, MODEL, PROCEDURAL])
+def test_a_folder_adds_up_its_runs(tmp_path: Path) -> None:
+    for run in (MODEL, PROCEDURAL):
+        shutil.copytree(run, tmp_path / run.name)
+    both, one, other = observe([tmp_path, MODEL, PROCEDURAL])
     assert both.runs == 2
     assert both.found == other.found + one.found or both.found == one.found + other.found
 
