@@ -149,7 +149,7 @@ def main(code: str, overrides: str, car: str) -> None:
             fault_of(lambda: batch(crashing)),
         ],
     }
-    ray.init(num_cpus=4, include_dashboard=False, log_to_driver=False)
+    ray.init("local", num_cpus=4, include_dashboard=False, log_to_driver=False)
     loop = RewardLoopManager(config)
     scored = loop.compute_rm_score(data)
     found["loop"] = last_rewards(scored.batch["rm_scores"], data)
