@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 from pydantic import BaseModel
 
+from agentflow.app.about import require_empty, write_about
 from agentflow.errors import RunError
 from agentflow.files import (
     LineFile,
@@ -90,10 +91,10 @@ class TrainingRun:
                     )
                 _require_same(read_training(path), about, config)
             else:
-                _require_empty(path)
+                require_empty(path / ABOUT, "a training run", leftovers=[CONFIG])
                 document = config.model_dump(mode="json")
                 _write(path / CONFIG, yaml.safe_dump(document, sort_keys=False))
-                _write(path / ABOUT, about.model_dump_json(indent=1) + "\n")
+                write_about(path / ABOUT, about)
             run = cls(path)
             try:
                 yield run
@@ -142,16 +143,6 @@ class TrainingRun:
         for path in _checkpoints(self.path):
             if _step_of(path) > step:
                 shutil.rmtree(path)
-
-
-def _require_empty(path: Path) -> None:
-    """Refuse a folder with files that are not ours; a killed start may have left config.yaml."""
-    other = sorted(item.name for item in path.iterdir() if not item.name.startswith("."))
-    if other not in ([], [CONFIG]):
-        raise RunError(
-            f"{path} is not a training run: it has {other[0]} and no {ABOUT}; name a new folder "
-            "with --out"
-        )
 
 
 def _require_same(record: TrainingRecord, about: About, config: BaseModel) -> None:

@@ -21,7 +21,7 @@ from agentflow.errors import RunError, UnauthorisedError
 from agentflow.training.evaluation import JudgedReply
 from agentflow.training.evaluation.evaluate import evaluate
 from agentflow.training.evaluation.models import random_seed
-from agentflow.training.evaluation.record import Evaluation, read_about
+from agentflow.training.evaluation.record import Evaluation, read_evaluation
 from tests.integrations.foreign import CAR
 from tests.llm.foreign import ROOT
 from tests.llm.hostile import body, completion, serving
@@ -51,7 +51,7 @@ def copied(finished: Path, out: Path, *, samples: bytes) -> Path:
     for name, data in contents(finished).items():
         (out / name).write_bytes(data)
     (out / "samples.jsonl").write_bytes(samples)
-    about = read_about(out).model_copy(update={"results": None})
+    about = read_evaluation(out).model_copy(update={"results": None})
     (out / "evaluation.json").write_text(about.model_dump_json(indent=1) + "\n")
     return out
 
@@ -82,7 +82,7 @@ def test_settings_count_unless_an_option_says_otherwise(tmp_path: Path) -> None:
     settings = [word for setting in given for word in ("--set", setting)]
     asked = [*PROCEDURAL, "--samples", "1", "--out", str(tmp_path), *settings, "--top-p", "0.8"]
     assert main(asked) == 0
-    found = read_about(tmp_path)
+    found = read_evaluation(tmp_path)
     sampling = found.sampling
     assert (found.seed, sampling.temperature, sampling.top_p) == (5, 0.3, 0.8)
 
@@ -203,7 +203,7 @@ async def test_an_endpoint_that_fails_after_half_is_asked_only_for_the_rest(
         with pytest.raises(UnauthorisedError, match=r"run the same command again to continue$"):
             await evaluate_at(server.base_url, tmp_path)
         first = [asked.body["seed"] for asked in server.asked]
-    assert read_about(tmp_path).results is None
+    assert read_evaluation(tmp_path).results is None
     async with serving(good) as server:
         found = await evaluate_at(server.base_url, tmp_path)
         second = [asked.body["seed"] for asked in server.asked]
@@ -281,7 +281,7 @@ def test_a_model_in_a_folder_repeats_itself_where_it_was_interrupted(
     assert main([*command, "--out", str(again)]) == 2
     told = capsys.readouterr().err
     assert f"the files of {run / 'model'} have changed since {again} was started" in told
-    about = read_about(again).model_copy(update={"files": None})  # as older ones
+    about = read_evaluation(again).model_copy(update={"files": None})  # as older ones
     (again / "evaluation.json").write_text(about.model_dump_json())
     assert main([*command, "--out", str(again)]) == 0
 
@@ -325,13 +325,13 @@ def test_an_interrupted_evaluation_ends_and_says_how_to_continue(tmp_path: Path)
     _, told = process.communicate(timeout=120)
     assert process.returncode == 130
     assert told.endswith("agentflow: interrupted; run the same command again to continue\n")
-    assert read_about(out).results is None
+    assert read_evaluation(out).results is None
 
 
 def test_two_processes_cannot_evaluate_in_one_folder(finished: Path) -> None:
     from agentflow.training.evaluation.record import open_evaluation
 
-    about = read_about(finished)
+    about = read_evaluation(finished)
     with (
         open_evaluation(finished, about),
         pytest.raises(RunError, match="is in use by another process"),

@@ -11,15 +11,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
+from agentflow.app.about import read_about, require_empty, require_same, write_about
 from agentflow.app.diagnose.question import Mark
-from agentflow.config.yaml import describe_fault, first_fault
-from agentflow.errors import RunError
-from agentflow.files import cannot_write, hold_folder, remove_partial_files, write_atomically
+from agentflow.files import cannot_write, hold_folder, remove_partial_files
 from agentflow.llm.messages import Sampling
 
 ABOUT, CALLS = "diagnosis.json", "calls.jsonl"
+WHAT = "a diagnosis"
 OUTCOME = {"answers", "results"}
 
 
@@ -62,7 +62,7 @@ def open_diagnosis(path: Path, about: Diagnosis) -> Iterator[Diagnosis]:
         if (path / ABOUT).exists():
             about = _continue(path, about)
         else:
-            _require_empty(path)
+            require_empty(path / ABOUT, WHAT)
         if about.results is None:
             write_diagnosis(path, about)
         yield about
@@ -75,49 +75,16 @@ def write_diagnosis(path: Path, about: Diagnosis) -> None:
         RunError: It cannot be written.
     """
     try:
-        with write_atomically(path / ABOUT) as part:
-            part.write_text(about.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        write_about(path / ABOUT, about)
     except OSError as error:
         raise cannot_write(path, error) from None
 
 
-def read_diagnosis(path: Path) -> Diagnosis:
-    """The diagnosis in a directory.
-
-    Raises:
-        RunError: diagnosis.json is damaged or cannot be read.
-    """
-    try:
-        return Diagnosis.model_validate_json((path / ABOUT).read_bytes())
-    except OSError as error:
-        raise RunError(f"cannot read {path / ABOUT}: {error.strerror}") from None
-    except ValidationError as error:
-        fault = first_fault(error)
-        place = ".".join(map(str, fault["loc"])) or "the file"
-        raise RunError(f"{path / ABOUT} is damaged: {place} {describe_fault(fault)}") from None
-
-
 def _continue(path: Path, about: Diagnosis) -> Diagnosis:
     """The recorded diagnosis, which must be the same; a new one if that has no replies."""
-    recorded = read_diagnosis(path)
+    recorded = read_about(path / ABOUT, Diagnosis, WHAT)
     before, now = (item.model_dump(mode="json", exclude=OUTCOME) for item in (recorded, about))
-    other = [key for key in now if before[key] != now[key]]
-    if not other:
-        return recorded
     calls = path / CALLS
     if recorded.results is not None or (calls.exists() and calls.stat().st_size):
-        raise RunError(
-            f"{path} holds a diagnosis with another {other[0]}: {before[other[0]]}, not "
-            f"{now[other[0]]}; give the same options to continue it, or choose another folder "
-            "with --out"
-        )
-    return about
-
-
-def _require_empty(path: Path) -> None:
-    other = sorted(item.name for item in path.iterdir() if not item.name.startswith("."))
-    if other:
-        raise RunError(
-            f"{path} is not a diagnosis: it has {other[0]} and no {ABOUT}; choose a new folder "
-            "with --out"
-        )
+        require_same(path, WHAT, before, now)
+    return recorded if before == now else about

@@ -12,7 +12,7 @@ from agentflow.training.evaluation.record import (
     ABOUT,
     REPLIES,
     Evaluation,
-    read_about,
+    read_evaluation,
     read_replies,
 )
 from agentflow.training.evaluation.replies import JudgedReply
@@ -100,7 +100,7 @@ def collect(folders: Sequence[Path]) -> Collection:
                 f"{folder} is not a sweep directory: it has no readable sweep.yaml, and it holds "
                 f"no evaluations ({ABOUT}) and no training runs ({TRAINING})"
             )
-        evaluations |= {path: read_about(path) for path in found}
+        evaluations |= {path: read_evaluation(path) for path in found}
         trainings |= {_name_of(path, folder, folders): read_training(path) for path in runs}
     return Collection(tuple(_pool(evaluations)), trainings)
 

@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ValidationError
 
+from agentflow.app.about import read_about, require_empty, require_same, write_about
 from agentflow.config.yaml import describe_fault, first_fault
 from agentflow.errors import RunError
 from agentflow.files import (
@@ -22,13 +23,13 @@ from agentflow.files import (
     hold_folder,
     remove_partial_files,
     whole_lines,
-    write_atomically,
 )
 from agentflow.llm.messages import Sampling
 from agentflow.training.evaluation.replies import JudgedReply
 from agentflow.training.evaluation.summary import Summary, summarise
 
 ABOUT, REPLIES, CALLS = "evaluation.json", "samples.jsonl", "calls.jsonl"
+WHAT = "an evaluation"
 
 
 class Evaluation(BaseModel, frozen=True, extra="forbid"):
@@ -87,7 +88,7 @@ class EvaluationFolder:
         found = summaries(self.replies, self.about.seed)
         results = {task: summary.to_json() for task, summary in found.items()}
         self.about = Evaluation.model_validate({**self.about.model_dump(), "results": results})
-        _write(self.path, self.about)
+        write_about(self.path / ABOUT, self.about)
         return self.about
 
     def close(self) -> None:
@@ -108,10 +109,10 @@ def open_evaluation(path: Path, about: Evaluation) -> Iterator[EvaluationFolder]
     with hold_folder(path):
         remove_partial_files(path)
         if (path / ABOUT).exists():
-            about = _continue(path, read_about(path), about)
+            about = _continue(path, read_evaluation(path), about)
         else:
-            _require_empty(path)
-            _write(path, about)
+            require_empty(path / ABOUT, WHAT)
+            write_about(path / ABOUT, about)
         folder = EvaluationFolder(path, about)
         try:
             yield folder
@@ -119,22 +120,13 @@ def open_evaluation(path: Path, about: Evaluation) -> Iterator[EvaluationFolder]
             folder.close()
 
 
-def read_about(path: Path) -> Evaluation:
+def read_evaluation(path: Path) -> Evaluation:
     """What an evaluation directory says about itself.
 
     Raises:
         RunError: It is not an evaluation directory, or evaluation.json is damaged.
     """
-    try:
-        return Evaluation.model_validate_json((path / ABOUT).read_bytes())
-    except FileNotFoundError:
-        raise RunError(f"{path} is not an evaluation: it has no {ABOUT}") from None
-    except OSError as error:
-        raise RunError(f"cannot read {path / ABOUT}: {error.strerror}") from None
-    except ValidationError as error:
-        fault = first_fault(error)
-        place = ".".join(map(str, fault["loc"])) or "the file"
-        raise RunError(f"{path / ABOUT} is damaged: {place} {describe_fault(fault)}") from None
+    return read_about(path / ABOUT, Evaluation, WHAT)
 
 
 def read_replies(path: Path) -> list[JudgedReply]:
@@ -184,33 +176,14 @@ def _continue(path: Path, recorded: Evaluation, about: Evaluation) -> Evaluation
     before, now = (item.model_dump(mode="json", exclude={"results"}) for item in (recorded, about))
     if before["files"] is None:  # an older evaluation, or a model that is not in a folder
         now["files"] = None
-    other = [key for key in now if before[key] != now[key]]
-    if not other:
+    if before == now:
         return recorded
     if any((path / name).exists() and (path / name).stat().st_size for name in (REPLIES, CALLS)):
-        if other == ["files"]:
+        if {**before, "files": now["files"]} == now:
             raise RunError(
                 f"the files of {about.model} have changed since {path} was started: restore them, "
                 "or choose another folder with --out"
             )
-        raise RunError(
-            f"{path} holds an evaluation with another {other[0]}: {before[other[0]]}, not "
-            f"{now[other[0]]}; give the same options to continue it, or choose another folder "
-            "with --out"
-        )
-    _write(path, about)
+        require_same(path, WHAT, before, now)
+    write_about(path / ABOUT, about)
     return about
-
-
-def _require_empty(path: Path) -> None:
-    other = sorted(item.name for item in path.iterdir() if not item.name.startswith("."))
-    if other:
-        raise RunError(
-            f"{path} is not an evaluation: it has {other[0]} and no {ABOUT}; choose a new folder "
-            "with --out"
-        )
-
-
-def _write(path: Path, about: Evaluation) -> None:
-    with write_atomically(path / ABOUT) as part:
-        part.write_text(about.model_dump_json(indent=1) + "\n", encoding="utf-8")

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
+from agentflow.app.about import read_about
 from agentflow.app.design.config import complete_config
-from agentflow.app.diagnose.record import Diagnosis, read_diagnosis
+from agentflow.app.diagnose.record import ABOUT, Diagnosis
 from agentflow.app.diagnose.run import diagnose
 from agentflow.errors import ConfigError, RunError, UnauthorisedError, UsageError
 from agentflow.llm.messages import Reply, Request
@@ -144,7 +145,7 @@ def test_a_diagnosis_is_continued_without_asking_again(tmp_path: Path) -> None:
 
     with pytest.raises(UnauthorisedError, match=r"run the same command again to continue$"):
         run("overlap", fails_at_second, part, PAIRS)
-    assert read_diagnosis(part).results is None
+    assert read_about(part / ABOUT, Diagnosis, "a diagnosis").results is None
     client = ScriptedClient(knows_overlaps)
     config = complete_config({"seed": 3, "workers": 1})
     assert diagnose("overlap", config, PAIRS, part, client=client) == expected
