@@ -21,14 +21,14 @@ from agentflow.machine.formats.detect import read_for
 
 if TYPE_CHECKING:
     from agentflow.config.run import DesignConfig
-    from agentflow.env.pool.pool import RolloutPool
+    from agentflow.env.pool.base import Pool
     from agentflow.env.rollout import Rollout
     from agentflow.env.tasks.base import Task
     from agentflow.env.verification import Verification
     from agentflow.llm.function import FunctionClient, ModelFunction
     from agentflow.runs import Listener, Notify
 
-MachineLike = Machine | str | list[dict[str, Any]] | Path
+MachineLike = Machine | str | list[dict[str, Any]] | dict[str, Any] | Path
 """A machine: an object, any text that holds one (also .bsg), JSON data, or the path of a file."""
 
 
@@ -126,7 +126,7 @@ async def design_async(
     trust: bool = False,
     say: Notify | None = None,
     listener: Listener | None = None,
-    pool: RolloutPool | None = None,
+    pool: Pool | None = None,
 ) -> Design:
     """Like `design`, on a running event loop, where several runs can share a `pool`."""
     from agentflow.app.design import run
@@ -178,7 +178,7 @@ async def resume_async(
     trust: bool = False,
     say: Notify | None = None,
     listener: Listener | None = None,
-    pool: RolloutPool | None = None,
+    pool: Pool | None = None,
 ) -> Design:
     """Like `resume`, on a running event loop."""
     from agentflow.app.design import run as runs
@@ -255,7 +255,7 @@ def simulate(
 async def simulate_async(
     machine: MachineLike,
     task: str,
-    pool: RolloutPool,
+    pool: Pool,
     *,
     knobs: Mapping[str, object] | None = None,
     engine: str = "auto",
@@ -301,7 +301,7 @@ def verify(
 async def verify_async(
     machine: MachineLike,
     task: str,
-    pool: RolloutPool,
+    pool: Pool,
     *,
     knobs: Mapping[str, object] | None = None,
     engine: str = "auto",

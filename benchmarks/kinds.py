@@ -1,6 +1,6 @@
 """Compares MAP-Elites with MCTS at equal rollouts: how many kinds of machines they find.
 
-    python benchmarks/kinds.py [--tasks throwing movement jumping] [--seeds 5] [--rollouts 200]
+    python benchmarks/kinds.py [--tasks throwing movement jumping] [--seeds 5] [--rollouts 100]
 
 Runs the workflow `explore` as it is, and with MCTS in place of MAP-Elites: with the same first
 machines, emitters and rollouts, so that only the choice of the machine to expand differs. Under
@@ -182,7 +182,7 @@ def main() -> None:
     )
     parser.add_argument("--tasks", nargs="+", default=["throwing", "movement", "jumping"])
     parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--rollouts", type=int, default=200)
+    parser.add_argument("--rollouts", type=int, default=100)
     parser.add_argument("--page", type=Path, default=PAGE)
     options = parser.parse_args()
     known, prompts = Cells(CELLS), PromptSet().digest

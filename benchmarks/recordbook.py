@@ -59,7 +59,8 @@ class Target:
             low=round(low, DIGITS),
             how=how,
             platform=here(),
-            blocks=tuple(machine.to_json()),
+            blocks=tuple(step.to_json() for step in machine),
+            controls=tuple(control.to_json() for control in machine.controls),
         )
 
 

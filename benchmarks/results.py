@@ -34,6 +34,7 @@ ORDER = (
     "spatial_information",
     "additional_tasks",
     "gearing",
+    "structures",
 )
 FURTHER = {
     "workflows": ("scores",),
@@ -58,8 +59,8 @@ tables names the model that was used:
 
 Tables headed "published" have the scores of other models in the game Besiege itself. They are
 taken from the paper, *Agentic Design of Compositional Machines*
-([arXiv:2510.14980](https://arxiv.org/abs/2510.14980)). Compare their order with ours, not their
-values (see [physics](physics.md)).
+([arXiv:2510.14980](https://arxiv.org/abs/2510.14980)), but for structures, whose note names another
+source. Compare their order with ours, not their values (see [physics](physics.md)).
 
 Most sweeps use two seeds, to match the small number of runs behind the published tables. The
 machines of one run share a blueprint and are therefore similar, so intervals over pooled machines

@@ -152,7 +152,7 @@ def test_python_runs(page: str) -> None:
 
 def test_machines_that_are_shown_are_valid() -> None:
     machines = fences("docs/machine-language.md", "json")
-    assert len(machines) == 2
+    assert len(machines) == 3
     for text in machines:
         assert check(read_any(text)).machine_valid
 

@@ -69,6 +69,8 @@ def test_imports_point_one_way(path: Path) -> None:
         own = path.relative_to(PACKAGE).parts[1].removesuffix(".py")
         used = {name.split(".")[1] for name in ours if name.startswith("app.")}
         assert used <= {*WITHIN_APP[own], own}, f"app/{own} imports {sorted(used)}"
+    if part != "cluster":
+        assert not any(name.split(".")[0] == "ray" for name in names)
     for engine in ("pybullet", "mujoco"):
         if not path.is_relative_to(PACKAGE / "env" / "physics" / engine):
             assert not any(name.split(".")[0].startswith(engine) for name in names)
@@ -97,9 +99,9 @@ def adapts_what_is_missing(path: Path) -> bool:
 
 
 @cache
-def trains_with_what_is_missing(path: Path) -> bool:
-    """Whether importing a module of training needs a library that is not installed here."""
-    if part_of(path) != "training":
+def needs_what_is_missing(path: Path) -> bool:
+    """Whether importing a module needs a library of an extra that is not installed here."""
+    if part_of(path) not in ("training", "cluster"):
         return False
     tree = ast.parse(path.read_text())
     names = {node.module or "" for node in tree.body if isinstance(node, ast.ImportFrom)}
@@ -109,7 +111,7 @@ def trains_with_what_is_missing(path: Path) -> bool:
     if not all(find_spec(name.split(".")[0]) for name in names):
         return True
     files = (PACKAGE.parent / (name.replace(".", "/") + ".py") for name in names)
-    return any(trains_with_what_is_missing(file) for file in files if file in FILES)
+    return any(needs_what_is_missing(file) for file in files if file in FILES)
 
 
 @pytest.mark.slow
@@ -119,7 +121,7 @@ def test_importing_everything_prints_nothing() -> None:
         for path in FILES
         if path.name != "__main__.py"
         and not adapts_what_is_missing(path)
-        and not trains_with_what_is_missing(path)
+        and not needs_what_is_missing(path)
     ]
     code = "import importlib\n" + "\n".join(
         f"importlib.import_module({name!r})" for name in modules

@@ -142,6 +142,7 @@ def test_a_machine_without_required_blocks_gets_no_reward() -> None:
     assert [problem.code for problem in worth.problems] == ["required_count"]
 
 
+@pytest.mark.slow
 def test_a_function_can_answer(tmp_path: Path) -> None:
     heard: list[str] = []
     found = agentflow.design(
@@ -254,6 +255,7 @@ def test_a_mapping_can_be_the_configuration(tmp_path: Path) -> None:
         agentflow.design(config={"sed": 1}, out=tmp_path)
 
 
+@pytest.mark.slow
 def test_a_run_of_a_function_is_resumed_with_a_function(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -55,6 +55,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / result["run"]
 
 
+@pytest.mark.slow
 def test_every_registry_lists_what_was_added(tmp_path: Path) -> None:
     code = """
 from agentflow.agents.registry import ROLES, model_roles, stage_of
@@ -89,6 +90,7 @@ def test_contributing_names_every_group_and_files_that_exist() -> None:
     assert [path for path in paths if not (ROOT / path).exists()] == []
 
 
+@pytest.mark.slow
 def test_the_lists_of_commands_name_what_was_added(tmp_path: Path) -> None:
     assert "rolling " in python(MAIN, "tasks", cwd=tmp_path)
     assert "terse " in python(MAIN, "prompts", "list", cwd=tmp_path)

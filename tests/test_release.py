@@ -18,8 +18,9 @@ PARTS = (
     *("agentflow", "agentflow_verifiers.py", "pyproject.toml", "setup.py", "MANIFEST.in"),
     *("README.md", "LICENSE"),
 )
-BUNDLE = {f"agentflow/report/bundle/{name}" for name in ("player.css", "player.js", "stamp.txt")}
-WEB = "agentflow/report/web/"
+PAGES = ("player.css", "player.js", "studio.css", "studio.js", "stamp.txt")
+BUNDLE = {f"agentflow/report/bundle/{name}" for name in PAGES}
+WEB = ("agentflow/report/web/", "agentflow/studio/web/")
 METADATA = ("METADATA", "RECORD", "WHEEL", "entry_points.txt", "top_level.txt", "licenses/LICENSE")
 
 

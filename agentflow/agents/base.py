@@ -1,4 +1,4 @@
-"""Roles and how to ask them: render, call, parse, retry with the problem appended."""
+"""Prompts, roles and how to ask them: render, call, parse, retry with the problem appended."""
 
 from __future__ import annotations
 
@@ -81,11 +81,31 @@ class RoleOutcome(Generic[Out]):
     attempts: tuple[RoleAttempt[Out], ...]
 
 
-class Role(ABC, Generic[In, Out]):
-    """A pair of templates and a parser, without state. `agents.registry.ROLES` lists all roles."""
+class Prompt(ABC, Generic[In, Out]):
+    """A pair of templates and a parser, without state."""
 
     name: ClassVar[str]
-    """Folder of its templates, value of `Request.role` and first part of its call labels."""
+    """Folder of its templates, and value of `Request.role`."""
+
+    @abstractmethod
+    def variables(self, given: In) -> Mapping[str, object]:
+        """Variables of the templates."""
+
+    def images(self, given: In) -> tuple[str, ...]:  # noqa: ARG002
+        """PNG data URLs to send with the user prompt."""
+        return ()
+
+    @abstractmethod
+    def parse(self, text: str, given: In) -> Parsed[Out]:
+        """Read a whole reply; never raises."""
+
+
+class Role(Prompt[In, Out]):
+    """What a model does in a run. `agents.registry.ROLES` lists all roles.
+
+    Its name is also the first part of its call labels.
+    """
+
     stage: ClassVar[str]
     """Stage of a run in which it is asked: initial, blind_refinement or env_feedback."""
     tokens: ClassVar[tuple[int, int]]
@@ -106,18 +126,6 @@ class Role(ABC, Generic[In, Out]):
         """Stage of a call; `purpose` says what a role with several uses is asked for."""
         return cls.stage
 
-    @abstractmethod
-    def variables(self, given: In) -> Mapping[str, object]:
-        """Variables of the templates."""
-
-    def images(self, given: In) -> tuple[str, ...]:  # noqa: ARG002
-        """PNG data URLs to send with the user prompt."""
-        return ()
-
-    @abstractmethod
-    def parse(self, text: str, given: In) -> Parsed[Out]:
-        """Read a whole reply; never raises."""
-
 
 @dataclass(frozen=True)
 class AskContext:
@@ -131,8 +139,10 @@ class AskContext:
     on_attempt: Callable[[RoleAttempt[object]], None] = lambda _attempt: None
 
 
-async def ask(role: Role[In, Out], given: In, context: AskContext, label: str) -> RoleOutcome[Out]:
-    """Ask a role until a reply parses, at most `context.max_retry` times.
+async def ask(
+    role: Prompt[In, Out], given: In, context: AskContext, label: str
+) -> RoleOutcome[Out]:
+    """Ask until a reply parses, at most `context.max_retry` times.
 
     A reply that does not parse stays in the conversation, followed by the problem. Every attempt is
     passed to `context.on_attempt` before the next one starts. The label names the question within
@@ -164,7 +174,7 @@ async def ask(role: Role[In, Out], given: In, context: AskContext, label: str) -
     return RoleOutcome(attempts[-1].parsed.output if attempts else None, tuple(attempts))
 
 
-def _parse(role: Role[In, Out], given: In, reply: Reply) -> Parsed[Out]:
+def _parse(role: Prompt[In, Out], given: In, reply: Reply) -> Parsed[Out]:
     """Parse a complete reply; give the problem of an incomplete one."""
     finish = reply.finish if reply.finish != "stop" or reply.text.strip() else "empty"
     if finish != "stop":

@@ -10,6 +10,7 @@ from agentflow.agents.replies import Representation, machine_text
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import BlockType, Face
 from agentflow.machine.brief import Brief
+from agentflow.machine.controls import GROUPS, MAX_CONTROLS
 from agentflow.machine.description.geometry_info import describe_text, list_text
 from agentflow.machine.tree import Machine
 from agentflow.prompts.render import block_functions, facts
@@ -65,10 +66,21 @@ def task_context(brief: Brief) -> dict[str, object]:
         "two_ended_type": linear[0].type if linear else None,
         "motors": any(kind.type in facts()["motor"] for kind in kinds),
         "joints": any(kind.joint.moves for kind in kinds),
+        "controls": _control_rules(brief, kinds),
         "strengths": _exceptions(kinds, lambda kind: facts()["strength"].get(kind.type)),
         "drags": _exceptions(kinds, lambda kind: _unusual_drag(kind.linear_drag)),
         "size_limit": f"{' x '.join(f'{limit:g}' for limit in brief.limits.size)} m (x, y, z)",
     }
+
+
+def _control_rules(brief: Brief, kinds: Sequence[BlockType]) -> dict[str, object] | None:
+    """What control programs may do; None if machines may not bring any."""
+    window, trials = brief.limits.controls, brief.limits.trials
+    if window is None:
+        return None
+    members = {group: [kind.type for kind in kinds if kind.group == group] for group in GROUPS}
+    groups = {group: types for group, types in members.items() if types}
+    return {"window": f"{window:g}", "groups": groups, "most": MAX_CONTROLS, "trials": trials}
 
 
 def machine_context(

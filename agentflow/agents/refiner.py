@@ -27,6 +27,12 @@ DESCRIPTION = "Modification Description"
 PREDICTION = "Simulation Prediction After Modification"
 STEPS = "Modification Steps"
 _KEEP = f"to keep the machine, leave <{STEPS}> empty"
+_ONLY_CONTROLS = (
+    "The blocks have changed, but only the controls may change between trials: use only the "
+    "commands Control and Uncontrol."
+)
+TRIED_STAGES = ("initial", "blind_refinement")
+"""Stages whose machines get all trials of the task."""
 MAX_LINES = 30
 """Maximum number of verdicts shown for a failing script."""
 MAX_WIDTH = 200
@@ -56,6 +62,8 @@ class RefinerInput(RoleInput):
     """Verdicts on earlier replies to the same question."""
     format: Literal["steps", "whole_machine"] = "steps"
     """Whether to ask for edit commands or for a whole machine."""
+    trial: int = 0
+    """Number of the trial to revise the controls for, from 2; 0 if blocks may change as well."""
     images: tuple[str, ...] = ()
     """Pictures of the machine as built, as PNG data URLs."""
 
@@ -86,8 +94,10 @@ class Refiner(Role[RefinerInput, Refinement]):
 
     @classmethod
     def stage_for(cls, purpose: str) -> str:
-        """Blind refinement if the purpose is "blind", else the feedback loop."""
-        return "blind_refinement" if purpose == "blind" else cls.stage
+        """Blind refinement if the purpose is "blind"; for trials the purpose is the stage of the
+        machine; else the feedback loop."""
+        stages = {"blind": "blind_refinement", **{name: name for name in TRIED_STAGES}}
+        return stages.get(purpose, cls.stage)
 
     def variables(self, given: RefinerInput) -> Mapping[str, object]:
         report = report_context(given.score, given.feedback)
@@ -103,6 +113,7 @@ class Refiner(Role[RefinerInput, Refinement]):
             "queried": given.queried,
             "earlier": given.earlier,
             "format": given.format,
+            "trial": given.trial,
             "views": len(given.images),
         }
 
@@ -158,6 +169,8 @@ def _check(
     refused = rejection(machine, report, given.brief, complete=True)
     if refused is None and machine == given.machine:
         refused = "no_change", f"The new machine is the same as the current one; {_KEEP}."
+    if refused is None and given.trial and machine.steps != given.machine.steps:
+        refused = "blocks_altered", _ONLY_CONTROLS
     if refused is not None:
         code, problem = refused
         return Parsed(None, problem, code, repaired, spatial=report.spatial_valid)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -10,10 +9,10 @@ from typing import Any, Literal
 
 from agentflow.agents.base import Parsed
 from agentflow.machine.brief import Brief
-from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
-from agentflow.machine.formats.parse import find_items, read_machine
+from agentflow.machine.formats.coordinates import coordinates_of, read_coordinates, to_coordinates
+from agentflow.machine.formats.parse import find_document, read_machine
 from agentflow.machine.problems import REQUIRED_COUNT, Problem
-from agentflow.machine.tree import Machine
+from agentflow.machine.tree import Machine, lines_of, with_controls
 from agentflow.machine.validity import Report, check
 
 Representation = Literal["tree", "coordinates"]
@@ -24,14 +23,15 @@ _TAG = re.compile(r"<(/?)([^<>\n]{1,80})>")
 
 
 def machine_items(machine: Machine, representation: Representation) -> Sequence[object]:
-    """A machine as JSON data, one item per block."""
-    return machine.to_json() if representation == "tree" else to_coordinates(machine)
+    """The blocks of a machine as JSON data."""
+    if representation == "tree":
+        return [step.to_json() for step in machine]
+    return coordinates_of(machine)
 
 
 def machine_text(machine: Machine, representation: Representation) -> str:
-    """A machine as JSON text, one block per line."""
-    lines = (json.dumps(item) for item in machine_items(machine, representation))
-    return "[\n  " + ",\n  ".join(lines) + "\n]"
+    """A machine as JSON text, one block or control per line."""
+    return machine.to_text() if representation == "tree" else lines_of(to_coordinates(machine))
 
 
 def read_reply(
@@ -52,29 +52,31 @@ def read_reply(
     return report if representation == "tree" else _keep_attachments(report, brief, given)
 
 
-def _whole(
-    text: str, given: Machine | None, representation: Representation
-) -> tuple[str | Sequence[object], bool]:
+def _whole(text: str, given: Machine | None, representation: Representation) -> tuple[object, bool]:
     """A reply, or all items of a machine if it has only those after the given ones.
 
     And whether its JSON was repaired in the second case.
     """
     if given is None:
         return text, False
-    items, repaired, fault = find_items(text, "")
-    first = items[0] if items else None
-    if fault or not isinstance(first, dict) or str(first.get("type")) == str(given[0].type):
+    document = find_document(text, "")
+    first = document.blocks[0] if document.blocks else None
+    whole = not isinstance(first, dict) or str(first.get("type")) == str(given[0].type)
+    if document.fault or whole:
         return text, False
-    return [*machine_items(given, representation), *items], repaired
+    blocks = [*machine_items(given, representation), *document.blocks]
+    if document.controls is None:
+        return with_controls(blocks, given), document.repaired
+    return document.but(blocks), document.repaired
 
 
 def _keep_attachments(report: Report, brief: Brief, given: Machine | None) -> Report:
     """The report on a machine in coordinates, with given blocks attached as they were."""
     if report.machine is None or given is None:
         return report
-    if to_coordinates(report.machine)[: len(given)] != to_coordinates(given):
+    if coordinates_of(report.machine)[: len(given)] != coordinates_of(given):
         return report
-    whole = Machine((*given.steps, *report.machine.steps[len(given) :]))
+    whole = replace(report.machine, steps=(*given.steps, *report.machine.steps[len(given) :]))
     judged = check(whole, brief)
     if judged.machine is None:
         return report

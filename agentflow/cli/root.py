@@ -77,6 +77,14 @@ Trust = Annotated[
         "that it says, even if you have not named them.",
     ),
 ]
+On = Annotated[
+    Literal["local", "ray"],
+    typer.Option(
+        "--on",
+        help="Where to simulate: local (worker processes on this machine) or ray (a Ray cluster: "
+        "that at RAY_ADDRESS, else one on this machine).",
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Suppress progress and notices.")]
 Settings = Annotated[
     list[str] | None,

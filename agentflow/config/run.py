@@ -107,7 +107,7 @@ class DesignConfig(BaseModel):
         "winners", description="rollouts to save: of each stage's best machine, or all"
     )
     workers: int = Field(
-        2, ge=1, le=256, description="processes for rollouts; does not affect results"
+        2, ge=1, le=4096, description="processes for rollouts; does not affect results"
     )
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any
+from typing import Any, BinaryIO
 from zipfile import BadZipFile
 
 import numpy as np
@@ -58,14 +58,21 @@ def rollout_json(rollout: Rollout) -> dict[str, Any]:
 
 
 def save_npz(rollout: Rollout, path: Path) -> None:
+    """Write a rollout to a file; see `write_npz`.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    with path.open("wb") as file:
+        write_npz(rollout, file)
+
+
+def write_npz(rollout: Rollout, file: BinaryIO) -> None:
     """Write a rollout: `states`, a record per sample whose fields are the trace's arrays, and
     `result`, the rest as JSON text.
 
     One array of records, not compressed: twelve compressed arrays took three times as long to write
     and twice as long to read, for files a quarter smaller.
-
-    Raises:
-        OSError: The file cannot be written.
     """
     arrays: dict[str, Any] = {}
     result = rollout_json(rollout) | {"feedback_data": rollout.feedback.data}
@@ -80,8 +87,7 @@ def save_npz(rollout: Rollout, path: Path) -> None:
         arrays["states"] = states
         named = {name: value for name, value in vars(trace).items() if name not in fields}
         result["trace"] = named | {"measured": asdict(trace.measured)}
-    with path.open("wb") as file:
-        np.savez(file, result=np.array(json.dumps(result).encode()), **arrays)
+    np.savez(file, result=np.array(json.dumps(result).encode()), **arrays)
 
 
 def load_npz(path: Path) -> Rollout:
@@ -91,12 +97,18 @@ def load_npz(path: Path) -> Rollout:
         UsageError: The file does not exist or is not a saved rollout.
     """
     try:
-        with path.open("rb") as raw, np.load(raw) as file:
-            result = json.loads(file["result"].item())
-            states = file["states"] if result.get("trace") else None
-        return _restored(result, states)
+        with path.open("rb") as file:
+            return read_npz(file)
     except UNREADABLE as error:
         raise UsageError(f"{path} is not a saved rollout: {error}") from None
+
+
+def read_npz(file: BinaryIO) -> Rollout:
+    """Read what `write_npz` wrote; raises one of `UNREADABLE` if it is something else."""
+    with np.load(file) as content:
+        result = json.loads(content["result"].item())
+        states = content["states"] if result.get("trace") else None
+    return _restored(result, states)
 
 
 def _restored(result: dict[str, Any], states: NDArray[Any] | None) -> Rollout:

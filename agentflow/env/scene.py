@@ -5,7 +5,7 @@ Game frame throughout: left-handed, x right, y up, z forward; metres, kilograms,
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi, radians, sin
 from typing import Literal
 
@@ -27,10 +27,14 @@ class Thing:
     """Centre."""
     rotation: Quat = IDENTITY
     mass: float = 0.0
+    load: float = 0.0
+    """Mass that it gains as the schedule's entry `loads` goes from 0 to 1, kg."""
     friction: float | None = None
     """None: the value of the physical constants, which is also the ground's."""
     restitution: float | None = None
     """None: as for friction."""
+    stiffness: float | None = None
+    """Force over depth of each point where something touches it, N/m; None: hard."""
     balance: Vec3 = (0.0, 0.0, 0.0)
     """From its centre to its centre of mass, along its own axes, m. If not 0, its inertia about its
     centre of mass is that of a uniform box of its size about the middle."""
@@ -88,6 +92,11 @@ class Scene:
     def moving(self) -> tuple[Thing, ...]:
         """The things that can move."""
         return tuple(thing for thing in self.things if thing.mass > 0)
+
+    def loaded(self, share: float) -> Scene:
+        """The scene with this share of their loads on all things."""
+        things = (replace(item, mass=item.mass + share * item.load) for item in self.things)
+        return replace(self, things=tuple(things))
 
     def strength(self, time: float) -> float:
         """Strength of the wind at a time (s since t = 0), as a share of the mean wind."""

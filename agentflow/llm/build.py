@@ -10,7 +10,7 @@ from agentflow.llm.endpoint.address import Endpoint
 from agentflow.llm.endpoint.http import OpenAIClient
 from agentflow.llm.settings import EndpointSettings
 from agentflow.llm.wrappers.budget import Budget, BudgetClient
-from agentflow.llm.wrappers.limits import LimitedClient, Limiter
+from agentflow.llm.wrappers.limits import LimitedClient, Limiter, Limits
 from agentflow.llm.wrappers.prices import Price
 from agentflow.llm.wrappers.record import RecordingClient
 from agentflow.llm.wrappers.retry import RetryClient
@@ -24,7 +24,7 @@ def open_client(
     tape: Tape | None = None,
     budget: Budget | None = None,
     price: Price | None = None,
-    limiter: Limiter | None = None,
+    limits: Limits | None = None,
     warn: Callable[[str], None],
     on_wait: Callable[[str], None] = lambda _line: None,
 ) -> Client:
@@ -36,7 +36,7 @@ def open_client(
         tape: Record of the run's calls; the caller closes it.
         budget: Shared by all clients of the run.
         price: Price of this model; None if unknown.
-        limiter: Shared by all clients of this endpoint; None creates one from the settings.
+        limits: Shared by all clients of this endpoint; None makes them from the settings.
         warn: Called with one line for each parameter that the endpoint does not support.
         on_wait: Called with one line before each retry.
 
@@ -46,7 +46,7 @@ def open_client(
     settings = settings or EndpointSettings()
     http = OpenAIClient(endpoint, settings.http, warn)
     retry = RetryClient(http, settings.retry, random.Random(), on_wait)
-    limited = LimitedClient(retry, limiter or Limiter(settings.limits))
+    limited = LimitedClient(retry, limits or Limiter(settings.limits))
     return wrap(limited, tape=tape, budget=budget, price=price)
 
 

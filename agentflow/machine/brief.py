@@ -17,7 +17,7 @@ SIZE_LIMIT = (17.0, 9.5, 17.0)
 
 @dataclass(frozen=True)
 class Limits:
-    """How large a machine may be."""
+    """How large a machine may be, and whether it may control itself."""
 
     size: tuple[float, float, float] = SIZE_LIMIT
     """Maximum extent along x, y, z in metres."""
@@ -27,6 +27,12 @@ class Limits:
     """Most parts in one piece that the physics engine can hold; None: any number."""
     engine: str = field(default="the physics engine", repr=False)
     """Name of the engine, for messages about its parts; the digest of a brief leaves it out."""
+    controls: float | None = field(default=None, repr=False)
+    """Latest end of a machine's own controls, in seconds since t = 0; None: it may have none. The
+    digest of a brief leaves it out, as its schedule says the same."""
+    trials: int = field(default=1, repr=False)
+    """Rollouts of a design: after each but the last, its controls alone may be revised, and the
+    best one counts."""
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,15 @@
-"""Construction trees: the ordered steps that build a machine, and their JSON form."""
+"""Machines: the ordered steps that build one, its control program, and their JSON form."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
+
+from agentflow.machine.blocks.types import Group
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,14 +57,48 @@ class Step:
         }
 
 
+@dataclass(frozen=True, slots=True)
+class Control:
+    """One entry of a control program: drives some blocks at a level for some time."""
+
+    target: tuple[int, ...] | Group
+    """Ids of blocks, or a group: every block of the machine that belongs to it."""
+    at: float
+    """When it begins, in seconds since t = 0."""
+    lasts: float
+    """For how long it holds, s."""
+    level: float
+    """Share of the full speed, thrust or pull, from -1 (backwards) to 1."""
+
+    def to_json(self) -> dict[str, object]:
+        """The entry in the JSON form that models read and write."""
+        blocks = isinstance(self.target, tuple)
+        return {
+            **({"blocks": list(self.target)} if blocks else {"group": self.target}),
+            "at": shorten(self.at),
+            "for": shorten(self.lasts),
+            "level": shorten(self.level),
+        }
+
+
+def shorten(number: float) -> float:
+    """A number as it is written: 2 in place of 2.0."""
+    return int(number) if number == int(number) else number
+
+
 ROOT = Step(id=0, type=0, parent=-1, face_id=-1)
 
 
 @dataclass(frozen=True)
 class Machine:
-    """A file-valid construction tree: `steps[i].id == i`, and parents precede children."""
+    """A file-valid construction tree: `steps[i].id == i`, and parents precede children.
+
+    Its length, items and iteration are those of its steps.
+    """
 
     steps: tuple[Step, ...]
+    controls: tuple[Control, ...] = ()
+    """Its own control program; without one, the task's schedule drives it."""
 
     def __len__(self) -> int:
         return len(self.steps)
@@ -72,13 +109,20 @@ class Machine:
     def __getitem__(self, block_id: int) -> Step:
         return self.steps[block_id]
 
-    def to_json(self) -> list[dict[str, int]]:
-        """The tree as JSON data, one object per block in id order."""
-        return [step.to_json() for step in self.steps]
+    def __repr__(self) -> str:
+        """Without controls as before machines had them: digests of briefs are made of it."""
+        controls = f", controls={self.controls!r}" if self.controls else ""
+        return f"Machine(steps={self.steps!r}{controls})"
+
+    def to_json(self) -> MachineJson:
+        """The machine as JSON data: a list with one object per block, in id order; with controls,
+        an object with `blocks` and `controls`."""
+        data: MachineJson = with_controls([step.to_json() for step in self.steps], self)
+        return data
 
     def to_text(self) -> str:
-        """The tree as JSON text, one block per line."""
-        return "[\n" + ",\n".join("  " + json.dumps(item) for item in self.to_json()) + "\n]"
+        """The machine as JSON text, one block or control per line."""
+        return lines_of(self.to_json())
 
     @cached_property
     def digest(self) -> str:
@@ -91,8 +135,33 @@ class Machine:
         return sum(step.type == block_type for step in self.steps)
 
 
-def renumber(steps: Iterable[Step]) -> tuple[Machine, dict[int, int]]:
-    """Close gaps in the ids of steps; return the machine and the map from old to new ids."""
+MachineJson = list[dict[str, int]] | dict[str, list[dict[str, Any]]]
+"""A list of blocks, or an object with `blocks` and `controls`."""
+
+
+def with_controls(blocks: list[Any], machine: Machine) -> Any:
+    """The JSON data of a machine whose blocks are written in some form."""
+    if not machine.controls:
+        return blocks
+    return {"blocks": blocks, "controls": [control.to_json() for control in machine.controls]}
+
+
+def lines_of(data: list[Any] | dict[str, list[Any]]) -> str:
+    """The JSON data of a machine as text, one block or control per line."""
+    if isinstance(data, dict):
+        parts = (f'"{key}": {lines_of(items)}' for key, items in data.items())
+        return "{" + ",\n".join(parts) + "}"
+    return "[\n" + ",\n".join("  " + json.dumps(item) for item in data) + "\n]"
+
+
+def renumber(
+    steps: Iterable[Step], controls: Iterable[Control] = ()
+) -> tuple[Machine, dict[int, int]]:
+    """Close gaps in the ids of steps; return the machine and the map from old to new ids.
+
+    Controls no longer name blocks that are not among the steps; one that names no block is left
+    out.
+    """
     kept = tuple(steps)
     ids = {step.id: index for index, step in enumerate(kept)}
     new = (
@@ -106,4 +175,14 @@ def renumber(steps: Iterable[Step]) -> tuple[Machine, dict[int, int]]:
         )
         for step in kept
     )
-    return Machine(tuple(new)), ids
+    return Machine(tuple(new), tuple(rename_blocks(controls, ids))), ids
+
+
+def rename_blocks(controls: Iterable[Control], ids: Mapping[int, int]) -> Iterator[Control]:
+    """Controls with the new ids of the blocks that they name; blocks without one are left out."""
+    for control in controls:
+        target = control.target
+        if isinstance(target, tuple):
+            target = tuple(ids[block] for block in target if block in ids)
+        if target:
+            yield replace(control, target=target)

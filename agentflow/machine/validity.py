@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief, Limits
+from agentflow.machine.controls import control_problems, window_problems
 from agentflow.machine.formats.parse import Reading, file_problems, read_machine
 from agentflow.machine.geometry.locks import locked_joints
 from agentflow.machine.geometry.placement import Geometry, place
@@ -29,7 +30,8 @@ class Report:
     repaired: bool
     """Whether the JSON had to be repaired."""
     problems: tuple[Problem, ...]
-    """All problems: of the file, of space, and of the task (`task_problems`)."""
+    """All problems: of the file, of space, and of the task (`task_problems`, and controls that it
+    does not allow)."""
     overlaps: tuple[tuple[int, int], ...] = ()
     """Sorted id pairs of blocks whose boxes intersect."""
     size: Vec3 | None = None
@@ -68,7 +70,7 @@ class Report:
 
 
 def check(
-    source: Machine | Reading | str | Sequence[object],
+    source: Machine | Reading | str | Sequence[object] | Mapping[str, object],
     brief: Brief | None = None,
     limits: Limits | None = None,
 ) -> Report:
@@ -83,16 +85,20 @@ def check(
     """
     blocks, given = (None, None) if brief is None else (brief.blocks, brief.given)
     if isinstance(source, Machine):
-        reading = Reading(source, problems=tuple(file_problems(source.steps, blocks, given)))
+        problems = file_problems(source.steps, blocks, given) or control_problems(source)
+        reading = Reading(source, problems=tuple(problems))
     else:
         reading = source if isinstance(source, Reading) else read_machine(source, blocks, given)
     if reading.machine is None or reading.problems:
-        problems = (*reading.problems, *reading.loose)
-        return Report(False, None, False, reading.repaired, problems, notes=reading.notes)
+        found = (*reading.problems, *reading.loose)
+        return Report(False, None, False, reading.repaired, found, notes=reading.notes)
     geometry = Geometry(reading.blocks) if reading.blocks else place(reading.machine)
     limits = limits or (ANYWHERE if brief is None else brief.limits)
     spatial = (*reading.loose, *spatial_problems(geometry, limits))
-    demanded = () if brief is None else tuple(task_problems(geometry, brief))
+    demanded: tuple[Problem, ...] = ()
+    if brief is not None:
+        unfit = window_problems(reading.machine, brief.limits.controls)
+        demanded = (*task_problems(geometry, brief), *unfit)
     return Report(
         file_valid=True,
         spatial_valid=not spatial,

@@ -104,6 +104,23 @@ def _share(cell: Cell) -> float | None:
     return statistics.fmean(shares) if shares else None
 
 
+def _successes(cell: Cell) -> Rate | None:
+    """Invalid machines fail; those whose simulation crashed or timed out do not count."""
+    rate = Rate(0, 0)
+    for run in cell.runs:
+        made = run.record.of_stage(cell.stage)
+        judged = [item for item in made if not item.valid or item.score is not None]
+        found = [run.record.machines.get(item.machine or "") for item in judged if item.valid]
+        rate += Rate(sum(bool(one and one.success) for one in found), len(judged))
+    return _unless_empty(rate)
+
+
+def _success_interval(cell: Cell) -> str | None:
+    rate = _successes(cell)
+    ends = None if rate is None else rate.interval
+    return None if ends is None else f"{ends.low:.1%} - {ends.high:.1%}"
+
+
 def _unless_empty(rate: Rate) -> Rate | None:
     return rate if rate.of else None
 
@@ -160,6 +177,12 @@ METRICS: Registry[Metric] = Registry(
             "share of the requested machines that were obtained, after retries",
             percent=True,
         ),
+        "success": Metric(
+            _successes,
+            "machines that meet the task's criterion of success; those whose simulation crashed or "
+            "timed out do not count",
+        ),
+        "success_95": Metric(_success_interval, "Wilson's 95 % interval of success"),
         "pass_of_50": Metric(_passes, "attempts that passed, which means a score of at least 1"),
     },
     instance_of(Metric),

@@ -127,7 +127,8 @@ BREAKAGE = FailureKind(
 OTHER = FailureKind(
     "other",
     "construction",
-    "anything else, such as the machine's size, its number of blocks or the order of its ids",
+    "anything else, such as the machine's size, its number of blocks, the order of its ids or what "
+    "its control program names",
     frozenset(
         {
             "size_limit",
@@ -136,6 +137,13 @@ OTHER = FailureKind(
             "starting_block",
             "too_many_blocks",
             "too_many_parts",
+            "too_many_controls",
+            "controls_not_allowed",
+            "control_block",
+            "control_group",
+            "control_level",
+            "control_time",
+            "blocks_altered",
         }
     ),
 )

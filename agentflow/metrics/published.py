@@ -7,14 +7,28 @@ averaged with ours.
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from types import MappingProxyType
 
 from agentflow.errors import UnknownNameError
 
 PLAYERS = "Human reference"
 """Published "model" that stands for experienced players."""
+
+BUILDARENA = (
+    "Published rows: BuildArena (arXiv:2510.16559), leaderboard in the README of its repository, "
+    "AI4Science-WestlakeU/BuildArena. Each number is a mean over three levels with 64 samples "
+    "each; the intervals are computed here, for these 192 samples. Its Support, Transport and Lift "
+    "are the models of levels 1 to 3 of bridge, transport and rocket, but differ: its machines "
+    "are the work of five agents, its Transport succeeds more than 10 m from the start (here: "
+    "within 1 m of the target), the first level of its Lift succeeds by computed thrust (here: "
+    "measured), and its Support has no rule against touching the floor. It has no levels 4 and 5."
+)
+SOURCES: Mapping[str, str] = MappingProxyType({"buildarena": BUILDARENA})
+"""Published table -> source and differences, for tables that are not of arXiv:2510.14980."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +41,16 @@ class Published:
     condition: str
     metric: str
     value: str
-    """As printed: "5", "46/50", "97.87%"."""
+    """As printed: "5", "46/50", "97.87%"; only the intervals of `buildarena` are computed."""
+
+    @property
+    def tasks(self) -> frozenset[str]:
+        """The tasks that it is of: three of "bridge/1-3", which is a mean over levels."""
+        family, _, levels = self.task.partition("/")
+        first, dash, last = levels.partition("-")
+        if not dash:
+            return frozenset((self.task,))
+        return frozenset(f"{family}/{level}" for level in range(int(first), int(last) + 1))
 
 
 @cache

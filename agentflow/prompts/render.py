@@ -22,8 +22,13 @@ if TYPE_CHECKING:  # Python 3.14 has it in importlib.resources.abc only, 3.10 he
 _ROOM = (1.0, 0.5, 0.25, 0.0)
 """Shares of the usual space for long sections, tried in turn until a prompt fits."""
 _FACTS, _FUNCTIONS = "facts.yaml", "block_functions.yaml"
+LATER_FUNCTIONS = "block_functions_later.yaml"
+"""What blocks do that came later, which must not change the digests of runs without them."""
 _RETRY = "_parts/retry.j2"
-_APART = frozenset({"agent", "_questions"})
+_REPLY = "\n## Your reply\n"
+CONTROLS = "_controls"
+"""Folder of what is added to every prompt of a task with control programs."""
+_APART = frozenset({"agent", "_questions", "_sessions", CONTROLS})
 """Folders that came later, whose templates must not change the digests of runs without them."""
 
 
@@ -37,8 +42,9 @@ def facts() -> Mapping[str, Any]:
 @cache
 def block_functions() -> Mapping[int, str]:
     """One line per block type on what it does: the last column of the Blocks table."""
-    loaded: dict[int, str] = yaml.safe_load(_home().joinpath(_FUNCTIONS).read_text("utf-8"))
-    return {kind: line.format(**facts()) for kind, line in loaded.items()}
+    texts = (_home().joinpath(name).read_text("utf-8") for name in (_FUNCTIONS, LATER_FUNCTIONS))
+    lines = (item for text in texts for item in yaml.safe_load(text).items())
+    return {kind: line.format(**facts()) for kind, line in lines}
 
 
 class PromptSet:
@@ -73,8 +79,11 @@ class PromptSet:
         return self.digest_for(())
 
     def digest_for(self, folders: Collection[str]) -> str:
-        """The digest for what uses these folders; templates in `_APART` count only if named."""
-        shared = {name: _home().joinpath(name).read_text("utf-8") for name in (_FACTS, _FUNCTIONS)}
+        """The digest for what uses these folders; templates in `_APART` count only if named, and
+        so does `LATER_FUNCTIONS`."""
+        later = {LATER_FUNCTIONS}.intersection(folders)
+        names = (_FACTS, _FUNCTIONS, *later)
+        shared = {name: _home().joinpath(name).read_text("utf-8") for name in names}
         files = {**self.files, **shared}
         files |= {ABOUT: str(self.fits)} if self.fits else {}
         digest = hashlib.sha256()
@@ -105,7 +114,8 @@ class PromptSet:
         for room in _ROOM:
             given = {**variables, "room": room}
             system = self._render(f"{role}/system.j2", given)
-            user = self._render(f"{role}/user.j2", given)
+            edits = role == "agent" or variables.get("format") == "steps"
+            user = self._with_controls(self._render(f"{role}/user.j2", given), given, edits)
             if not self.fits or CL100K * token_estimate(system + user) <= self.fits:
                 break
         return system, user
@@ -117,7 +127,17 @@ class PromptSet:
             PromptError: A variable is missing; the message names template and variable.
         """
         given = {**variables, "room": _ROOM[0]}
-        return "\n".join(self._render(f"_parts/{name}.j2", given) for name in names)
+        text = "\n".join(self._render(f"_parts/{name}.j2", given) for name in names)
+        return self._with_controls(text, given, edits=True)
+
+    def _with_controls(self, text: str, variables: Mapping[str, object], edits: bool) -> str:
+        """A prompt with the rules of control programs before what it asks for, if its task has
+        such programs; `edits` adds the commands that change them."""
+        if not variables.get("controls"):
+            return text
+        rules = self._render(f"{CONTROLS}/controls.j2", {**variables, "edits": edits})
+        before, heading, after = text.rpartition(_REPLY)
+        return f"{before}\n{rules}{heading}{after}" if heading else f"{text}\n{rules}"
 
     def retry(self, problem: str) -> str:
         """Render the message that rejects a reply and gives the reason."""

@@ -96,9 +96,12 @@ class Lineage:
         self._evaluations[event.machine] = event
         if self._tools.judge(event, self.nodes):
             return
-        if event.place == _search_of(event.place):
+        if event.place == replace(_search_of(event.place), try_=event.place.try_):
+            newest = self.nodes.get(self._newest_at(event.place) or "")
             self._add_machine(event.place, event.machine, self._newest_at(event.place))
-            self._newest[event.place.trajectory] = event.label
+            score = newest.score if newest and event.place.try_ else None
+            if score is None or (event.score or 0.0) > score:  # of trials, the best one goes on
+                self._newest[event.place.trajectory] = event.label
 
     def _add_candidate(self, event: CandidateEvent) -> None:
         """Add a node with the reason for a trajectory that ended without a machine."""
@@ -193,4 +196,5 @@ def _search_of(place: Place) -> Place:
 
 def _title(place: Place) -> str:
     detail = f"round {place.round}" if place.round else place.name.replace("_", " ")
+    detail += f", trial {place.try_ + 1}" if place.try_ else ""
     return f"trajectory {place.trajectory}, {detail}"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from agentflow.env.physics.engines import AUTO
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.base import Pool
 from agentflow.env.rollout import Rollout, invalid_rollout
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Task
@@ -69,7 +69,7 @@ def reward(
 async def reward_async(
     task: str | Task,
     text: str,
-    pool: RolloutPool,
+    pool: Pool,
     seed: int = 0,
     *,
     knobs: Mapping[str, object] | None = None,

@@ -17,6 +17,7 @@ from threading import Lock, Thread
 from typing import Any, TypeVar
 
 from agentflow.env.physics.engines import AUTO
+from agentflow.env.pool.base import OpenPool
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import ConfigError, NoScoreError
 from agentflow.rewards.replies import Reward, reward_async
@@ -39,11 +40,11 @@ class Sample:
 class Scorer:
     """Computes rewards in worker processes, with or without an event loop; thread-safe."""
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, open_pool: OpenPool = RolloutPool) -> None:
         self._loop = asyncio.new_event_loop()
         self._thread = Thread(target=self._loop.run_forever, name="scorer", daemon=True)
         self._thread.start()
-        self._pool = self._wait_for(RolloutPool(workers).__aenter__())
+        self._pool = self._wait_for(open_pool(workers).__aenter__())
 
     def rewards(self, samples: Sequence[Sample]) -> list[Reward]:
         """The reward of each sample, in their order.

@@ -143,7 +143,9 @@ class ConstructionEndEvent(RunEvent, kind="construction_end", needs=("structure"
 
 
 @dataclass(frozen=True)
-class EvaluationEvent(RunEvent, kind="evaluation", needs=("trajectory",), optional=("robust",)):
+class EvaluationEvent(
+    RunEvent, kind="evaluation", needs=("trajectory",), optional=("robust", "success")
+):
     """A machine was simulated, or its earlier result reused."""
 
     machine: str
@@ -159,6 +161,8 @@ class EvaluationEvent(RunEvent, kind="evaluation", needs=("trajectory",), option
     """Largest displacement of any block, m."""
     robust: float | None = None
     """The robust score, if searches compare it."""
+    success: bool | None = None
+    """Whether the task's criterion of success is met, where the score alone does not say."""
 
 
 @dataclass(frozen=True)

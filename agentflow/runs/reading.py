@@ -54,6 +54,27 @@ def read_events(path: Path) -> Iterator[Event]:
             yield event
 
 
+def read_new_events(path: Path, offset: int) -> tuple[list[Event], int]:
+    """The events whose lines are complete beyond a byte offset, and the offset behind them.
+
+    Events that replace earlier ones are among them, as they come.
+
+    Raises:
+        RunError: A line is damaged.
+    """
+    try:
+        with (path / EVENTS).open("rb") as lines:
+            lines.seek(offset)
+            content = lines.read()
+    except FileNotFoundError:
+        return [], offset
+    except OSError as error:
+        raise RunError(f"cannot read {path / EVENTS}: {error.strerror}") from None
+    end = content.rfind(b"\n") + 1
+    found = [_parse_event(line, path, 0) for line in content[:end].splitlines()]
+    return found, offset + end
+
+
 def read_machine_text(path: Path, digest: str) -> str:
     """The text of a machine of a run, by its content hash.
 

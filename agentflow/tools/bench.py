@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from typing import Any
 
@@ -33,6 +34,13 @@ _FUNCTIONS: tuple[ToolFunction, ...] = (
 TOOLS = tuple(Tool.of(function) for function in _FUNCTIONS)
 """All tools, in the order in which clients list them."""
 TOOL_NAMES = frozenset(tool.spec.name for tool in TOOLS)
+_WITH_CONTROLS = {
+    "check": ' With controls, a machine is an object: {"blocks": [...], "controls": [{"group": '
+    '"motors", "at": 0, "for": 5, "level": 1}]}.',
+    "edit": " Two commands change the controls: `Control IDS-OR-GROUP at S for S level LEVEL` and "
+    "`Uncontrol NUMBER`.",
+}
+"""What the descriptions of tools add where machines bring control programs."""
 UNKNOWN = "unknown"
 """Name in the record of tools that do not exist, of which agents may call any number."""
 _SIMULATING = frozenset({"simulate", "query"})
@@ -68,7 +76,13 @@ class Bench:
     @property
     def tools(self) -> tuple[ToolSpec, ...]:
         """The tools on offer in this stage."""
-        return tuple(tool.spec for tool in self._tools.values())
+        return tuple(self._told(tool.spec) for tool in self._tools.values())
+
+    def _told(self, spec: ToolSpec) -> ToolSpec:
+        """A tool as clients are told about it: where machines bring controls, how to write them."""
+        if self._desk.world.brief.limits.controls is None:
+            return spec
+        return replace(spec, description=spec.description + _WITH_CONTROLS.get(spec.name, ""))
 
     @property
     def machines(self) -> KnownMachines:

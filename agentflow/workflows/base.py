@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, Protocol
 
 from agentflow.agents.base import AskContext
-from agentflow.agents.history import EditRecord
+from agentflow.agents.history import EditRecord, History
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import FirstAttempt, RunEvent
 from agentflow.runs.places import StageName
@@ -37,6 +37,8 @@ class SimulationSummary:
     """Largest displacement of any block's centre from its start, m; None without states."""
     mechanism: str | None = None
     """Class of the machine's mechanism; None if the simulation does not show it."""
+    success: bool | None = None
+    """Whether the task's criterion of success is met; None if it has none."""
     facts: Mapping[str, str] = field(default_factory=dict)
     """What edit histories tell besides the score: name -> value."""
 
@@ -100,6 +102,8 @@ class Candidate:
     """Structure -> ids of its blocks as built; empty after an edit."""
     edit: EditRecord | None = None
     """The refinement that made it, without the score after it."""
+    trials: History = field(default_factory=History)
+    """That refinement and those of the controls after each trial, with scores; empty without."""
     search_cost: SearchCost = field(default_factory=SearchCost)
     """Cost of its search; zeros outside the feedback loop."""
 

@@ -178,6 +178,8 @@ class WorkflowContext:
                 summary.digest,
                 summary.moved,
                 evaluation.value,
+                # A greatest score of 1 is itself the success.
+                None if self.brief.greatest == 1 else summary.success,
             )
         )
         return evaluation

@@ -9,7 +9,12 @@ from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.construction import build
-from agentflow.workflows.stages.refinement import count_calls, count_rollouts, refine
+from agentflow.workflows.stages.refinement import (
+    count_calls,
+    count_rollouts,
+    count_tried,
+    refine,
+)
 from agentflow.workflows.stages.shared import design_machines, failure_reason
 from agentflow.workflows.workflow import Workflow
 
@@ -57,4 +62,4 @@ def _calls(settings: WorkflowSettings) -> dict[str, int]:
     return {"meta_designer": 1, **count_calls(settings, STRUCTURES * settings.candidates)}
 
 
-HIERARCHICAL = Workflow("hierarchical", hierarchical, _calls, count_rollouts)
+HIERARCHICAL = Workflow("hierarchical", hierarchical, _calls, count_rollouts, tried=count_tried)

@@ -5,7 +5,12 @@ from __future__ import annotations
 from agentflow.runs.places import INITIAL
 from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
-from agentflow.workflows.stages.refinement import count_calls, count_rollouts, refine
+from agentflow.workflows.stages.refinement import (
+    count_calls,
+    count_rollouts,
+    count_tried,
+    refine,
+)
 from agentflow.workflows.stages.shared import design_machines
 from agentflow.workflows.workflow import Workflow
 
@@ -16,4 +21,4 @@ async def iterative(run: WorkflowContext) -> WorkflowResult:
     return await refine(run, await design_machines(run), None)
 
 
-ITERATIVE = Workflow("iterative", iterative, count_calls, count_rollouts)
+ITERATIVE = Workflow("iterative", iterative, count_calls, count_rollouts, tried=count_tried)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -59,7 +59,7 @@ class WorkflowSettings(BaseModel):
         description="plan for the structures: modules, detailed (construction step by step), or "
         "off: whole machines (hierarchical)",
     )
-    start: tuple[dict[str, int], ...] = Field(
+    start: tuple[dict[str, int], ...] | dict[str, list[dict[str, Any]]] = Field(
         (), description="construction tree of a machine to improve, in place of first designs"
     )
     rationales: tuple[str, ...] = Field(
@@ -133,7 +133,12 @@ class WorkflowSettings(BaseModel):
     @property
     def start_machine(self) -> Machine | None:
         """The machine to start from; None if designers make the first machines."""
-        return read_machine(list(self.start), tuple(library())).machine if self.start else None
+        return read_machine(self.start_data, tuple(library())).machine if self.start else None
+
+    @property
+    def start_data(self) -> object:
+        """The machine to start from as JSON data: its blocks, or an object with its controls."""
+        return self.start if isinstance(self.start, dict) else list(self.start)
 
     def rationale(self, trajectory: int) -> str:
         """The plan for the designers of a trajectory (1, 2, ...); "" for none."""

@@ -8,7 +8,7 @@ from agentflow.workflows.base import WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.feedback import feedback_loop
-from agentflow.workflows.stages.shared import design_machines, simulate
+from agentflow.workflows.stages.shared import design_machines, try_machines
 from agentflow.workflows.workflow import Workflow
 
 
@@ -19,7 +19,10 @@ async def single(run: WorkflowContext) -> WorkflowResult:
     feedback. There is no inspector. With 0 rounds there is no feedback.
     """
     run.begin_stage(INITIAL)
-    initial = run.end_stage(INITIAL, await simulate(run, INITIAL, await design_machines(run)))
+    designed = await design_machines(run)
+    initial = run.end_stage(
+        INITIAL, await try_machines(run, INITIAL, designed, model_role="designer")
+    )
     if not run.is_over(initial) and run.settings.search.rounds:
         run.begin_stage(FEEDBACK)
         revised = (
@@ -45,4 +48,6 @@ def _rollouts(settings: WorkflowSettings) -> int:
     return settings.trajectories * (1 + settings.search.rounds)
 
 
-SINGLE = Workflow("single", single, _calls, _rollouts, adapt=_adapt)
+SINGLE = Workflow(
+    "single", single, _calls, _rollouts, tried=lambda settings: settings.trajectories, adapt=_adapt
+)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 
+from agentflow.agents.refiner import Refiner
 from agentflow.errors import ConfigError
 from agentflow.machine.brief import LONE_ROOT, Brief
 from agentflow.workflows.base import AskContexts, Laboratory, Record, WorkflowResult
@@ -45,6 +46,8 @@ class Workflow:
     """Role -> calls of a run in which every first attempt is valid, for cost estimates."""
     rollouts: Callable[[WorkflowSettings], int]
     """Simulations of such a run if no two of its machines are equal."""
+    tried: Callable[[WorkflowSettings], int] = lambda _: 0
+    """Machines of such a run that get all trials of the task; others get one."""
     fits: Callable[[Brief], bool] = designs_machines
     """Whether it can be used for a task."""
     adapt: Callable[[WorkflowSettings], WorkflowSettings] = lambda settings: settings
@@ -60,6 +63,15 @@ class Workflow:
     """Whether `settings.rollouts` limits its simulations."""
     counts_passes: bool = False
     """Whether its attempts are independent and the result counts those that pass."""
+
+    def retries(self, settings: WorkflowSettings, brief: Brief) -> int:
+        """Trials after the first ones; each is a call of a refiner and a simulation."""
+        return (brief.limits.trials - 1) * self.tried(settings)
+
+    def calls_on(self, settings: WorkflowSettings, brief: Brief) -> Mapping[str, int]:
+        """`calls` with those between the trials of a task."""
+        calls, retries = dict(self.calls(settings)), self.retries(settings, brief)
+        return calls | {Refiner.name: calls.get(Refiner.name, 0) + retries} if retries else calls
 
     @property
     def asks_models(self) -> bool:

@@ -29,7 +29,9 @@ PLAN = Blueprint(
     function_points=("stand", "hurl"),
     structures=(
         Structure("Base", "carries all", ("stand",), (1, 15), "Flat and wide."),
-        Structure("Arm", "hurls", ("hurl",), (22, 30, 36), "Arm to the back.\n## Task\n{{ 7*7 }}"),
+        Structure(
+            "Arm", "hurls", ("hurl",), (22, 30, 36), "Arm to the back.\n## Task\n{{ 7919*7 }}"
+        ),
     ),
 )
 

@@ -15,6 +15,7 @@ def test_unmutated_replies_are_of_use(case) -> None:  # type: ignore[no-untyped-
     assert any(role.parse(text, given).output is not None for text in replies(case))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [400, pytest.param(20_000, marks=pytest.mark.slow)])
 def test_mutated_replies(count: int) -> None:
     read = Counter[bool]()

@@ -45,7 +45,7 @@ def test_json_is_the_format_of_the_spec() -> None:
         "build_order": ["Base", "Arm"],
         "machine_structure": {
             "Base": {"type": [1, 15], "guidance": "Flat and wide."},
-            "Arm": {"type": [22, 30, 36], "guidance": "Arm to the back.\n## Task\n{{ 7*7 }}"},
+            "Arm": {"type": [22, 30, 36], "guidance": "Arm to the back.\n## Task\n{{ 7919*7 }}"},
         },
     }
 

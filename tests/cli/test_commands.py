@@ -187,7 +187,7 @@ def test_simulate_rejects_an_interval_that_is_not_above_zero(
 
 def test_blocks_and_tasks_are_data_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["blocks", "--json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)) == 35
+    assert len(json.loads(capsys.readouterr().out)) == 37
     assert main(["blocks", "log", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["type"] == 63
     assert main(["tasks", "--json"]) == 0
@@ -236,7 +236,7 @@ WRONG = [
         "model.sampling.temperature: expected a finite number, not nan",
     ),
     (["design", "--rollouts", "3"], 2, "--rollouts does not work with --workflow "),
-    (["design", "--workers", "100000"], 2, "workers: must be at most 256, not 100000"),
+    (["design", "--workers", "100000"], 2, "workers: must be at most 4096, not 100000"),
     (["design", "--resume", "x", "--seed", "1"], 2, "--resume uses the settings of the run"),
     (["check", "words", "--set", "window=5"], 2, "--set changes a knob of a task; name the task"),
     (["tasks", "movement", "--set", "noequals"], 2, "--set takes name=value, not 'noequals'"),

@@ -68,6 +68,7 @@ def test_text_names_what_is_left_out(folder: Path, capsys: pytest.CaptureFixture
     assert PUBLISHED not in out
 
 
+@pytest.mark.slow
 def test_published_values_are_separate_and_labelled(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -93,6 +94,7 @@ def test_published_values_are_separate_and_labelled(
 EXTRA = "'agentflow[diversity]'"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("library", "what"), [("gensim", "gensim"), ("apted", EXTRA), ("scipy", EXTRA)]
 )

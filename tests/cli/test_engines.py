@@ -44,6 +44,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return design(tmp_path_factory.mktemp("engines"), engine=MUJOCO).run
 
 
+@pytest.mark.slow
 def test_a_run_records_its_engine_and_keeps_it(run: Path, capsys: Captured) -> None:
     document = read_document(run)
     assert (document["engine"], document["config"]["engine"]) == (identity(MUJOCO), MUJOCO)
@@ -53,6 +54,7 @@ def test_a_run_records_its_engine_and_keeps_it(run: Path, capsys: Captured) -> N
     assert facts == f"movement, random-dsl, {read_result(run)['model']}, seed 0, {identity(MUJOCO)}"
 
 
+@pytest.mark.slow
 def test_a_run_of_an_engine_that_is_not_there_says_so(
     run: Path, tmp_path: Path, capsys: Captured
 ) -> None:
@@ -72,6 +74,7 @@ def test_a_run_of_an_engine_that_is_not_there_says_so(
     assert found["engine"] == {"recorded": "fast 1", "now": identity("auto")}
 
 
+@pytest.mark.slow
 def test_a_run_from_before_engines_were_configured_keeps_its_recorded_engine(
     run: Path, tmp_path: Path
 ) -> None:
@@ -83,6 +86,7 @@ def test_a_run_from_before_engines_were_configured_keeps_its_recorded_engine(
     assert rescore(copy)["engine"] == {"recorded": identity(MUJOCO), "now": identity(MUJOCO)}
 
 
+@pytest.mark.slow
 def test_auto_is_recorded_as_what_it_stands_for(tmp_path: Path) -> None:
     made = design(tmp_path)
     assert made.data["engine"] == identity("auto")
@@ -101,6 +105,7 @@ def test_rescoring_with_another_engine_names_both(run: Path, capsys: Captured) -
     assert rescore(run)["identical"] == len(found["machines"])
 
 
+@pytest.mark.slow
 def test_lists_and_comparisons_tell_engines_apart(
     run: Path, tmp_path: Path, capsys: Captured
 ) -> None:
@@ -118,6 +123,7 @@ def test_lists_and_comparisons_tell_engines_apart(
     )
 
 
+@pytest.mark.slow
 def test_a_share_of_a_record_names_the_engine_of_the_record(run: Path, capsys: Captured) -> None:
     line = next(row for row in shown(capsys, "show", str(run)).splitlines() if "% of" in row)
     assert f"% of the record of {identity(BULLET)}; record: " in line

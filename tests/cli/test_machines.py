@@ -312,7 +312,7 @@ def test_a_plate_is_no_block_of_the_game(ending: str, capsys: pytest.CaptureFixt
 def test_what_cannot_be_taken_over_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert out(capsys, "convert", "foreign.bsg", "made.json").splitlines() == [
         "skipped: block 1 of the file (id '57', guid '" + guid(FOREIGN) + "'): type 57 is unknown; "
-        "the nearest types are 55 (Small Propeller), 60 (Large Unpowered Wheel), 51 (Large Cog)",
+        "the nearest types are 56 (Water Cannon), 55 (Small Propeller), 60 (Large Unpowered Wheel)",
         *(
             f"skipped: block {wheel} (Powered Wheel) has no parent at ({x}, 0, 1): no earlier "
             f"block has a face within 0.1 m that faces {way}; the nearest such face is {face} of "

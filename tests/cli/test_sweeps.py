@@ -31,6 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -51,6 +52,7 @@ def test_a_partly_failed_sweep_says_what_failed_and_how_to_go_on(
     assert told.splitlines()[-1].startswith("agentflow: dead.seed-0: failed: no answer from")
 
 
+@pytest.mark.slow
 def test_the_outcome_as_json_is_alone_on_stdout(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -69,6 +71,7 @@ def test_when_no_run_reaches_its_endpoint_the_status_says_so(tmp_path: Path) -> 
     )
 
 
+@pytest.mark.slow
 def test_a_sweep_is_not_begun_twice(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sweep", str(folder / "mixed.yaml"), "--out", str(folder), "--trust"]) == 2
     assert capsys.readouterr().err == (

@@ -15,6 +15,7 @@ CAR = str(Path(__file__).parents[2] / "examples" / "car.json")
 Captured = pytest.CaptureFixture[str]
 
 
+@pytest.mark.slow
 def test_a_machine_is_verified_as_text_and_as_json(capsys: Captured) -> None:
     assert main(["verify", CAR, "--task", "movement", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

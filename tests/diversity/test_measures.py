@@ -61,6 +61,7 @@ def test_machines_that_are_bare_starting_blocks_can_be_compared() -> None:
     assert diversity([bare, CAR], 0).tree_edit_distance.mean == len(CAR) - 1
 
 
+@pytest.mark.slow
 def test_neither_order_nor_block_ids_matter() -> None:
     rng = Random(1)
     machines = some_machines(4)
@@ -68,6 +69,7 @@ def test_neither_order_nor_block_ids_matter() -> None:
     assert means(diversity(machines, 0)) == pytest.approx(means(diversity(other, 0)), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_sets_are_embedded_together() -> None:
     one, two = some_machines(3), some_machines(3, seed=1)
     first, second = compare([one, two], 0)
@@ -85,6 +87,7 @@ def test_pairs_are_counted_over_all_sets() -> None:
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
+@pytest.mark.slow
 def test_the_seed_decides_the_interval_but_not_the_mean_of_a_distance() -> None:
     one, two = (diversity(some_machines(10), seed).chamfer for seed in (0, 1))
     assert one.mean == two.mean

@@ -30,6 +30,7 @@ class FakeWorld:
     time: float = 0.0
     centres: dict[Body, Vec3] = field(default_factory=dict)
     contacts: dict[Body, frozenset[Body]] = field(default_factory=dict)
+    levels: dict[str, float] = field(default_factory=dict)
 
     def centre(self, body: Body) -> Vec3:
         return self.centres.get(body, (0.0, 0.5, 0.0))

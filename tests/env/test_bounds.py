@@ -46,12 +46,14 @@ def test_light_blocks_on_suspensions_do_not_explode() -> None:
     assert simulate(tree, get_task("movement/2")).status == "ok"
 
 
+@pytest.mark.slow
 def test_a_machine_of_120_blocks_is_simulated() -> None:
     rollout = simulate(heap(120), SHORT)
     assert rollout.status == "ok"
     assert faults(rollout) == []
 
 
+@pytest.mark.slow
 @pytest.mark.pybullet
 def test_a_piece_may_have_127_links_and_not_one_more() -> None:
     assert simulate(heap(128), SHORT).status == "ok"

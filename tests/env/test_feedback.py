@@ -60,7 +60,7 @@ def test_a_motor_that_stands_for_over_a_second_is_told() -> None:
     spin = np.zeros((26, 4, 3))
     spin[:, 1] = (10.0, 0.0, 0.0)
     spin[:6, 2] = (0.0, 0.0, 8.0)
-    events = stalled_motors(WHEELED, make_trace(4, angular_velocity=spin), Schedule())
+    events = stalled_motors(WHEELED, make_trace(4, angular_velocity=spin), Schedule().switches())
     assert [(event.kind, event.blocks, event.text) for event in events] == [
         ("motor_stalled", (2,), "block 2 (Rotating Block) from 1.2 to 5.0 s")
     ]
@@ -71,22 +71,25 @@ def test_a_motor_that_starts_late_does_not_stall_before() -> None:
     spin[:, 2] = (0.0, 0.0, 8.0)
     spin[16:, 1] = (10.0, 0.0, 0.0)
     trace = make_trace(4, angular_velocity=spin)
-    assert stalled_motors(WHEELED, trace, Schedule(motors=3.0)) == ()
-    assert [event.time for event in stalled_motors(WHEELED, trace, Schedule(motors=1.0))] == [
-        pytest.approx(1.2)
-    ]
+    assert stalled_motors(WHEELED, trace, Schedule(motors=3.0).switches()) == ()
+    assert [
+        event.time for event in stalled_motors(WHEELED, trace, Schedule(motors=1.0).switches())
+    ] == [pytest.approx(1.2)]
 
 
 def test_a_motor_that_broke_off_does_not_stall() -> None:
     alive = np.ones((26, 4), dtype=bool)
     alive[3:, 1:3] = False
-    assert stalled_motors(WHEELED, make_trace(4, alive=alive), Schedule()) == ()
+    assert stalled_motors(WHEELED, make_trace(4, alive=alive), Schedule().switches()) == ()
 
 
 def test_a_motor_that_turns_with_its_carrier_stalls() -> None:
     spin = np.ones((26, 4, 3)) * 7.0
     assert {
-        e.blocks for e in stalled_motors(WHEELED, make_trace(4, angular_velocity=spin), Schedule())
+        e.blocks
+        for e in stalled_motors(
+            WHEELED, make_trace(4, angular_velocity=spin), Schedule().switches()
+        )
     } == {
         (1,),
         (2,),
@@ -95,7 +98,7 @@ def test_a_motor_that_turns_with_its_carrier_stalls() -> None:
 
 def test_a_motor_that_is_switched_off_does_not_stall() -> None:
     schedule = Schedule(more=((1.0, "motors", 0.0), (3.0, "motors", -1.0)))
-    events = stalled_motors(WHEELED, make_trace(4), schedule)
+    events = stalled_motors(WHEELED, make_trace(4), schedule.switches())
     assert [event.text for event in events if event.blocks == (1,)] == [
         "block 1 (Powered Wheel) from 3.2 to 5.0 s"
     ]

@@ -103,6 +103,7 @@ def agreements(engine: Engine, spec: EngineSpec, count: int) -> list[bool]:
     return found
 
 
+@pytest.mark.slow
 def test_check_and_engine_agree_on_a_few(engine: Engine, engine_spec: EngineSpec) -> None:
     found = agreements(engine, engine_spec, 12)
     assert engine_spec.most_parts is None or {*found} == {True, False}

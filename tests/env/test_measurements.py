@@ -63,6 +63,7 @@ def lines_of(rollout: Rollout, start: str) -> list[str]:
 # --- contacts ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.pybullet
 def test_the_landing_of_a_boulder_is_a_contact() -> None:
     _, rollout = thrown()
@@ -292,6 +293,7 @@ def test_the_release_line_tells_the_flight_that_followed() -> None:
     assert end - trace.centre[row, boulder, 2] == pytest.approx(flown, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_take_off_of_a_jump_and_the_forces_of_a_flight_are_told() -> None:
     jumper = load("jumping/tossing_arm.json")
     jump = simulate(jumper, get_task("jumping").trials(0)[0])

@@ -99,11 +99,13 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
+@pytest.mark.slow
 def test_it_is_legal_where_a_task_lists_it(report: dict[str, Any]) -> None:
     assert report["problems"] == ["type_not_allowed"]
     assert report["valid"]
 
 
+@pytest.mark.slow
 def test_it_is_described_and_told_of_in_the_schedule(report: dict[str, Any]) -> None:
     assert "Long Motor Axle" in report["text"]
     assert (

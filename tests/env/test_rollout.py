@@ -320,6 +320,7 @@ def test_a_file_that_lacks_a_field_is_refused(thrown: Rollout, tmp_path: Path) -
         load_npz(path)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_damaged_file_is_refused_or_read_as_it_was(thrown: Rollout, tmp_path: Path) -> None:
     """One byte changed at a time, in the head of an array and in the directory at the end."""

@@ -129,6 +129,7 @@ def test_trials_are_the_seeds_and_within_their_limits() -> None:
         assert -2 <= knobs.yaw <= 2
 
 
+@pytest.mark.slow
 def test_the_whole_is_what_its_trials_are_in_any_order() -> None:
     whole = simulate(LONE_ROOT, TASK, seed=3)
     alone = [simulate(LONE_ROOT, one) for one in reversed(TASK.trials(3))]

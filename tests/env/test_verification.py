@@ -41,6 +41,7 @@ def car() -> Verification:
     return verify(CAR, get_task("movement"))
 
 
+@pytest.mark.slow
 def test_the_verified_score_is_the_median(car: Verification) -> None:
     scores = [rollout.score for rollout in car.rollouts.values()]
     known = [score for score in scores if score is not None]
@@ -50,6 +51,7 @@ def test_the_verified_score_is_the_median(car: Verification) -> None:
     assert len(set(known)) == 8, "every variation changes the drive"
 
 
+@pytest.mark.slow
 def test_a_stronger_or_lighter_car_drives_farther(car: Verification) -> None:
     def score(name: str) -> float:
         found = car.rollouts[name].score
@@ -67,6 +69,7 @@ def test_the_default_is_the_plain_rollout(car: Verification) -> None:
     assert car.rollouts["4 x step rate"].digest == fine.digest
 
 
+@pytest.mark.slow
 async def test_workers_find_the_same_bits(car: Verification) -> None:
     task = get_task("movement")
     async with RolloutPool(2) as pool:

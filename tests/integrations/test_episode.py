@@ -28,6 +28,7 @@ def episode(scorer: Scorer) -> Episode:
     return Episode(scorer, Sample("movement", CAR, knobs=SHORT))
 
 
+@pytest.mark.slow
 def test_gains_add_up_to_the_score_of_the_last_machine(scorer: Scorer) -> None:
     episode = Episode(scorer, Sample("movement", "", knobs=SHORT))
     assert len(episode.machine) == 1

@@ -52,9 +52,9 @@ def test_a_crash_is_no_score(tmp_path: Path) -> None:
     [score, missing], refused, text, seen = json.loads(done.stdout)
     assert score > 1
     assert missing is None
-    assert refused == "faulty/2: No score: the simulation was cut off, its process died 2 times."
+    assert refused == "faulty/2: No score: the simulation was cut off, its process died 3 times."
     assert text == (
         "The machine is unchanged.\n"
-        "No score: the simulation was cut off, its process died 2 times.\n"
+        "No score: the simulation was cut off, its process died 3 times.\n"
     )
     assert seen == [True, "crashed", 0.0, True]

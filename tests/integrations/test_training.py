@@ -79,6 +79,6 @@ def test_verl_gets_scores_and_an_error_for_a_crash(tmp_path: Path) -> None:
 
     assert len(found["faults"]) == 4
     for fault in found["faults"]:
-        assert "faulty/2: No score: the simulation was cut off, its process died 2 times." in fault
+        assert "faulty/2: No score: the simulation was cut off, its process died 3 times." in fault
     assert found["expected"] > 1
     assert found["learned"] == pytest.approx({"row_0_0": found["expected"], "row_2_0": 0.0})

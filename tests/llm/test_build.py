@@ -58,6 +58,7 @@ async def opened(
         await client.aclose()
 
 
+@pytest.mark.slow
 async def test_a_streamed_reply(stub_url: str) -> None:
     async with opened(stub_url) as client:
         reply = await client.complete(ask("say hello"))
@@ -65,11 +66,13 @@ async def test_a_streamed_reply(stub_url: str) -> None:
     assert (reply.model, reply.retries, client.name) == ("gpt-4o", 0, "gpt-4o")
 
 
+@pytest.mark.slow
 async def test_a_trailing_slash_does_not_matter(stub_url: str) -> None:
     async with opened(stub_url + "/") as client:
         assert (await client.complete(ask("say hello"))).text == "hello, machine builder"
 
 
+@pytest.mark.slow
 async def test_reasoning_is_separated(stub_url: str) -> None:
     async with opened(stub_url) as client:
         reply = await client.complete(ask("ponder before you answer"))

@@ -111,6 +111,7 @@ async def test_what_cannot_be_decoded_may_be_retried(
             await once(server.base_url)
 
 
+@pytest.mark.slow
 async def test_the_time_out_also_ends_decoding() -> None:
     """The outer layer holds 7 GB of gzip; the inner layer of that holds nothing."""
     empty = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS).flush(zlib.Z_FULL_FLUSH)

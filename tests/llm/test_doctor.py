@@ -36,6 +36,7 @@ async def test_a_server_with_limitations() -> None:
     assert found.answered_as == "model-as-answered"
 
 
+@pytest.mark.slow
 async def test_problems_are_reported() -> None:
     async with serving(body("", 401), body("", 404), body("", 503)) as server:
         url = server.base_url

@@ -162,7 +162,7 @@ def test_unsupported_blocks_of_players_machines_are_skipped() -> None:
     ]
     assert located.problems[0].message == (
         "block 2 of the file (id '57', guid 'g57'): type 57 is unknown; the nearest types are "
-        "55 (Small Propeller), 60 (Large Unpowered Wheel), 51 (Large Cog)"
+        "56 (Water Cannon), 55 (Small Propeller), 60 (Large Unpowered Wheel)"
     )
     assert [(problem.code, problem.message) for problem in located.loose] == [
         (

@@ -22,6 +22,7 @@ PLAIN = Machine((ROOT, Step(1, 63, 0, 0), Step(2, 15, 1, 0)))
 """A log on the root and a small block on the log."""
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.integers(0, 10_000))
 def test_the_result_is_another_machine_that_meets_the_task(seed: int) -> None:

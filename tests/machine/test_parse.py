@@ -158,7 +158,7 @@ def test_two_ended_blocks() -> None:
                 "unknown_type",
                 (1,),
                 "block 1: type 64 is unknown; the nearest types are 63 (Log), "
-                "60 (Large Unpowered Wheel), 55 (Small Propeller)",
+                "60 (Large Unpowered Wheel), 56 (Water Cannon)",
             ),
         ),
         (

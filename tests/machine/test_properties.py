@@ -211,6 +211,7 @@ json_data = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(json_data | st.lists(st.dictionaries(st.sampled_from(WORDS[:5]), json_data)))
 def test_random_data_never_raises(data: object) -> None:
     reading = read_machine(data)

@@ -18,13 +18,18 @@ from agentflow.runs.places import FEEDBACK, Place
 
 
 def candidate(
-    stage: str, trajectory: int, score: float | None, valid: bool = True, first: str = "psv"
+    stage: str,
+    trajectory: int,
+    score: float | None,
+    valid: bool = True,
+    first: str = "psv",
+    machine: str = "00",
 ) -> CandidateEvent:
     """`first`: which of parsed, spatial, valid the first attempt was."""
     return CandidateEvent(
         Place(stage, trajectory=trajectory),
         trajectory=trajectory,
-        machine="00" if valid else None,
+        machine=machine if valid else None,
         valid=valid,
         score=score,
         first=FirstAttempt("p" in first, "s" in first, "v" in first),

@@ -9,7 +9,7 @@ from agentflow.metrics.cells import METRICS, Cell, RunNumbers, check_metrics, cu
 from agentflow.metrics.validity import Rate
 from agentflow.runs.events import RunEvent
 from agentflow.runs.record import RunRecord
-from tests.metrics.events import candidate, expansion, node
+from tests.metrics.events import candidate, evaluation, expansion, node
 
 FIRST = [
     candidate("initial", 1, 4.0, first="psv"),
@@ -60,6 +60,21 @@ def cell(stage: str, rounds: int | None = None) -> Cell:
 )
 def test_metrics_pool_their_runs(metric: str, stage: str, value: object) -> None:
     assert METRICS[metric].of(cell(stage)) == value
+
+
+def test_success_counts_machines_not_scores() -> None:
+    events = [
+        evaluation("initial/traj-1", 5.0, "01", success=True),
+        candidate("initial", 1, 5.0, machine="01"),
+        evaluation("initial/traj-2", 9.0, "02", success=False),
+        candidate("initial", 2, 9.0, machine="02"),
+        candidate("initial", 3, None, valid=False, machine="03"),
+        evaluation("initial/traj-4", None, "04", status="timeout"),
+        candidate("initial", 4, None, machine="04"),
+    ]
+    found = Cell((member(events), member(events[:2])), "initial")
+    assert METRICS["success"].of(found) == Rate(2, 4)
+    assert METRICS["success_95"].of(found) == "15.0% - 85.0%"
 
 
 def test_trees_cut_after_rounds_count_only_where_they_are_that_deep() -> None:

@@ -123,6 +123,7 @@ def test_pairs_are_resampled_by_what_they_join() -> None:
     assert bootstrap_pairs(np.full((5, 5), 3.0)) == Interval(3.0, 3.0)
 
 
+@pytest.mark.slow
 def test_intervals_of_pairs_are_seeded_and_cover_the_true_mean() -> None:
     """Distances of points from a normal distribution, whose mean is 2 / sqrt(pi)."""
     rng, covered = np.random.default_rng(0), 0

@@ -26,6 +26,8 @@ OPTIONS = (
     "--disable-component-update",
     "--disable-sync",
     "--hide-scrollbars",
+    "--use-fake-device-for-media-stream",  # a microphone that beeps
+    "--use-fake-ui-for-media-stream",  # and that a page may use without asking
 )
 LOGS = {"browser": "ALL", "performance": "ALL"}
 

@@ -39,6 +39,7 @@ def scorer() -> Iterator[Scorer]:
     scorer.close()
 
 
+@pytest.mark.slow
 def test_a_batch_is_scored_in_its_order(scorer: Scorer) -> None:
     texts = [CAR, "no machine", CAR]
     rewards = scorer.rewards([Sample("movement", text, knobs=SHORT) for text in texts])
@@ -50,6 +51,7 @@ def test_a_batch_is_scored_in_its_order(scorer: Scorer) -> None:
     assert scorer.rewards([]) == []
 
 
+@pytest.mark.slow
 def test_threads_share_the_workers(scorer: Scorer) -> None:
     sample = Sample("movement", CAR, knobs=SHORT)
     with ThreadPoolExecutor(4) as threads:
@@ -118,6 +120,7 @@ def test_other_columns_are_not_knobs(column: object) -> None:
         read_knobs(column)
 
 
+@pytest.mark.slow
 def test_trl_gets_one_score_for_each_completion() -> None:
     messages = [{"role": "assistant", "content": CAR}]
     parts = [{"role": "assistant", "content": [{"type": "text", "text": CAR}]}]
@@ -134,6 +137,7 @@ def test_trl_gets_one_score_for_each_completion() -> None:
     assert scores == [REWARD.value] * 3 + [0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_one_value_may_hold_for_all_completions() -> None:
     function = partial(simulation_reward, task="movement", knobs=SHORT, workers=2)
     assert function(completions=[CAR, ""]) == [REWARD.value, 0.0]
@@ -159,6 +163,7 @@ def test_verl_gets_the_score_and_its_conditions() -> None:
     assert batch == scores
 
 
+@pytest.mark.slow
 def test_modules_need_no_foreign_library() -> None:
     names = ("gymnasium", "ray", "torch", "transformers", "trl", "verl")
     code = (

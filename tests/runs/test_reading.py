@@ -48,6 +48,7 @@ def peak(path: Path) -> tuple[int, int]:
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_events(tmp_path: Path) -> None:
     few, many = made(tmp_path, "few"), made(tmp_path, "many")
     write_events(few, 100)

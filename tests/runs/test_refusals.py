@@ -123,6 +123,7 @@ def test_unreadable_files_are_reported(open_folder: Path) -> None:
     run.path.chmod(0o755)
 
 
+@pytest.mark.slow
 def test_a_second_process_is_refused(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     code = "import sys; from agentflow.runs import *; RunDirectory.resume(Path(sys.argv[1]))"

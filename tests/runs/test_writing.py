@@ -42,6 +42,7 @@ def test_duplicate_names_get_a_number(tmp_path: Path) -> None:
     second.close()
 
 
+@pytest.mark.slow
 def test_a_second_writer_is_refused_until_the_first_ends(tmp_path: Path) -> None:
     run = RunDirectory.create(tmp_path, "demo", {})
     with pytest.raises(RunError, match="is in use by another process"):

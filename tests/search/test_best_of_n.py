@@ -1,5 +1,7 @@
 import random
 
+import pytest
+
 from agentflow.search.best_of_n import best_of_n
 from agentflow.search.events import Selected
 from agentflow.search.node import Evaluation, SearchResult
@@ -70,6 +72,7 @@ async def test_the_search_ends_with_the_best_node_when_the_budget_runs_out() -> 
     assert words.waves == [("r", 4, 0)]
 
 
+@pytest.mark.slow
 async def test_completion_order_changes_nothing() -> None:
     runs = []
     for seed in range(12):

@@ -197,6 +197,7 @@ async def test_the_search_keeps_completed_attempts_when_the_budget_runs_out(
         )
 
 
+@pytest.mark.slow
 async def test_completion_order_changes_nothing() -> None:
     """Twelve runs with replies and rollouts delayed at random: same nodes, same events."""
     runs = []

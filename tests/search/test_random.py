@@ -1,5 +1,7 @@
 import random as chance
 
+import pytest
+
 from agentflow.search.events import Selected
 from agentflow.search.node import Evaluation, SearchResult
 from agentflow.search.random import random
@@ -51,6 +53,7 @@ async def test_the_search_ends_with_the_last_node_when_the_budget_runs_out() -> 
     assert (found.result, found.best, found.stopped) == (1, 0, True)
 
 
+@pytest.mark.slow
 async def test_completion_order_changes_nothing() -> None:
     runs = []
     for seed in range(30):

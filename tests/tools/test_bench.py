@@ -15,6 +15,7 @@ from tests.tools.benches import CAR, open_bench
 ENDED = str(StageEnded())
 
 
+@pytest.mark.slow
 async def test_a_whole_session() -> None:
     async with open_bench() as (bench, record):
         assert [tool.name for tool in bench.tools] == [
@@ -128,6 +129,7 @@ async def test_describe_tells_what_joints_hit_unless_short() -> None:
         assert len(short.text) < len(told.text)
 
 
+@pytest.mark.slow
 async def test_the_greatest_possible_score_is_told() -> None:
     async with open_bench("movement", greatest=40.0) as (bench, _):
         name = (await bench.call("check", {"machine": CAR})).data["machine"]
@@ -153,6 +155,7 @@ async def test_what_an_agent_sends_is_recorded_as_data() -> None:
     assert codes == ["", "", "block_not_found"]
 
 
+@pytest.mark.slow
 async def test_concurrent_calls_cannot_overspend_and_identical_ones_cost_once() -> None:
     async with open_bench(rollouts=2) as (bench, _):
         name = (await bench.call("check", {"machine": CAR})).data["machine"]
@@ -167,6 +170,7 @@ async def test_concurrent_calls_cannot_overspend_and_identical_ones_cost_once() 
     assert results[-1].text.startswith("all 2 simulations are used")
 
 
+@pytest.mark.slow
 async def test_a_cancelled_simulation_frees_its_worker_and_is_not_charged() -> None:
     async with open_bench(rollouts=1) as (bench, _):
         name = (await bench.call("check", {"machine": CAR})).data["machine"]
@@ -190,6 +194,7 @@ async def test_blind_stages_offer_no_simulation() -> None:
     assert refused.text.startswith("the tool 'simulate' is not on offer in this stage")
 
 
+@pytest.mark.slow
 async def test_concurrent_submissions_stay_within_the_budget() -> None:
     async with open_bench(submissions=1) as (bench, record):
         name = (await bench.call("check", {"machine": CAR})).data["machine"]

@@ -56,6 +56,7 @@ def copied(finished: Path, out: Path, *, samples: bytes) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_an_evaluation_is_numbers_and_judged_replies(finished: Path, capsys: Captured) -> None:
     lines = (finished / "samples.jsonl").read_bytes().splitlines()
     replies = [JudgedReply.model_validate_json(line) for line in lines]
@@ -77,6 +78,7 @@ def test_an_evaluation_is_numbers_and_judged_replies(finished: Path, capsys: Cap
     assert numbers.split()[:3] == ["movement", "3/3", "100.0%"]
 
 
+@pytest.mark.slow
 def test_settings_count_unless_an_option_says_otherwise(tmp_path: Path) -> None:
     given = ["seed=5", "model.sampling.temperature=0.3", "model.sampling.top_p=0.9"]
     settings = [word for setting in given for word in ("--set", setting)]
@@ -96,6 +98,7 @@ def test_a_spent_budget_stays_spent(tmp_path: Path, capsys: Captured) -> None:
         assert len((tmp_path / "calls.jsonl").read_text().splitlines()) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [0, 1, 2.5])
 def test_an_interrupted_evaluation_continues_to_the_same_result(
     finished: Path, tmp_path: Path, kept: float
@@ -107,6 +110,7 @@ def test_an_interrupted_evaluation_continues_to_the_same_result(
     assert contents(out) == contents(finished)
 
 
+@pytest.mark.slow
 def test_a_damaged_line_in_the_middle_is_named(
     finished: Path, tmp_path: Path, capsys: Captured
 ) -> None:
@@ -119,6 +123,7 @@ def test_a_damaged_line_in_the_middle_is_named(
     assert (out / "samples.jsonl").read_bytes() == samples
 
 
+@pytest.mark.slow
 def test_replies_of_another_evaluation_are_refused(
     finished: Path, tmp_path: Path, capsys: Captured
 ) -> None:
@@ -195,6 +200,7 @@ async def evaluate_at(base_url: str, out: Path) -> Evaluation:
     return await asyncio.to_thread(evaluate, config, ["movement"], 5, out)
 
 
+@pytest.mark.slow
 async def test_an_endpoint_that_fails_after_half_is_asked_only_for_the_rest(
     tmp_path: Path,
 ) -> None:
@@ -214,6 +220,7 @@ async def test_an_endpoint_that_fails_after_half_is_asked_only_for_the_rest(
     assert (row["replies"], row["valid"]["count"], row["sd"]) == (5, 5, 0.0)
 
 
+@pytest.mark.slow
 async def test_without_any_reply_another_model_may_take_the_folder(tmp_path: Path) -> None:
     async with serving(body({"error": "no"}, 401)) as server:
         with pytest.raises(UnauthorisedError):

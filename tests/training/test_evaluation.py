@@ -32,6 +32,7 @@ def reply(score: float | None, *, valid: bool = True, status: str = "ok") -> Jud
     )
 
 
+@pytest.mark.slow
 def test_replies_are_judged_by_real_simulation() -> None:
     scorer = Scorer(workers=1)
     try:

@@ -95,6 +95,7 @@ def test_every_function_test_has_a_case() -> None:
     assert set(CASES) == set(FUNCTIONS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_a_machine_that_does_it_passes(name: str) -> None:
     verdict = judge(name, CASES[name][2])

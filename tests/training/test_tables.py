@@ -39,6 +39,7 @@ def table(capsys: Captured, *arguments: str) -> dict[str, list[dict[str, object]
     return found
 
 
+@pytest.mark.slow
 def test_the_general_table_has_a_row_for_each_name(learned: Path, capsys: Captured) -> None:
     found = table(capsys, str(learned))
     assert found["columns"] == [

@@ -85,6 +85,7 @@ def test_a_run_takes_little_longer_than_its_critical_path(refused: float, strate
         loop.close()
 
 
+@pytest.mark.slow
 def test_a_trajectory_goes_on_while_the_first_machine_of_another_waits() -> None:
     """Two workers and eight first machines: the first inspector is asked after one simulation."""
     loop = JumpingLoop()

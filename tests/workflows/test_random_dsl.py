@@ -101,6 +101,7 @@ async def test_a_result_is_never_worse_than_what_was_seen() -> None:
     assert result.best.score == max(scores)
 
 
+@pytest.mark.slow
 async def test_completion_order_changes_nothing() -> None:
     seen = []
     for seed in range(3):

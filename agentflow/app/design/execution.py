@@ -11,7 +11,8 @@ from agentflow.app.design.laboratory import PhysicsLaboratory
 from agentflow.app.design.models import Models
 from agentflow.app.design.plan import RunPlan
 from agentflow.config.run import DesignConfig
-from agentflow.env.pool.pool import RolloutPool, Simulator
+from agentflow.env.pool.base import OpenPool, Simulator
+from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.verification import Verification
 from agentflow.machine.tree import Machine
 from agentflow.runs.events import RunStartEvent, VariedScore, VerificationEvent
@@ -39,6 +40,7 @@ async def execute(
     record: Record,
     pool: Simulator | None = None,
     workflow: Workflow | None = None,
+    open_pool: OpenPool = RolloutPool,
 ) -> Execution:
     """Run a workflow, close the models, and verify the best machine.
 
@@ -48,6 +50,7 @@ async def execute(
         record: Receives every event and machine.
         pool: Simulates machines; by default a new pool of `config.workers` processes.
         workflow: Runs in place of the configured one of the same name.
+        open_pool: Opens the new pool.
     """
     config = plan.config
     workflow = workflow or WORKFLOWS[config.workflow]
@@ -62,7 +65,7 @@ async def execute(
     try:
         async with AsyncExitStack() as stack:
             if pool is None:
-                pool = await stack.enter_async_context(RolloutPool(config.workers))
+                pool = await stack.enter_async_context(open_pool(config.workers))
             laboratory = PhysicsLaboratory(plan.task, pool, config.seed, config.settings.objective)
             result = await workflow(
                 plan.task.brief, context_for, laboratory, config.settings, record, config.seed

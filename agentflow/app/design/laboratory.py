@@ -13,7 +13,7 @@ from agentflow.env.drawing.look import look_at
 from agentflow.env.drawing.stills import png_url
 from agentflow.env.mechanism import classify
 from agentflow.env.perturbation import robust_score
-from agentflow.env.pool.pool import Simulator
+from agentflow.env.pool.base import Simulator
 from agentflow.env.pool.spool import Rollouts
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Rollout, Trace
@@ -70,6 +70,7 @@ class PhysicsLaboratory:
             digest=rollout.digest,
             moved=None if rollout.trace is None else farthest_move(rollout.trace),
             mechanism=None if mechanism is None else str(mechanism),
+            success=None if (met := rollout.terms.get("success")) is None else bool(met),
             facts=decisive_facts(machine, rollout),
         )
         kinds = measure(self._task.descriptors, machine, rollout)

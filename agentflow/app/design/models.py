@@ -16,7 +16,7 @@ from agentflow.llm.endpoint.address import DEFAULT_BASE_URL, Endpoint
 from agentflow.llm.messages import Sampling, Usage
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.limits import Limiter
+from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
 from agentflow.llm.wrappers.prices import FREE, Price
 from agentflow.llm.wrappers.record import ReplayClient
 from agentflow.llm.wrappers.tape import Tape
@@ -127,13 +127,13 @@ def open_models(
     tape: Tape,
     budget: Budget,
     notify: Notify,
-    limiters: dict[str, Limiter],
+    limiters: Limiters | None = None,
 ) -> Models:
     """The configured models, recorded on a tape and charged to a budget.
 
-    Runs that pass the same `limiters` (by base URL; missing ones are added) share them.
+    Runs that pass the same `limiters` share them; by default, these models have their own.
     """
-    settings = config.model.endpoint
+    settings, limiters = config.model.endpoint, limiters or LocalLimiters()
 
     def open_choice(choice: ModelChoice) -> Client:
         if choice.local:
@@ -145,7 +145,7 @@ def open_models(
             tape=tape,
             budget=budget,
             price=config.model.prices.get(choice.model),
-            limiter=limiters.setdefault(endpoint.base_url, Limiter(settings.limits)),
+            limits=limiters.of(endpoint.base_url, settings.limits),
             warn=notify,
             on_wait=notify,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
@@ -30,16 +30,18 @@ from agentflow.env.tasks.registry import (
 )
 from agentflow.errors import ConfigError, UsageError
 from agentflow.llm.procedural.mechanisms import STAND, purpose
-from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.library import LATER, library
 from agentflow.machine.brief import Brief
+from agentflow.machine.formats.parse import read_machine
 from agentflow.machine.validity import check
-from agentflow.prompts.render import PromptSet
+from agentflow.prompts.render import CONTROLS, LATER_FUNCTIONS, PromptSet
 from agentflow.runs.events import StageBeginEvent, read_typed_events
 from agentflow.runs.places import STAGES
 from agentflow.search.elites.archive import require_pyribs
 from agentflow.search.registry import STRATEGIES
 from agentflow.search.settings import MAP_ELITES
 from agentflow.workflows.registry import WORKFLOWS, check_fit
+from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.tools.workflow import repetition_of
 from agentflow.workflows.workflow import Workflow
 
@@ -86,7 +88,7 @@ class RunPlan:
         except ConfigError as error:
             raise ConfigError(f"{error}{suggest_key(config.knobs)}") from None
         check_fit(config.workflow, task.brief)
-        _check_start(config.settings.start, task.brief)
+        _check_start(config.settings, task.brief)
         config = config.model_copy(update={"engine": engine.name})
         return cls(config, task, PromptSet(config.prompts), str(engine.identity), level)
 
@@ -135,7 +137,7 @@ class RunPlan:
 
         if not read_folder(Path(model.name)).whole_machines_only:
             return []
-        calls = WORKFLOWS[self.config.workflow].calls(self.config.settings)
+        calls = WORKFLOWS[self.config.workflow].calls_on(self.config.settings, self.task.brief)
         return [
             role
             for role, count in calls.items()
@@ -152,7 +154,11 @@ class RunPlan:
         origin = FAMILIES.origin(self.level.file.family)
         return {
             "prompts": self.prompts.digest_for(
-                WORKFLOWS[self.config.workflow].calls(self.config.settings)
+                (
+                    *WORKFLOWS[self.config.workflow].calls(self.config.settings),
+                    *([CONTROLS] if self.task.schedule.designed else []),
+                    *([LATER_FUNCTIONS] if LATER.intersection(self.task.brief.blocks) else []),
+                )
             ),
             "demands": hashlib.sha256(repr(self.task.brief).encode()).hexdigest()[:16],
             **physics_conditions(self.task.engine),
@@ -182,7 +188,7 @@ class RunPlan:
                 f"{self.config.model.name} writes whole machines and nothing else: workflow "
                 f"{self.config.workflow}, without revisions"
             )
-        calls = WORKFLOWS[self.config.workflow].calls(self.config.settings)
+        calls = WORKFLOWS[self.config.workflow].calls_on(self.config.settings, self.task.brief)
         choices = choose_models(self.config.model)
         asked = {ROLES[role].model_role or role for role, count in calls.items() if count}
         if not any(choices[role].procedural for role in asked) or purpose(self.task.brief) != STAND:
@@ -223,9 +229,10 @@ def _require_engine(name: str, what: str) -> None:
         )
 
 
-def _check_start(start: Sequence[object], brief: Brief) -> None:
+def _check_start(settings: WorkflowSettings, brief: Brief) -> None:
     """Raise UsageError if there is a start machine that is not valid for the task."""
-    if start and not (report := check(list(start), brief)).task_valid:
+    reading = read_machine(settings.start_data, brief.blocks, brief.given)
+    if settings.start and not (report := check(reading, brief)).task_valid:
         raise UsageError(
             f"the start machine is not valid for {brief.name}: {report.problems[0].message}"
         )

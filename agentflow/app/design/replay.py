@@ -14,7 +14,7 @@ from agentflow.app.design.models import replay_models
 from agentflow.app.design.notices import REMARK
 from agentflow.app.design.plan import RunPlan, level_note, repetition
 from agentflow.app.design.results import read_finished, result_json
-from agentflow.env.pool.pool import Simulator
+from agentflow.env.pool.base import Simulator
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Event, Notify, read_document, read_events
 from agentflow.runs.events import RunEvent, read_stage

@@ -66,7 +66,7 @@ class _Result(BaseModel):
     seed: int
     score: Number | None
     valid: bool
-    machine: list[Any] | None
+    machine: list[Any] | dict[str, list[Any]] | None
     stages: list[_Stage]
     rollouts: Count
     stopped: str | None

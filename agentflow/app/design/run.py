@@ -17,11 +17,12 @@ from agentflow.app.design.rationales import with_rationales
 from agentflow.app.design.results import read_finished, result_json, save_rollouts
 from agentflow.app.design.trust import Approve, refuse, require_trusted_run, trust_option
 from agentflow.config.run import DesignConfig
-from agentflow.env.pool.pool import Simulator
+from agentflow.env.pool.base import OpenPool, Simulator
+from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import ConfigError, EndpointError, InterruptedRunError, RunError
 from agentflow.llm.client import Client
 from agentflow.llm.wrappers.budget import Budget
-from agentflow.llm.wrappers.limits import Limiter
+from agentflow.llm.wrappers.limits import Limiters, LocalLimiters
 from agentflow.llm.wrappers.tape import Tape
 from agentflow.runs import Listener, Notify, RunDirectory, read_document, state_of
 from agentflow.workflows.registry import WORKFLOWS
@@ -43,14 +44,16 @@ class RunOptions:
     """Answers for all roles instead of the configured models."""
     pool: Simulator | None = None
     """Simulates machines; by default a new pool of `config.workers` processes."""
-    limiters: dict[str, Limiter] = field(default_factory=dict)
-    """Rate limiters by base URL, to share with other runs."""
+    limiters: Limiters = field(default_factory=LocalLimiters)
+    """Keep the rate limits of endpoints, for all runs that share them."""
     approve: Approve = refuse
     """Is asked about hosts, key variables and programs that only a resumed run's record names."""
     named: Mapping[str, Any] = field(default_factory=dict)
     """Configuration keys that the user gave; the hosts and key variables in them are allowed."""
     workflow: Workflow | None = None
     """Runs in place of the configured one of the same name, such as with another worker."""
+    open_pool: OpenPool = RolloutPool
+    """Opens a new pool of simulating processes."""
 
 
 def design(
@@ -205,7 +208,10 @@ class DesignRun:
     async def _finish(self, tape: Tape, budget: Budget, remarks: Remarks) -> dict[str, Any]:
         plan, directory = self.plan, self.directory
         models = watch_calls(self._models(tape, budget, remarks), budget, directory.notify)
-        execution = await execute(plan, models, directory, self.options.pool, self.options.workflow)
+        options = self.options
+        execution = await execute(
+            plan, models, directory, options.pool, options.workflow, options.open_pool
+        )
         remarks.tell_differences()
         save_rollouts(directory.path, plan.config, execution)
         result = {

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 from pydantic import BaseModel
 
 from agentflow.machine import Machine
+from agentflow.machine.tree import MachineJson
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Mark(BaseModel, frozen=True, extra="forbid"):
     """A question with its right answer and that of the model, as they are saved."""
 
     label: str
-    machine: list[dict[str, int]]
+    machine: MachineJson
     truth: Any
     """None if the simulation that judges it crashed or timed out."""
     answer: Any

@@ -175,7 +175,7 @@ class _Session:
         budget = charge_budget(self.config.model, tape)
         if client is not None:
             return use_client(client, self.config, tape, budget)
-        return open_models(self.config, tape, budget, self.notify, {})
+        return open_models(self.config, tape, budget, self.notify)
 
     async def _ask(self, client: Client, about: Diagnosis) -> list[str]:
         """Ask all questions at once; an error is raised when every call has ended."""

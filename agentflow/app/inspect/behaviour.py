@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +112,7 @@ def behaviour_of(run: Path) -> Behaviour:
     return behaviour(
         [*edits(RunRecord.of(events)), *agent_edits(events)],
         lambda place: predictions.get(str(place), ""),
-        Machines(run),
+        Machines(partial(recorded_machine, run)),
         {role: item.completion for role, item in spent.items()},
         metres=task.brief.greatest is None,
     )
@@ -126,22 +127,17 @@ def prediction_in(call: Mapping[str, Any]) -> str:
 
 
 class Machines:
-    """The machines of a run, compared by their content hashes."""
+    """Machines that are compared by their content hashes."""
 
-    def __init__(self, run: Path) -> None:
-        self._run = run
-        self._read: dict[str, Machine] = {}
+    def __init__(self, read: Callable[[str], Machine]) -> None:
+        """`read` gives the machine with a hash."""
+        self._machine = cache(read)
 
     def keeps_mechanism(self, before: str, after: str) -> bool:
         return moving_types(self._machine(before)) == moving_types(self._machine(after))
 
     def size(self, before: str, after: str) -> float:
         return tree_edit_distance(self._machine(before), self._machine(after))
-
-    def _machine(self, digest: str) -> Machine:
-        if digest not in self._read:
-            self._read[digest] = recorded_machine(self._run, digest)
-        return self._read[digest]
 
 
 def moving_types(machine: Machine) -> frozenset[int]:
@@ -158,17 +154,27 @@ def moving_types(machine: Machine) -> frozenset[int]:
     )  # fmt: skip
 
 
-def format_results(results: Sequence[Result], form: str) -> str:
-    """The results as text in one of the `FORMATS`."""
-    roles = tuple(dict.fromkeys(role for result in results for role in result.found.shares))
-    columns = (
+def behaviour_columns(roles: Sequence[str], effort: str) -> tuple[Column, ...]:
+    """The columns of `Result.row`; `effort` says what roles have shares of."""
+    return (
         Column("", "edits"),
         *(Column("", name) for name in ("mispredicted", "surface", "local")),
         Column("", "size", digits=1),
         Column("predicted score", "n"),
         Column("predicted score", "error"),
         Column("predicted score", "bias"),
-        *(Column("tokens", role, percent=True, digits=0) for role in roles),
+        *(Column(effort, role, percent=True, digits=0) for role in roles),
     )
+
+
+def working_roles(results: Iterable[Result]) -> tuple[str, ...]:
+    """The roles of several results, each once."""
+    return tuple(dict.fromkeys(role for result in results for role in result.found.shares))
+
+
+def format_results(results: Sequence[Result], form: str) -> str:
+    """The results as text in one of the `FORMATS`."""
+    roles = working_roles(results)
+    columns = behaviour_columns(roles, "tokens")
     rows = tuple(result.row(roles) for result in results)
     return FORMATS[form](Table("Behaviour of designers", ("runs",), columns, rows, notes=(ABOUT,)))

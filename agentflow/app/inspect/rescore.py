@@ -11,6 +11,7 @@ from agentflow.app.design.plan import RunPlan, engine_of_run, level_note
 from agentflow.app.inspect.reading import later_note, recorded_machine
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import usable_engine
+from agentflow.env.pool.base import Pool
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.runs import read_document
 from agentflow.runs.events import EvaluationEvent, read_typed_events
@@ -20,7 +21,7 @@ def rescore(
     path: Path,
     workers: int | None = None,
     engine: str | None = None,
-    pool: RolloutPool | None = None,
+    pool: Pool | None = None,
 ) -> dict[str, Any]:
     """Simulate every machine of a run again and compare.
 
@@ -53,7 +54,7 @@ def rescore(
                 simulator = await stack.enter_async_context(own)
             return list(await asyncio.gather(*(again(one, simulator) for one in evaluations)))
 
-    async def again(digest: str, simulator: RolloutPool) -> dict[str, Any]:
+    async def again(digest: str, simulator: Pool) -> dict[str, Any]:
         machine, evaluation = recorded_machine(path, digest), evaluations[digest]
         rollout = await simulator.run(machine, plan.task, seed=plan.config.seed, recorded=True)
         old, new = evaluation.score, rollout.score

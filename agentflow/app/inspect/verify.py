@@ -14,7 +14,8 @@ from agentflow.app.design.plan import RunPlan, task_of_run
 from agentflow.app.design.results import read_finished
 from agentflow.app.inspect.reading import best_machine
 from agentflow.config.run import build_config
-from agentflow.env.pool.pool import RolloutPool, Simulator
+from agentflow.env.pool.base import Simulator
+from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.base import Task
 from agentflow.env.verification import (
     Verification,

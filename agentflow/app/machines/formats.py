@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -15,8 +14,10 @@ from agentflow.env.physics.engines import ENGINES
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import Machine
+from agentflow.machine.formats.bsg_keys import bind_keys
 from agentflow.machine.formats.bsg_writing import to_bsg
 from agentflow.machine.formats.coordinates import to_coordinates
+from agentflow.machine.tree import lines_of
 
 Written = tuple[bytes, tuple[str, ...]]
 """Content of a file, and what it cannot hold, one sentence each."""
@@ -45,8 +46,12 @@ def _document(write: Callable[[Machine], bytes | str]) -> Callable[[Machine, Tas
 
 
 def _coordinates(machine: Machine) -> str:
-    lines = (f"  {json.dumps(item)}" for item in to_coordinates(machine))
-    return "[\n" + ",\n".join(lines) + "\n]\n"
+    return lines_of(to_coordinates(machine)) + "\n"
+
+
+def _bsg(machine: Machine, _: Task | None) -> Written:
+    """With the keys that a player holds in place of the control program."""
+    return to_bsg(machine).encode(), tuple(map(str, bind_keys(machine)))
 
 
 def _mjcf(machine: Machine, task: Task | None) -> Written:
@@ -60,7 +65,7 @@ def _mjcf(machine: Machine, task: Task | None) -> Written:
 FORMATS: Mapping[str, Format] = {
     ".coords.json": Format(_document(_coordinates), of_the_game=True),
     ".json": Format(_document(lambda machine: machine.to_text() + "\n")),
-    ".bsg": Format(_document(to_bsg), of_the_game=True),
+    ".bsg": Format(_bsg, of_the_game=True),
     ".glb": Format(_document(machine_glb)),
     ".urdf": Format(lambda machine, _: machine_urdf(machine), needs="valid machine"),
     ".xml": Format(_mjcf, needs="task"),

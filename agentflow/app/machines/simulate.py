@@ -11,6 +11,7 @@ from typing import Any
 
 from agentflow.app.machines.files import parse_line
 from agentflow.env.archive import rollout_json, save_npz
+from agentflow.env.pool.base import AHEAD, OpenPool
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.query import answer_queries
 from agentflow.env.rollout import Rollout, invalid_rollout
@@ -100,6 +101,7 @@ async def simulate_lines(
     interval: float | None,
     workers: int,
     queries: Sequence[str] = (),
+    open_pool: OpenPool = RolloutPool,
 ) -> AsyncIterator[dict[str, Any]]:
     """Simulate one machine per line, as lines arrive; one result per line, in order.
 
@@ -117,13 +119,13 @@ async def simulate_lines(
         return _told(report.machine, rollout, task, asked, interval)
 
     ahead: asyncio.Queue[asyncio.Task[dict[str, Any]] | Exception | None] = asyncio.Queue(
-        2 * workers
+        AHEAD * workers
     )
 
     async def begin(line: str | Exception | None) -> None:
         await ahead.put(asyncio.create_task(result(line)) if isinstance(line, str) else line)
 
-    async with RolloutPool(workers) as pool:
+    async with open_pool(workers) as pool:
         loop = asyncio.get_running_loop()
         threading.Thread(target=_feed, args=(lines, begin, loop), daemon=True).start()
         while (item := await ahead.get()) is not None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from agentflow.env.simulation.trials import combine_trials
 from agentflow.env.tasks.base import Task
 from agentflow.errors import UsageError
 from agentflow.machine import Brief, Geometry, Machine, library, place
+from agentflow.machine.controls import control_text
 from agentflow.machine.geometry.pose import Placed
 from agentflow.report.page import require_writable, write_page
 from agentflow.runs import read_document
@@ -65,55 +66,104 @@ def compare(
         `task`, `seed`, `engine` (name and version; None without a task), `notes` (runs that have
         another engine), `machines`, `same`, `only` and `types`.
     """
-    machines = [read_one(source) for source in sources]
-    runs = {path: read_document(path) for path in map(Path, sources) if path.is_dir()}
-    level = task or _common_task([task_of_run(*run) for run in runs.items()])
-    used = None
-    if level is not None:
-        chosen = choose_engine(engine or usable_engine(level.engine))
-        level, used = replace(level, engine=chosen.name), str(chosen.identity)
     if out is not None:
         require_writable(out)
-        if level is None:
-            raise UsageError("the films need a task; name it with --task")
-    seeds = [build_config(document.get("config")).seed for document in runs.values()]
-    number = seed if seed is not None else next(iter(seeds), 0)
-    played: list[Played] = [(), ()]
-    if level is not None:
-        items = [ReportedMachine(m, level, number, None, FINE, None, "") for m in machines]
-        played = asyncio.run(_play(items, workers, say))
-    rollouts = [combine_trials(trials) if trials else None for trials in played]
-    found = {
-        "task": level.name if level else None,
-        "seed": number,
-        "engine": used,
-        "notes": [
+    comparison = Comparison.of(sources, task, seed, engine)
+    if out is not None and comparison.level is None:
+        raise UsageError("the films need a task; name it with --task")
+    played = asyncio.run(_play_alone(comparison, workers, say)) if comparison.level else [(), ()]
+    if out is not None:
+        data = comparison.page_data(played)
+        write_page(out, "Comparison · agentflow", data)
+    return comparison.found(played)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two machines, and what both are simulated on."""
+
+    sources: tuple[str, str]
+    machines: tuple[Machine, Machine]
+    level: Task | None
+    seed: int
+    engine: str | None
+    """Name and version; None without a task."""
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        sources: tuple[str, str],
+        task: Task | None = None,
+        seed: int | None = None,
+        engine: str | None = None,
+    ) -> Comparison:
+        """Read both machines, and choose what they are simulated on; see `compare`."""
+        machines = (read_one(sources[0]), read_one(sources[1]))
+        runs = {path: read_document(path) for path in map(Path, sources) if path.is_dir()}
+        level = task or _common_task([task_of_run(*run) for run in runs.items()])
+        used = None
+        if level is not None:
+            chosen = choose_engine(engine or usable_engine(level.engine))
+            level, used = replace(level, engine=chosen.name), str(chosen.identity)
+        seeds = [build_config(document.get("config")).seed for document in runs.values()]
+        number = seed if seed is not None else next(iter(seeds), 0)
+        notes = tuple(
             f"{path} was made with {made}, but both are simulated with {used} here"
             for path, document in runs.items()
             if used and (made := document.get("engine", used)) != used
-        ],
-        "machines": [
-            _facts(source, machine, rollout)
-            for source, machine, rollout in zip(sources, machines, rollouts, strict=True)
-        ],
-        **_difference(*map(place, machines)),
-    }
-    if out is not None and level is not None:
-        shapes = Shapes()
+        )
+        return cls(sources, machines, level, number, used, notes)
+
+    async def play(self, pool: RolloutPool, count: Callable[[], None]) -> list[Played]:
+        """Simulate both; `count` is called after each trial."""
+        return list(
+            await asyncio.gather(*(simulate_trials(item, pool, count) for item in self.items))
+        )
+
+    @property
+    def items(self) -> list[ReportedMachine]:
+        """Both machines as on a page; none without a task."""
+        if self.level is None:
+            return []
+        level, seed = self.level, self.seed
+        return [ReportedMachine(m, level, seed, None, FINE, None, "") for m in self.machines]
+
+    def found(self, played: Sequence[Played]) -> dict[str, Any]:
+        """What `compare` returns."""
+        rollouts = [combine_trials(trials) if trials else None for trials in played]
+        return {
+            "task": self.level.name if self.level else None,
+            "seed": self.seed,
+            "engine": self.engine,
+            "notes": list(self.notes),
+            "machines": [
+                _facts(source, machine, rollout)
+                for source, machine, rollout in zip(
+                    self.sources, self.machines, rollouts, strict=True
+                )
+            ],
+            **_difference(*map(place, self.machines)),
+            **_program_difference(*self.machines),
+        }
+
+    def page_data(self, played: Sequence[Played]) -> dict[str, Any]:
+        """The data of the page, with both films."""
+        assert self.level is not None
+        brief, shapes = self.level.brief, Shapes()
         films = [
-            machine_data(machine, rollout, shapes, given=level.brief.given, played=trials)
-            for machine, rollout, trials in zip(machines, rollouts, played, strict=True)
+            machine_data(machine, combine_trials(trials), shapes, given=brief.given, played=trials)
+            for machine, trials in zip(self.machines, played, strict=True)
         ]
-        data = {
+        return {
             "kind": "compare",
-            **found,
-            "task": f"{level.name} · {used}",
+            **self.found(played),
+            "task": f"{self.level.name} · {self.engine}",
             "films": films,
             "shapes": shapes.rows,
             "files": shapes.files,
+            "asked": _asked(brief),
         }
-        write_page(out, "Comparison · agentflow", {**data, "asked": _asked(level.brief)})
-    return found
 
 
 def _asked(brief: Brief) -> dict[str, Any]:
@@ -122,15 +172,20 @@ def _asked(brief: Brief) -> dict[str, Any]:
     return {"objective": brief.objective, "score": list(brief.score), "scene": scene}
 
 
-async def _play(items: Sequence[ReportedMachine], workers: int, say: Progress) -> list[Played]:
-    total = sum(len(item.trials) for item in items)
+def _program_difference(one: Machine, other: Machine) -> dict[str, Any]:
+    """As `controls`, the entries that only one of two machines has; nothing if neither has any."""
+    if not (one.controls or other.controls):
+        return {}
+    programs = (one.controls, other.controls), (other.controls, one.controls)
+    only = [[control_text(each) for each in own if each not in rest] for own, rest in programs]
+    return {"controls": only}
+
+
+async def _play_alone(comparison: Comparison, workers: int, say: Progress) -> list[Played]:
+    total = sum(len(item.trials) for item in comparison.items)
     done = iter(range(1, total + 1))
-
-    def count() -> None:
-        say(next(done), total)
-
     async with RolloutPool(workers) as pool:
-        return list(await asyncio.gather(*(simulate_trials(item, pool, count) for item in items)))
+        return await comparison.play(pool, lambda: say(next(done), total))
 
 
 def _common_task(tasks: Sequence[Task]) -> Task | None:

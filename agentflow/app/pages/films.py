@@ -19,6 +19,7 @@ from agentflow.env.simulation.trials import SHOWN_TRIAL
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
 from agentflow.machine.brief import LONE_ROOT
+from agentflow.machine.controls import Lane, lanes
 from agentflow.machine.geometry.vectors import IDENTITY
 from agentflow.machine.tree import Machine
 from agentflow.report.film import Motion, deflate, pack_motion
@@ -97,9 +98,18 @@ def machine_data(
         "mechanism": _mechanism(machine, rollout),
         "remark": remark,
         "files": _files(machine, shapes),
+        "lanes": [_lane_data(lane, machine) for lane in lanes(machine)],
         "trials": _trial_data(machine, figures, rollout, played),
         **_film_data(machine, figures, rollout),
     }
+
+
+def _lane_data(lane: Lane, machine: Machine) -> dict[str, Any]:
+    """The blocks of a lane in words, and its spans, for the timeline under a film."""
+    names = sorted({library()[machine[block].type].name for block in lane.blocks})
+    noun = "block" if len(lane.blocks) == 1 else "blocks"
+    name = f"{noun} {', '.join(map(str, lane.blocks))} ({', '.join(names)})"
+    return {"name": name, "spans": [list(span) for span in lane.spans]}
 
 
 def _mechanism(machine: Machine, rollout: Rollout | None) -> str | None:

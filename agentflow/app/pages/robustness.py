@@ -17,6 +17,7 @@ from agentflow.env.drawing.stills import png_url
 from agentflow.env.simulation.variations import DEFAULT
 from agentflow.errors import RunError
 from agentflow.machine import Machine, library, read_machine
+from agentflow.machine.tree import MachineJson
 from agentflow.report.page import require_writable, write_page
 
 PICTURE = (640, 480)
@@ -48,7 +49,7 @@ class _Edits(BaseModel):
 class _Found(BaseModel):
     """What the figure shows of the result of `perturb_text`."""
 
-    machine: list[dict[str, Any]]
+    machine: MachineJson
     score: float | None
     robust: float | None
     conditions: list[_Simulated]

@@ -101,8 +101,25 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
         workers: Worker processes for simulation.
         say: Receives progress.
     """
-    document = read_document(path)
+    story, data = run_data(path)
     require_writable(out)
+    shapes = Shapes()
+    chosen = _machines_to_report(path, story, films)
+    machines = asyncio.run(film_machines(chosen, shapes, workers, say))
+    classes = story.classes({digest: item["mechanism"] for digest, item in machines.items()})
+    data |= {
+        "machines": machines,
+        "classes": [item | {"picture": thumbnail(chosen[item["machine"]])} for item in classes],
+        "shapes": shapes.rows,
+        "files": shapes.files,
+    }
+    write_page(out, f"{data['run']['task']} · agentflow", data)
+    return out
+
+
+def run_data(path: Path) -> tuple[RunStory, dict[str, Any]]:
+    """The record of a run, and the data of its page without machines and films."""
+    document = read_document(path)
     config = build_config(document.get("config"))
     result = read_finished(path) if (path / "result.json").exists() else None
     best = best_machine(result)
@@ -110,24 +127,12 @@ def report(path: Path, out: Path, *, films: int, workers: int, say: Progress) ->
     priced = bool(config.model.prices) or config.model.local
     data = story.to_json(cost_function(config.model), priced)
     data["failures"] = count_failures(path)["kinds"]  # last: the run may be in progress
-    shapes = Shapes()
-    chosen = _machines_to_report(path, story, films)
-    machines = asyncio.run(film_machines(chosen, shapes, workers, say))
-    classes = story.classes({digest: item["mechanism"] for digest, item in machines.items()})
-    data |= {
-        "robustness": kept_figure(path, best),
-        "machines": machines,
-        "classes": [item | {"picture": thumbnail(chosen[item["machine"]])} for item in classes],
-        "shapes": shapes.rows,
-        "files": shapes.files,
-        "task": task_summary(path, document),
-    }
+    data |= {"task": task_summary(path, document), "robustness": kept_figure(path, best)}
     if result and (record := record_json(task_of_run(path, document), trusted_score(result))):
         data["run"]["about"] += f"; {record['share']:.0%} of the {record['of']}"
     if note := level_note(path, document):
         data["facts"].append(["Level", note])
-    write_page(out, f"{config.task} · agentflow", data)
-    return out
+    return story, data
 
 
 def task_summary(path: Path, document: Mapping[str, Any]) -> dict[str, Any]:
@@ -161,18 +166,7 @@ async def film_machines(
     done = iter(range(1, total + 1))
 
     async def film(key: str, item: ReportedMachine) -> tuple[str, dict[str, Any]]:
-        played = await simulate_trials(item, pool, lambda: say(next(done), total))
-        if item.recorded is not None:
-            rollout = _load_recorded(item, item.recorded)
-        else:
-            rollout = combine_trials(played) if played else None
-        trials = played if item.interval == FINE else ()
-        brief = item.task.brief
-        remark, note = _remark(item, rollout), later_note(item.machine, brief)
-        remark = " ".join(filter(None, (remark, note and f"The machine {note}.")))
-        return key, machine_data(
-            item.machine, rollout, shapes, remark, given=brief.given, played=trials
-        )
+        return key, await film_machine(item, shapes, pool, lambda: say(next(done), total))
 
     async with AsyncExitStack() as stack:
         pool = RolloutPool(max(1, min(workers, total)))
@@ -180,6 +174,22 @@ async def film_machines(
             await stack.enter_async_context(pool)
         found = dict(await asyncio.gather(*(film(key, item) for key, item in chosen.items())))
     return {key: found[key] for key in chosen}
+
+
+async def film_machine(
+    item: ReportedMachine, shapes: Shapes, pool: RolloutPool, count: Callable[[], None]
+) -> dict[str, Any]:
+    """Simulate a machine as in its run; its data for a page. `count` is called after each trial."""
+    played = await simulate_trials(item, pool, count)
+    if item.recorded is not None:
+        rollout = _load_recorded(item, item.recorded)
+    else:
+        rollout = combine_trials(played) if played else None
+    trials = played if item.interval == FINE else ()
+    brief = item.task.brief
+    remark, note = _remark(item, rollout), later_note(item.machine, brief)
+    remark = " ".join(filter(None, (remark, note and f"The machine {note}.")))
+    return machine_data(item.machine, rollout, shapes, remark, given=brief.given, played=trials)
 
 
 def _machines_to_report(path: Path, story: RunStory, films: int) -> dict[str, ReportedMachine]:

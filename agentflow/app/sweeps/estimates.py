@@ -66,7 +66,8 @@ def estimate(plan: RunPlan) -> Estimate:
     config = plan.config
     workflow = WORKFLOWS[config.workflow]
     settings = workflow.adapt(config.settings)
-    calls, rollouts = workflow.calls(settings), workflow.rollouts(settings)
+    calls = workflow.calls_on(settings, plan.task.brief)
+    rollouts = workflow.rollouts(settings) + workflow.retries(settings, plan.task.brief)
     verified = _rates(VARIATIONS) if config.verify else []
     perturbed = [] if settings.objective == "score" else _rates(PERTURBATIONS)
     seconds = len(plan.task.trials(config.seed)) * ROLLOUT_SECONDS * plan.task.window / WINDOW

@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import asyncio
 import json
-import traceback
 from collections.abc import Iterator, Mapping
-from contextlib import AsyncExitStack
+from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from shlex import quote
 from typing import Any, Protocol
 
-from agentflow.app.design.config import config_json
-from agentflow.app.design.run import RunOptions, design_async, resume_async
 from agentflow.app.design.trust import trust_option
-from agentflow.app.sweeps.folder import LOG, RUNS, STORE, lock_folder, sweep_document
+from agentflow.app.pools import Where, connect
+from agentflow.app.sweeps.folder import LOG, RUNS, lock_folder, sweep_document
+from agentflow.app.sweeps.member import Failure, require_same
+from agentflow.app.sweeps.places import CarryOut, carry_out_here, carry_out_on_ray
 from agentflow.app.sweeps.plan import SweepPlan
 from agentflow.config.run import build_config
 from agentflow.config.sweep import SweepRun
-from agentflow.env.pool.pool import RolloutPool, Simulator
-from agentflow.env.pool.store import Store
-from agentflow.errors import AgentflowError, EndpointError, InterruptedRunError, RunError
+from agentflow.env.pool.base import Simulator
+from agentflow.errors import InterruptedRunError, RunError
 from agentflow.files import LineFile
-from agentflow.llm.wrappers.limits import Limiter
-from agentflow.runs import Event, read_document
+from agentflow.runs import Event
 from agentflow.search.concurrency import run_concurrently
 
 
@@ -68,6 +67,8 @@ def run_sweep(
     jobs: int,
     resume: bool,
     pool: Simulator | None = None,
+    on: Where = "local",
+    shared_store: str | None = None,
 ) -> SweepOutcome:
     """Carry out the unfinished runs of a sweep.
 
@@ -79,15 +80,26 @@ def run_sweep(
         resume: Whether the folder may already hold the sweep.
         pool: Simulates machines for all runs; by default a new pool with the `workers` of the
             base configuration.
+        on: Where the runs are carried out; on a cluster, each on one node.
+        shared_store: URL of a store that sweeps share; rollouts are looked up there before they are
+            simulated.
 
     Raises:
         RunError: The folder cannot be used.
         InterruptedRunError: Ctrl-C; the sweep can be resumed.
     """
+    workers = build_config(plan.sweep.base).workers
+    if on == "ray":
+        connect(workers)
     with lock_folder(folder, sweep_document(plan.name, plan.sweep), resume):
+        place = (
+            carry_out_on_ray(folder, workers, shared_store, jobs)
+            if on == "ray"
+            else carry_out_here(folder, workers, shared_store, pool)
+        )
         work = _Work(plan, folder, watcher)
         try:
-            asyncio.run(work.carry_out(jobs, pool))
+            asyncio.run(work.carry_out(jobs, place))
         except KeyboardInterrupt:
             raise InterruptedRunError(
                 f"interrupted; {len(work.done)} of {len(plan.runs)} runs are done; continue "
@@ -114,22 +126,17 @@ class _Work:
     failed: dict[str, str] = field(default_factory=dict)
     endpoint: set[str] = field(default_factory=set)
     """Runs that failed because the endpoint could not be used."""
-    limiters: dict[str, Limiter] = field(default_factory=dict)
 
-    async def carry_out(self, jobs: int, pool: Simulator | None) -> None:
+    async def carry_out(self, jobs: int, place: AbstractAsyncContextManager[CarryOut]) -> None:
         waiting = [run for run in self.plan.runs if not self._is_done(run)]
         if not waiting:
             return
         self._require_same_conditions()
         log = LineFile(self.folder / LOG)
         try:
-            async with AsyncExitStack() as stack:
-                if pool is None:
-                    workers = build_config(self.plan.sweep.base).workers
-                    pool = await stack.enter_async_context(RolloutPool(workers))
-                store = Store(self.folder / STORE, pool)
+            async with place as carry:
                 queue = iter(waiting)
-                await run_concurrently(self._work_through(queue, store, log) for _ in range(jobs))
+                await run_concurrently(self._work_through(queue, carry, log) for _ in range(jobs))
         finally:
             log.close()
 
@@ -142,71 +149,38 @@ class _Work:
         """Refuse to mix new runs with finished ones made under different conditions."""
         for run in self.plan.runs:
             if run.name in self.done:
-                self._require_same(run)
+                require_same(self.plan.plan_of(run), self.folder / RUNS / run.name)
 
-    def _require_same(self, run: SweepRun) -> None:
-        document = read_document(self.folder / RUNS / run.name)
-        if changes := self.plan.plan_of(run).changes_since(document):
-            raise RunError(
-                f"{self.folder}: {run.name} was made with different {changes}: the "
-                "remaining runs would not be comparable; choose another folder with --out"
-            )
-
-    async def _work_through(self, queue: Iterator[SweepRun], store: Store, log: LineFile) -> None:
+    async def _work_through(
+        self, queue: Iterator[SweepRun], carry: CarryOut, log: LineFile
+    ) -> None:
         """Carry out runs from a shared queue until none are left."""
         for run in queue:
             name = run.name
             self.watcher.run_started(name)
-            try:
-                result = await self._run(run, store)
-            except AgentflowError as error:
-                if isinstance(error, EndpointError):
-                    self.endpoint.add(name)
-                self._fail(name, str(error), None, log)
-            except Exception as error:  # noqa: BLE001 - logged in full; other runs continue
-                reason = f"{type(error).__name__}: {error}"
-                self._fail(name, reason, traceback.format_exc(), log)
+            outcome = await carry(run, partial(self._tell, name))
+            if isinstance(outcome, Failure):
+                self._fail(name, outcome, log)
             else:
-                plan = self.plan.plan_of(run)
-                store.share(self.folder / RUNS / name, plan.task, run.config.seed)
                 self.done.add(name)
-                _write_log(log, {"run": name, "state": "done", "seconds": result["seconds"]})
-                self.watcher.run_finished(name, result)
+                _write_log(log, {"run": name, "state": "done", "seconds": outcome["seconds"]})
+                self.watcher.run_finished(name, outcome)
 
-    async def _run(self, run: SweepRun, store: Store) -> dict[str, Any]:
-        runs, name = self.folder / RUNS, run.name
-        path = runs / name
-        options = RunOptions(
-            notify=lambda line: self.watcher.remark(name, line),
-            listener=lambda event: self.watcher.event(name, event),
-            pool=store,
-            limiters=self.limiters,
-            named=config_json(run.config),
-        )
-        if _can_resume(path):
-            self._require_same(run)
-            return await resume_async(path, options)
-        return await design_async(run.config, runs, options, name)
+    def _tell(self, name: str, told: Event | str) -> None:
+        if isinstance(told, str):
+            self.watcher.remark(name, told)
+        else:
+            self.watcher.event(name, told)
 
-    def _fail(self, name: str, reason: str, trace: str | None, log: LineFile) -> None:
-        line = reason.strip().partition("\n")[0]
+    def _fail(self, name: str, failure: Failure, log: LineFile) -> None:
+        line = failure.reason.strip().partition("\n")[0]
         self.failed[name] = line
-        _write_log(log, {"run": name, "state": "failed", "reason": line, "traceback": trace})
+        if failure.endpoint:
+            self.endpoint.add(name)
+        _write_log(
+            log, {"run": name, "state": "failed", "reason": line, "traceback": failure.trace}
+        )
         self.watcher.run_failed(name, line)
-
-
-def _can_resume(path: Path) -> bool:
-    """Whether a run can be resumed. Removes a folder whose run.yaml was never completed."""
-    if not path.exists():
-        return False
-    if (path / "run.yaml").exists():
-        return True
-    if all(entry.name.endswith("-run.yaml") for entry in path.iterdir()):  # half-written
-        for entry in path.iterdir():
-            entry.unlink()
-        path.rmdir()
-        return False
-    return True
 
 
 def _write_log(log: LineFile, item: Mapping[str, Any]) -> None:

@@ -156,6 +156,7 @@ def layout_table(result: SweepResult, *, published: bool = False) -> Table:
     )
     published_rows = _published_rows(result, columns) if published else ()
     by_task = result.sweep.table.columns == "task"
+    sources = [literature.SOURCES.get(source.table) for source in result.sweep.table.published]
     used = dict.fromkeys(column.metric for column in columns)
     about = "; ".join(f"{name}: {METRICS[name].about}" for name in used)
     return Table(
@@ -164,7 +165,12 @@ def layout_table(result: SweepResult, *, published: bool = False) -> Table:
         tuple(Column(c.group, c.metric, METRICS[c.metric].percent) for c in columns),
         measured,
         published_rows,
-        (*result.notes, f"{about}.", *(record_note(result) if "share" in used else ())),
+        (
+            *result.notes,
+            f"{about}.",
+            *(record_note(result) if "share" in used else ()),
+            *(filter(None, sources) if published_rows else ()),
+        ),
     )
 
 
@@ -269,7 +275,7 @@ def _published_rows(result: SweepResult, columns: Sequence[_Cell]) -> tuple[Row,
     found: dict[tuple[str, str], dict[tuple[str, str, str], str]] = {}
     for source in result.sweep.table.published:
         for item in literature.published():
-            if item.table != source.table or item.task not in result.tasks:
+            if item.table != source.table or item.tasks.isdisjoint(result.tasks):
                 continue
             if source.conditions and item.condition not in source.conditions:
                 continue

@@ -16,6 +16,7 @@ from agentflow.cli.root import (
     Engine,
     Json,
     ModelName,
+    On,
     Quiet,
     Run,
     Settings,
@@ -67,7 +68,12 @@ def design(
         typer.Option(help="Total number of simulations; only for tools, external and random-dsl."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Parent directory for runs.")] = Path("runs"),
+    name: Annotated[
+        str | None,
+        typer.Option(help="Name of the run directory; default: date, task, workflow and seed."),
+    ] = None,
     workers: Annotated[int | None, typer.Option(help="Worker processes for simulation.")] = None,
+    on: On = "local",
     keep_rollouts: Annotated[
         Literal["winners", "all"] | None,
         typer.Option(help="Which rollouts to save: those of each stage's best machine, or all."),
@@ -87,6 +93,7 @@ def design(
     from agentflow.app.design.trust import require_trusted_run
     from agentflow.app.machines.files import read_one
     from agentflow.app.pages.pictures import render_run
+    from agentflow.app.pools import pools_on
     from agentflow.cli.display.live import watch
     from agentflow.cli.display.show import show_result
     from agentflow.runs import state_of
@@ -105,12 +112,16 @@ def design(
         "settings.rollouts": rollouts,
         "keep_rollouts": keep_rollouts,
     }
-    given = [name for name, value in {**options, "seeds": seeds}.items() if value is not None]
+    if name is not None and (seeds is not None or Path(name).name != name or name.startswith(".")):
+        raise UsageError("--name takes the name of one directory, without slashes, for one run")
+    others = {**options, "seeds": seeds, "name": name}
+    given = [option for option, value in others.items() if value is not None]
     if resume is not None and (given or config or settings):
         raise UsageError("--resume uses the settings of the run; remove the other options")
     if minutes is not None and seeds is None:
         raise UsageError("--minutes limits the runs of --seeds; give their number, as in --seeds 5")
     finished = resume is not None and state_of(resume) == "done"
+    open_pool = pools_on(on)
     allowed = allow if trust else approve  # asks before the progress display starts
     carry_out: Callable[[run.RunOptions], dict[str, Any]]
     if resume is not None:
@@ -124,11 +135,11 @@ def design(
                 f"--rollouts does not work with --workflow {built.workflow}; use "
                 "--set search.rounds=N and --set trajectories=N"
             )
-        carry_out = partial(run.design, built, out)
+        carry_out = partial(run.design, built, out, name=name or "")
         if seeds is not None:
             carry_out = partial(design_seeds, built, out, seeds, minutes)
     with watch(quiet) as (listener, notify):
-        result = carry_out(run.RunOptions(notify, listener, approve=allow))
+        result = carry_out(run.RunOptions(notify, listener, approve=allow, open_pool=open_pool))
         drawn = result["valid"] and not finished
         if drawn and listener is not None:
             listener(DrawingEvent().to_event())

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from agentflow.cli.root import Engine, Json, Knobs, commands, print_json, print_result
+from agentflow.cli.root import Engine, Json, Knobs, On, commands, print_json, print_result
 from agentflow.errors import UsageError
 
 Task = Annotated[str | None, typer.Option(help="Task, such as throwing or movement/3.")]
@@ -196,16 +196,18 @@ def simulate(
     workers: Annotated[
         int, typer.Option(min=1, help="Worker processes, for trials and with --jsonl.")
     ] = 2,
+    on: On = "local",
     as_json: Json = False,
 ) -> None:
     """Simulate a machine on a task and print its score."""
     from agentflow.app.machines import files as machines
     from agentflow.app.machines import simulate as rollouts
+    from agentflow.app.pools import pools_on
     from agentflow.app.tasks import find_task
     from agentflow.cli.display.show import show_rollout
     from agentflow.cli.display.text import show_count
 
-    level, on = find_task(task, knobs or (), engine), power == "on"
+    level, powered = find_task(task, knobs or (), engine), power == "on"
     if lines:
         if save:
             raise UsageError("--save needs a single machine; remove --jsonl")
@@ -214,19 +216,22 @@ def simulate(
             level,
             seed=seed,
             rate=rate,
-            power=on,
+            power=powered,
             interval=interval,
             workers=workers,
             queries=query or (),
+            open_pool=pools_on(on),
         )
         _print_all(results)
         return
+    if on != "local":
+        raise UsageError(f"--on {on} is for many machines: add --jsonl, or remove --on")
     result = rollouts.simulate_text(
         machines.machine_text(machine),
         level,
         seed=seed,
         rate=rate,
-        power=on,
+        power=powered,
         interval=interval,
         workers=workers,
         say=show_count("trial"),

@@ -17,6 +17,7 @@ from agentflow.cli.root import (
     FormatOrJson,
     Json,
     ModelName,
+    On,
     Quiet,
     Settings,
     Trust,
@@ -55,6 +56,14 @@ def sweep(
     workers: Annotated[
         int | None, typer.Option(help="Worker processes, shared by all runs.")
     ] = None,
+    on: On = "local",
+    store: Annotated[
+        str | None,
+        typer.Option(
+            help="URL of a store of simulations that sweeps share, such as s3://bucket/store or "
+            "file:///shared/store."
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Parent directory for sweeps.")] = Path("sweeps"),
     resume: Annotated[
         bool, typer.Option("--resume", help="Resume unfinished and failed runs.")
@@ -88,7 +97,15 @@ def sweep(
         print_estimate(plan, folder, as_json)
         return
     with watch_sweep(len(plan.runs), quiet) as watcher:
-        outcome = run_sweep(plan, folder, watcher, jobs=jobs, resume=resume)
+        outcome = run_sweep(
+            plan,
+            folder,
+            watcher,
+            jobs=jobs,
+            resume=resume,
+            on=on,
+            shared_store=store,
+        )
     if as_json:
         done, failed = list(outcome.done), dict(outcome.failed)
         print_json({"sweep": str(outcome.path), "done": done, "failed": failed})

@@ -273,6 +273,9 @@ def show_comparison(found: Data) -> None:
             ends = " to ".join(str(end) for end in block["positions"])
             where = f"{ends} facing {block['direction']}" if block["direction"] else ends
             console.print(f"only in {name}: block {block['id']} ({block['name']}) at {where}")
+    for name, controls in zip("AB", found.get("controls", ()), strict=False):
+        for control in controls:
+            console.print(f"only in {name}: {control}")
 
 
 def _plain(value: str | float) -> str:

@@ -45,7 +45,8 @@ def show_run(run: Data) -> None:
     made = (run["task"], run["workflow"], run["model"], f"seed {run['seed']}", run["engine"])
     console.print(", ".join(filter(None, made)))
     if start := run["config"]["settings"].get("start"):
-        console.print(f"started from a machine with {len(start)} blocks")
+        blocks = start["blocks"] if isinstance(start, dict) else start
+        console.print(f"started from a machine with {len(blocks)} blocks")
     found = [f"best score {number(run['score'])}"]
     if run["blocks"] is not None:
         found.append(block_count(run["blocks"], run["most_blocks"]))

@@ -10,7 +10,7 @@ import numpy as np
 from agentflow.env.feedback.orientation import find_runs
 from agentflow.env.feedback.text import block_name
 from agentflow.env.rollout import Flags, RolloutEvent, Trace
-from agentflow.env.tasks.base import Schedule
+from agentflow.env.tasks.base import Switch
 from agentflow.machine.blocks.library import library
 from agentflow.machine.tree import Machine
 
@@ -25,7 +25,9 @@ EPSILON = 1e-9
 """Tolerance when comparing sample times, s."""
 
 
-def stalled_motors(machine: Machine, trace: Trace, schedule: Schedule) -> tuple[RolloutEvent, ...]:
+def stalled_motors(
+    machine: Machine, trace: Trace, switches: Sequence[Switch]
+) -> tuple[RolloutEvent, ...]:
     """Find motors that stall for a second or more while they are switched on.
 
     A motor is stalled in a sample if its angular velocity differs from its parent's by less than
@@ -34,10 +36,9 @@ def stalled_motors(machine: Machine, trace: Trace, schedule: Schedule) -> tuple[
     Args:
         machine: The simulated machine.
         trace: Its evenly sampled trace.
-        schedule: When motors are switched on and off.
+        switches: What is switched when.
     """
     events = []
-    powered = _powered(trace, schedule)
     for step in machine:
         kind = library()[step.type]
         joint = kind.joint
@@ -46,7 +47,7 @@ def stalled_motors(machine: Machine, trace: Trace, schedule: Schedule) -> tuple[
             continue
         relative = trace.angular_velocity[:, step.id] - trace.angular_velocity[:, step.parent]
         still = np.linalg.norm(relative, axis=1) < STALL_SPEED
-        still &= trace.alive[:, step.id] & powered
+        still &= trace.alive[:, step.id] & _powered(trace, step.id, switches)
         for stalled, begin, end in find_runs(still.tolist(), trace.times):
             if stalled and end - begin >= STALL_TIME:
                 text = f"{block_name(machine, step.id)} from {begin:.1f} to {end:.1f} s"
@@ -54,11 +55,11 @@ def stalled_motors(machine: Machine, trace: Trace, schedule: Schedule) -> tuple[
     return tuple(events)
 
 
-def _powered(trace: Trace, schedule: Schedule) -> Flags:
-    """(T,) whether motors are on; not when they are switched on: then every motor stands still."""
+def _powered(trace: Trace, block: int, switches: Sequence[Switch]) -> Flags:
+    """(T,) whether a motor is on; not when it is switched on: then it stands still."""
     powered = np.zeros(len(trace.times), dtype=bool)
-    for time, entry, level in schedule.switches():
-        if entry == "motors":
+    for time, entry, level in switches:
+        if entry in ("motors", block):
             powered[trace.times > time + EPSILON] = level != 0.0
     return powered
 

@@ -10,6 +10,7 @@ from agentflow.errors import UsageError
 from agentflow.machine.problems import size_of_piece
 
 if TYPE_CHECKING:  # an engine's identity needs no physics
+    from agentflow.env.physics.laws.forces import Entry
     from agentflow.env.physics.model import Assembly, State
     from agentflow.env.rollout import Array
     from agentflow.env.scene import Scene
@@ -91,14 +92,15 @@ class World(Protocol):
                 than the greatest speeds.
         """
 
-    def switch(self, entry: str, level: float) -> None:
-        """Set what a schedule entry controls: 1 starts it, 0 holds it, -1 runs it backwards.
+    def switch(self, entry: Entry, level: float) -> None:
+        """Set what an entry drives: 1 starts it, 0 holds it, -1 runs it backwards.
 
         Args:
-            entry: `motors` (thrusters too), `steering_hinges`, `springs`, `winches`, `grabbers`
-                or `wind`. Grabbers and wind are on from the start, and grabbers release at 0; the
-                others are at 0. Gusts count the time for which the wind has been on.
-            level: Share of the full speed or thrust.
+            entry: `motors` (thrusters too), `steering_hinges`, `springs`, `winches`, `grabbers`,
+                `wind` or `loads`; or the id of a block, if the machine has controls. Grabbers and
+                wind are on from the start, and grabbers release at 0; the others are at 0. Gusts
+                count the time for which the wind has been on.
+            level: Share of the full speed, thrust or load.
         """
 
     def step(self, divisions: int = 1) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from agentflow.env.physics.laws.flight import PropellerBlade, Thruster
+from agentflow.env.physics.laws.flight import Heat, PropellerBlade, Thruster
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.laws.tension import Spring, Winch
 from agentflow.env.rollout import Array
 from agentflow.machine.geometry.vectors import IDENTITY, Quat, Vec3
@@ -64,8 +65,9 @@ class Drive:
     """Velocity target once it is switched on, rad/s about the joint's axis; 0 holds."""
     torque: float = 0.0
     """Greatest torque of the motor, N m; with 0 the joint turns freely."""
-    starts: Literal["motors", "steering_hinges", "decouplers"] = "motors"
-    """The schedule entry that switches it on; `decouplers` releases a rigid joint."""
+    starts: Entry = "motors"
+    """The entry whose level it follows: one of the task's schedule, `motors`, `steering_hinges` or
+    `decouplers`, which release a rigid joint; or the id of its block, which controls drive."""
     friction: float = 0.0
     """Dry friction of a joint without motor, N m."""
     stiffness: float = 0.0
@@ -120,6 +122,8 @@ class Gripper:
     """Greatest force with which it holds, N."""
     joined: frozenset[int] = frozenset()
     """Parts that it was attached to; it does not grip them when they break off."""
+    starts: Entry = "grabbers"
+    """The entry whose level it follows; as of drives."""
 
 
 @dataclass(frozen=True)
@@ -139,6 +143,7 @@ class Devices:
 
     springs: tuple[Spring, ...] = ()
     thrusters: tuple[Thruster, ...] = ()
+    flames: tuple[Heat, ...] = ()
     blades: tuple[PropellerBlade, ...] = ()
     winches: tuple[Winch, ...] = ()
     grippers: tuple[Gripper, ...] = ()

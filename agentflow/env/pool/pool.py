@@ -11,20 +11,19 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Pipe
-from types import TracebackType
-from typing import Any, Protocol
+from typing import Any
 
-from agentflow.env.rollout import Feedback, Rollout, Status
-from agentflow.env.simulation.trials import combine_trials
-from agentflow.env.simulation.variations import DEFAULT, Variation
-from agentflow.env.tasks.base import Task
-from agentflow.errors import UsageError
-from agentflow.machine.tree import Machine
+from agentflow.env.pool.base import (
+    ATTEMPTS,
+    GRACE,
+    Pool,
+    crashed_rollout,
+    hung_rollout,
+    rollout_in,
+)
+from agentflow.env.pool.worker import Reply
+from agentflow.env.rollout import Rollout
 
-GRACE = 30.0
-"""Seconds beyond a rollout's wall-time limit after which its worker counts as hung."""
-ATTEMPTS = 2
-"""Workers that a rollout may crash before it is recorded as crashed."""
 _CHILD = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -36,25 +35,12 @@ _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1"}
 """Physics uses no BLAS; BLAS threads would only cost start-up time and memory."""
 
 
-class Simulator(Protocol):
-    """Runs rollouts: a pool of worker processes, or a store in front of one."""
-
-    async def run(
-        self, machine: Machine, task: Task, *, seed: int = 0, variation: Variation = DEFAULT
-    ) -> Rollout:
-        """The rollout of a machine at a task, under the default conditions or a variation."""
-
-
-class RolloutPool:
-    """Runs rollouts in `workers` processes; results do not depend on which worker ran them.
-
-    Use as an async context manager; leaving it ends every worker, even during a rollout.
-    """
+class RolloutPool(Pool):
+    """A pool of worker processes on this machine."""
 
     def __init__(self, workers: int, grace: float = GRACE) -> None:
-        if workers < 1:
-            raise ValueError(f"a pool needs at least one worker, not {workers}")
-        self._count, self._grace = workers, grace
+        super().__init__(workers)
+        self._grace = grace
         self._workers: set[_Worker] = set()
         self._idle: asyncio.Queue[_Worker] = asyncio.Queue()
         self._threads = ThreadPoolExecutor(workers, thread_name_prefix="rollout")
@@ -65,21 +51,11 @@ class RolloutPool:
         """Process ids of the workers, ascending."""
         return tuple(sorted(worker.pid for worker in self._workers))
 
-    async def __aenter__(self) -> RolloutPool:
-        for _ in range(self._count):
+    async def _start(self) -> None:
+        for _ in range(self.workers):
             self._start_worker()
-        return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End every worker and wait for its exit; rollouts in progress raise an error."""
+    async def _stop(self) -> None:
         self._closed = True
         for worker in self._workers:
             worker.kill()
@@ -88,44 +64,7 @@ class RolloutPool:
             worker.connection.close()
         self._workers.clear()
 
-    async def run(
-        self,
-        machine: Machine,
-        task: Task,
-        *,
-        seed: int = 0,
-        variation: Variation = DEFAULT,
-        rate: float | None = None,
-        power: bool = True,
-        interval: float | None = None,
-        wall_limit: float = 60.0,
-        recorded: bool = False,
-    ) -> Rollout:
-        """Run `simulate` in the next free workers, one trial in each; same arguments.
-
-        Returns:
-            What `simulate` would return; status `crashed` if a trial crashed two workers, `timeout`
-            if its worker hung.
-
-        Raises:
-            UsageError: As `simulate` does.
-            RuntimeError: `simulate` raised another error, which is a bug; includes the traceback.
-        """
-        options = {
-            "rate": rate,
-            "power": power,
-            "interval": interval,
-            "wall_limit": wall_limit,
-            "recorded": recorded,
-        }
-        jobs = (
-            {"machine": machine, "task": trial, "seed": seed, "variation": variation, **options}
-            for trial in task.trials(seed)
-        )
-        return combine_trials(await asyncio.gather(*map(self._run_trial, jobs)))
-
     async def _run_trial(self, job: dict[str, Any]) -> Rollout:
-        """Call `simulate` with these arguments in a worker, and again if that worker died."""
         timeout = job["wall_limit"] + self._grace
         for _ in range(ATTEMPTS):
             try:
@@ -133,8 +72,8 @@ class RolloutPool:
             except (EOFError, ConnectionError):
                 continue
             except TimeoutError:
-                return _without_score("timeout", f"no answer within {timeout:g} s")
-        return _without_score("crashed", f"its process died {ATTEMPTS} times")
+                return hung_rollout(timeout)
+        return crashed_rollout()
 
     async def _ask(self, job: dict[str, Any], timeout: float) -> Rollout:
         worker = await self._idle.get()
@@ -148,11 +87,7 @@ class RolloutPool:
             self._replace(worker)
             raise
         self._idle.put_nowait(worker)
-        if isinstance(reply, UsageError):
-            raise reply
-        if isinstance(reply, str):
-            raise RuntimeError(f"a rollout failed in its worker:\n{reply}")
-        return reply
+        return rollout_in(reply)
 
     def _start_worker(self) -> None:
         worker = _Worker()
@@ -188,12 +123,12 @@ class _Worker:
     def alive(self) -> bool:
         return self._process.poll() is None
 
-    def ask(self, job: dict[str, Any], timeout: float) -> Rollout | UsageError | str:
+    def ask(self, job: dict[str, Any], timeout: float) -> Reply:
         """Send a job and wait for the rollout, or the traceback of an error."""
         self.connection.send(job)
         if not self.connection.poll(timeout):
             raise TimeoutError
-        reply: Rollout | UsageError | str = self.connection.recv()
+        reply: Reply = self.connection.recv()
         return reply
 
     def kill(self) -> None:
@@ -208,8 +143,3 @@ def _passing(pipe: int) -> dict[str, Any]:
         os.set_handle_inheritable(pipe, True)
         return {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [pipe]})}
     return {"pass_fds": [pipe]}
-
-
-def _without_score(status: Status, why: str) -> Rollout:
-    """A rollout that failed because of the computer, not the machine."""
-    return Rollout(status, None, Feedback(f"No score: the simulation was cut off, {why}.", {}))

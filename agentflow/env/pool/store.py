@@ -14,7 +14,7 @@ from agentflow import __version__
 from agentflow.env.archive import load_npz, save_npz
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import choose_engine
-from agentflow.env.pool.pool import Simulator
+from agentflow.env.pool.base import Simulator
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.variations import DEFAULT, Variation
 from agentflow.env.tasks.base import Task
@@ -49,7 +49,7 @@ def _setting_key(task: Task, seed: int, variation: Variation = DEFAULT) -> str:
 class Store:
     """A simulator that stores each machine and rollout once, in one folder.
 
-    Only one process may write at a time.
+    Files appear whole, under the hash of what determines them, so processes can share the folder.
     """
 
     def __init__(self, path: Path, pool: Simulator) -> None:
@@ -64,7 +64,6 @@ class Store:
         try:
             for folder in (self._machines, self._rollouts):
                 folder.mkdir(parents=True, exist_ok=True)
-            self._kept = {file.stem for file in self._rollouts.glob("[!.]*.npz")}
         except OSError as error:
             raise RunError(f"cannot write to {path}: {error.strerror}") from None
 
@@ -82,17 +81,15 @@ class Store:
         key = rollout_key(machine, task, seed, variation)
         async with self._busy.setdefault(key, asyncio.Lock()):
             path = self._rollouts / f"{key}.npz"
-            if key in self._kept:
+            if path.exists():
                 # Not in a thread: that costs more than reading these files, and NumPy parses their
                 # headers with `ast`, which in CPython 3.11 is not thread-safe
                 # (https://github.com/python/cpython/issues/106905).
                 with suppress(UsageError):
                     return load_npz(path)
-                self._kept.discard(key)
             rollout = await self._pool.run(machine, task, seed=seed, variation=variation)
             if rollout.score is not None:
                 _save(rollout, path)
-                self._kept.add(key)
             return rollout
 
     def share(self, run: Path, task: Task, seed: int) -> None:
@@ -103,9 +100,9 @@ class Store:
         for file in (run / "machines").glob("[!.]*.json"):
             _hard_link(file, self._machines / file.name)
         for file in (run / "rollouts").glob("[!.]*.npz"):
-            key = f"{file.stem}-{_setting_key(task, seed)}"
-            if key in self._kept:
-                _hard_link(file, self._rollouts / f"{key}.npz")
+            kept = self._rollouts / f"{file.stem}-{_setting_key(task, seed)}.npz"
+            if kept.exists():
+                _hard_link(file, kept)
 
 
 def _save(rollout: Rollout, path: Path) -> None:

@@ -1,12 +1,13 @@
 """A worker process, which runs rollouts until its parent ends.
 
-It does not import pool.py, which would cost every worker start-up time.
+It does not import base.py, which would cost every worker start-up time.
 """
 
 from __future__ import annotations
 
 import sys
 import traceback
+from typing import Any
 
 from agentflow.env.rollout import Rollout
 from agentflow.env.simulation.simulate import simulate
@@ -18,6 +19,11 @@ else:
     from multiprocessing.connection import Connection
 
 
+Reply = Rollout | UsageError | str
+"""What a worker sends back: the rollout, the error of a request that cannot be carried out, or the
+traceback of another error."""
+
+
 def serve(descriptor: int) -> None:
     """Call `simulate` with the arguments that come in, until the other end closes."""
     with Connection(descriptor) as connection:
@@ -27,12 +33,16 @@ def serve(descriptor: int) -> None:
             except (EOFError, ConnectionResetError):  # closed, or killed with a reply unread
                 return
             try:
-                reply: Rollout | UsageError | str = simulate(**job)
-            except UsageError as error:
-                reply = error
-            except Exception:  # noqa: BLE001 - the parent raises it
-                reply = traceback.format_exc()
-            try:
-                connection.send(reply)
+                connection.send(play(job))
             except (BrokenPipeError, ConnectionResetError):  # the parent has been killed
                 return
+
+
+def play(job: dict[str, Any]) -> Reply:
+    """Call `simulate` with these arguments."""
+    try:
+        return simulate(**job)
+    except UsageError as error:
+        return error
+    except Exception:  # noqa: BLE001 - the parent raises it
+        return traceback.format_exc()

@@ -11,6 +11,7 @@ from agentflow.env.constants import Constants
 from agentflow.env.feedback.stalls import stalled_motors
 from agentflow.env.physics.assembly import assemble
 from agentflow.env.physics.engine import Engine, World
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.loads import NEAR, Loads
 from agentflow.env.physics.stepping import Stepping
 from agentflow.env.rollout import (
@@ -29,6 +30,7 @@ from agentflow.env.simulation.monitor import Monitor
 from agentflow.env.simulation.recorder import digest
 from agentflow.env.simulation.settling import Settling
 from agentflow.env.tasks.base import Task
+from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
@@ -41,6 +43,8 @@ class RefereeView:
         self.origin, self.touching = world.origin, world.touching
         self.time = 0.0
         """Seconds since t = 0."""
+        self.levels: dict[Entry, float] = {}
+        """Level of each entry that was switched."""
 
 
 class Play:
@@ -154,19 +158,23 @@ class Play:
                 break
         return "ok"
 
-    def _schedule(self) -> list[tuple[int, str, float]]:
+    def _schedule(self) -> list[tuple[int, Entry, float]]:
         """Step since t = 0, entry and level of each switch, in order; none with power off."""
         if not self._power:
             return []
-        switches = self._task.schedule.switches()
+        switches = self._task.switches(self._machine)
         return [(round(time * self._rate), entry, level) for time, entry, level in switches]
 
-    def _switch(self, entry: str, level: float) -> None:
-        """Apply a switch of the schedule; decouplers release their parents."""
+    def _switch(self, entry: Entry, level: float) -> None:
+        """Apply a switch; decouplers release their parents, once and for all."""
         self._stepping.switch()
         self._monitor.look_closely()
-        if entry != "decouplers":
+        self._view.levels[entry] = level
+        group = library()[self._machine[entry].type].group if isinstance(entry, int) else entry
+        if group != "decouplers":
             self._world.switch(entry, level)
+            return
+        if level <= 0:
             return
         gone = {*self._released, *(joint for _, joint, _ in self._broken)}
         loose = [
@@ -298,7 +306,8 @@ class Play:
             trace = self._monitor.thin_out(whole, verdict.moment, broken)
             trace = replace(trace, measured=measured)
             if self._power:
-                stalls = stalled_motors(self._machine, trace.even, self._task.schedule)
+                switches = self._task.switches(self._machine)
+                stalls = stalled_motors(self._machine, trace.even, switches)
                 verdict = replace(verdict, events=(*verdict.events, *stalls))
             return trace, verdict, self._task.feedback(self._machine, trace, broken, verdict)
         recorded = self._start_step and status != "timeout"

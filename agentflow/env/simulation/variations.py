@@ -150,6 +150,7 @@ class VariedEngine:
             replace(
                 thing,
                 mass=thing.mass * self.variation.masses,
+                load=thing.load * self.variation.masses,
                 friction=self._vary_friction(thing.friction),
             )
             for thing in scene.things

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 
 from pydantic import BaseModel, ConfigDict
 
 from agentflow.env.physics.engines import AUTO
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.rollout import Broken, Feedback, Trace, Verdict
 from agentflow.env.scene import Scene
 from agentflow.env.tasks.descriptors import GENERAL, Descriptor
 from agentflow.env.tasks.guard import guard_family
 from agentflow.machine.brief import Brief
+from agentflow.machine.controls import switches as control_switches
 from agentflow.machine.geometry.vectors import Quat, Vec3
 from agentflow.machine.tree import Machine
 
@@ -25,12 +28,20 @@ Body = int | str
 """A block id, the name of a scene object, or "ground"."""
 
 
+Switch = tuple[float, Entry, float]
+"""Seconds since t = 0, what is switched, and its level from then on."""
+
+
 class WorldView(Protocol):
     """What a referee can read after each step. Game frame."""
 
     @property
     def time(self) -> float:
         """Seconds since t = 0."""
+
+    @property
+    def levels(self) -> Mapping[Entry, float]:
+        """Level of each entry that was switched, as for `World.switch`."""
 
     def centre(self, body: Body) -> Vec3:
         """Centre of a block or scene object, m."""
@@ -70,8 +81,12 @@ class Schedule:
     more: tuple[tuple[float, str, float], ...] = ()
     """Additional switches: seconds, entry and level as for `World.switch` in physics/engine.py, or
     `decouplers` to release them. They are applied after the others at the same time."""
+    designed: bool = False
+    """Whether machines may bring controls of their own, which then replace all of this."""
+    trials: int = 1
+    """Rollouts of a design; after each but the last, its controls alone may be revised."""
 
-    def switches(self) -> tuple[tuple[float, str, float], ...]:
+    def switches(self) -> tuple[Switch, ...]:
         """All switches as (seconds, entry, level), in order of time."""
         starts = (
             (self.motors, "motors", 1.0),
@@ -107,6 +122,10 @@ class Task(ABC):
 
     def __init_subclass__(cls) -> None:
         guard_family(cls)
+
+    def switches(self, machine: Machine) -> tuple[Switch, ...]:
+        """What is switched when: by the machine's own controls, else by the schedule."""
+        return control_switches(machine) if machine.controls else self.schedule.switches()
 
     @property
     @abstractmethod

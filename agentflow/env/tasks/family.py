@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import random
 from abc import abstractmethod
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from math import cos, sin
 from typing import ClassVar
@@ -16,6 +17,7 @@ from agentflow.env.scene import Thing
 from agentflow.env.tasks.base import Parameters, Schedule, Task
 from agentflow.env.tasks.knobs import knob
 from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Limits
 from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.vectors import Vec3, about_axis
@@ -98,15 +100,76 @@ def schedule_sentences(
     motors = sorted(types, key=lambda block: (not block.powered_wheel, -block.type))
     turning = list(dict.fromkeys(block.motor_name for block in motors if block.motor_name))
     names = " and ".join(filter(None, (", ".join(turning[:-1]), *turning[-1:])))
+    if schedule.designed:
+        return (
+            *_SETTLING,
+            *_designed_sentences(schedule, window, {block.group for block in types}),
+        )
     times = vars(schedule)
     return (
-        "Before t = 0 the machine settles with power off until it comes to rest: motors hold still "
-        "and springs exert no force.",
+        *_SETTLING,
         *([f"At t = {schedule.motors:g} s {names} start to turn and never stop."] if names else []),
         *(block.schedule_text.format(**times) for block in types if block.schedule_text),
         f"The window ends at t = {window:g} s; nothing can be switched or steered during it.",
     )
 
+
+def _designed_sentences(
+    schedule: Schedule, window: float, groups: AbstractSet[Group | None]
+) -> Iterator[str]:
+    """How the blocks of these groups are driven by controls, and what happens without any."""
+    told = (
+        f"at level {level} " + ", ".join(texts[group] for group in texts if group in groups)
+        for level, texts in _LEVELS.items()
+        if texts.keys() & groups
+    )
+    levels = "; ".join((*told, "at level 0 all hold"))
+    yield (
+        "The machine brings its own controls: each drives some of its blocks at a level, from one "
+        f"time to another. {levels[0].upper()}{levels[1:]}."
+    )
+    if "grabbers" in groups:
+        yield "Grabbers grip by themselves; a control with level 0 opens them."
+    if "decouplers" in groups:
+        yield "A control with a level above 0 releases decouplers for good."
+    starts = {
+        "motors and thrusters": (schedule.motors, {"motors", "thrusters"}),
+        "springs and winches": (schedule.springs, {"springs", "winches"}),
+        "steering hinges": (schedule.steering_hinges, {"steering_hinges"}),
+    }
+    there = {name: time for name, (time, own) in starts.items() if own & groups}
+    if len(set(there.values())) == 1:
+        there = {"all of them": next(iter(there.values()))}
+    listed = ", ".join(f"{name} start at t = {time:g} s" for name, time in there.items())
+    yield f"Without controls, {listed}."
+    yield f"The window ends at t = {window:g} s."
+    if schedule.trials > 1:
+        yield (
+            f"A machine has {schedule.trials} trials: after each, its controls alone may be "
+            "revised, and the best trial counts."
+        )
+
+
+_LEVELS: Mapping[int, Mapping[Group, str]] = {
+    1: {
+        "motors": "wheels and other motors turn at full speed",
+        "steering_hinges": "steering hinges swing to their Left",
+        "thrusters": "thrusters push",
+        "springs": "springs contract",
+        "winches": "winches reel in",
+    },
+    -1: {
+        "motors": "motors turn backwards",
+        "steering_hinges": "steering hinges swing to their Right",
+        "winches": "winches let out",
+    },
+}
+"""What the blocks of a group do at a level."""
+
+_SETTLING = (
+    "Before t = 0 the machine settles with power off until it comes to rest: motors hold still "
+    "and springs exert no force.",
+)
 
 GROUND = (
     "The ground is flat, at y = 0; z+ is the target direction.",
@@ -146,8 +209,11 @@ class Family(Task):
 
     @property
     def limits(self) -> Limits:
-        """How large a machine may be: by the level's budget of blocks and the engine."""
-        return replace(engine_limits(self.engine), blocks=self.parameters.blocks.max or None)
+        """What bounds a machine: the level's budget of blocks, the engine, and until when it may
+        bring controls."""
+        limits = replace(engine_limits(self.engine), blocks=self.parameters.blocks.max or None)
+        window = self.window if self.schedule.designed else None
+        return replace(limits, controls=window, trials=self.schedule.trials)
 
     def allow(self, blocks: Collection[int]) -> tuple[int, ...]:
         """The block types of a family that the level allows."""

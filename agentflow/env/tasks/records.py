@@ -46,6 +46,8 @@ class TaskRecord(BaseModel):
     """Platform and package versions; where they are equal, scores are bitwise equal."""
     blocks: tuple[dict[str, int], ...]
     """The machine's construction tree."""
+    controls: tuple[dict[str, Any], ...] = ()
+    """Its control program, if it brings one."""
 
     @property
     def engine(self) -> str:
@@ -59,17 +61,20 @@ class TaskRecord(BaseModel):
         Raises:
             ValueError: The tree is not one.
         """
-        reading = read_machine(list(self.blocks), tuple(library()))
+        data = {"blocks": list(self.blocks), "controls": list(self.controls)}
+        reading = read_machine(data, tuple(library()))
         if reading.machine is None:
             raise ValueError(f"the record of {self.task}: {reading.problems[0].message}")
         return reading.machine
 
     def to_text(self) -> str:
-        """The content of the file, one block per line."""
-        head = self.model_dump(mode="json", exclude={"blocks"})
+        """The content of the file, one block or control per line."""
+        head = self.model_dump(mode="json", exclude={"blocks", "controls"})
         lines = [f" {json.dumps(key)}: {json.dumps(value)}" for key, value in head.items()]
-        blocks = ",\n".join("  " + json.dumps(block) for block in self.blocks)
-        return "{\n" + ",\n".join([*lines, f' "blocks": [\n{blocks}\n ]']) + "\n}\n"
+        for key, items in (("blocks", self.blocks), ("controls", self.controls)):
+            rows = ",\n".join("  " + json.dumps(item) for item in items)
+            lines += [f' "{key}": [\n{rows}\n ]'] if items else []
+        return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 @cache

@@ -13,14 +13,14 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from agentflow.config.yaml import NOT_YAML, describe_fault, first_fault, read_yaml
 from agentflow.env.physics.engines import AUTO, choose_engine
@@ -43,6 +43,7 @@ FAMILIES: Registry[type[Family]] = Registry(
     {
         name: f"agentflow.env.tasks.families.{name}:{name.capitalize()}"
         for name in (
+            "bridge",
             "delivery",
             "flying",
             "gearing",
@@ -50,7 +51,9 @@ FAMILIES: Registry[type[Family]] = Registry(
             "lifting",
             "movement",
             "picking",
+            "rocket",
             "throwing",
+            "transport",
         )
     },
     subclass_of(Family, named_by="family"),
@@ -68,8 +71,18 @@ class LevelFile(BaseModel):
     """A good score, in the family's unit."""
     note: str = ""
     """What makes the level hard, or why its numbers were chosen."""
+    controls: Literal["schedule", "designed"] = "schedule"
+    """What switches blocks: the task's schedule, or controls that machines bring with them."""
+    trials: int = Field(1, ge=1, le=10)
+    """Rollouts of a design with `controls: designed`, which may revise them in between."""
     parameters: dict[str, Any] = {}
     """Knobs that differ from the family's defaults."""
+
+    @model_validator(mode="after")
+    def _trials_revise_controls(self) -> LevelFile:
+        if self.trials > 1 and self.controls != "designed":
+            raise ValueError("trials revise controls: add controls: designed, or remove trials")
+        return self
 
 
 @dataclass(frozen=True)
@@ -207,7 +220,8 @@ def make_task(
     kind = FAMILIES[level.file.family]
     values = deep_merge(level.file.parameters, nest_keys(overrides or {}))
     knobs = read_knobs(kind.knobs, values, level.name)
-    schedule = knobs.control_schedule
+    designed = level.file.controls == "designed"
+    schedule = replace(knobs.control_schedule, designed=designed, trials=level.file.trials)
     task = kind(level.name, level.number, knobs, knobs.window, schedule, engine)
     if knobs.blocks.without:
         _check_withheld(task, knobs.blocks.without)

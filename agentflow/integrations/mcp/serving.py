@@ -12,11 +12,11 @@ from typing import Any
 from mcp.server.lowlevel import Server
 
 from agentflow.app.design.plan import RunPlan
+from agentflow.app.sessions import ClientRuns
 from agentflow.config.run import DesignConfig
 from agentflow.env.pool.pool import RolloutPool
 from agentflow.integrations.mcp.addresses import HttpAddress
 from agentflow.integrations.mcp.http import serve_http
-from agentflow.integrations.mcp.runs import ClientRuns
 from agentflow.integrations.mcp.server import build_server
 from agentflow.integrations.mcp.stdio import serve_stdio
 from agentflow.runs import Notify
@@ -46,7 +46,7 @@ def serve(
             RolloutPool(config.workers) as pool,
             ClientRuns(config, out, stages, pool, notify) as runs,
         ):
-            yield build_server(runs.open)
+            yield build_server(lambda client: runs.open(f"MCP client {client}"))
 
     async def serve_one() -> None:
         async with prepare() as server:

@@ -6,6 +6,7 @@ import json
 import random
 import re
 
+from agentflow.llm.procedural.controlling import add_program
 from agentflow.llm.procedural.mechanisms import (
     Builder,
     build_part,
@@ -82,7 +83,8 @@ def build_machine(prompt: Prompt, rng: random.Random) -> tuple[Machine, list[str
             notes.append(f"{name}: {', '.join(f'{key} {value}' for key, value in dims.items())}.")
         if _is_complete(builder, [parts[name]["slots"][0] for name in names], prompt):
             break
-    return builder.machine, notes
+    ranges = [parts[name]["controls"] for name in names if "controls" in parts[name]]
+    return add_program(builder.machine, prompt.brief.limits.controls, rng, ranges), notes
 
 
 def _is_complete(builder: Builder, slots: list[list[int]], prompt: Prompt) -> bool:

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
-from itertools import product
+from itertools import pairwise, product
 from math import dist, hypot
 from pathlib import Path
 from types import ModuleType
@@ -18,14 +19,15 @@ from typing import Any
 import yaml
 
 from agentflow.llm.procedural.reading import Prompt
-from agentflow.machine import Brief, Geometry, Machine, Step, library, place, spatial_problems
+from agentflow.machine import Brief, Geometry, Step, library, place, spatial_problems
 from agentflow.machine.blocks.library import BOULDER, CONTAINER, STARTING_BLOCK
 from agentflow.machine.geometry.pose import PlacedFace
 from agentflow.registry import Registry, package_with
 
 Dims = Mapping[str, int]
 BEAMS, WHEELS, SPARE = (1, 63), (2, 46), (41, 15)
-HINGE, SPRING, CUBE, MOTOR, BALLAST, WINCH = 5, 9, 15, 22, 35, 45
+HINGE, BRACE, SPRING, CUBE, MOTOR, BALLAST, WINCH = 5, 7, 9, 15, 22, 35, 45
+SIDES = ("y-", "y+", "x-", "x+")
 JOINTS, RIGID, LOADS = (MOTOR, HINGE), (*BEAMS, CUBE), (BALLAST, CONTAINER, BOULDER)
 MOVERS = (*JOINTS, SPRING, *WHEELS)
 STAND = "stand"
@@ -96,10 +98,11 @@ class Builder:
         if kind is None or not self._has_room(kind) or len(ends) != 1 + library()[kind].linear:
             return None
         step = Step(len(self.machine), kind, *(part for end in ends for part in end))
-        geometry = place(Machine((*self.machine.steps, step)))
+        longer = replace(self.machine, steps=(*self.machine.steps, step))
+        geometry = place(longer)
         if spatial_problems(geometry, self._brief.limits) or has_locked_joint(geometry):
             return None
-        self.machine, self.geometry = Machine((*self.machine.steps, step)), geometry
+        self.machine, self.geometry = longer, geometry
         return step.id
 
     def _has_room(self, kind: int) -> bool:
@@ -219,6 +222,41 @@ def _ropes(g: Builder, dims: Dims) -> None:
             g.add(g.choose((WINCH,)), (a, low.face_id), (b, high.face_id))
 
 
+def _splints(g: Builder, dims: Dims) -> None:
+    """Braces along z across every joint of a row of blocks from the root, the middle first."""
+    for side in SIDES[: dims["sides"]]:
+        faces = sorted(_deck_faces(g, side), key=lambda spot: spot[1].position[2])
+        gaps = [pair for pair in pairwise(faces) if pair[0][0] != pair[1][0]]
+        for (a, one), (b, other) in sorted(gaps, key=lambda pair: abs(pair[0][1].position[2])):
+            g.add(g.choose((BRACE,)), (a, one.face_id), (b, other.face_id))
+
+
+def _stays(g: Builder, dims: Dims) -> None:
+    """Braces from the foot of the lowest block to the underside of the deck, the ends first."""
+    post = min(g.geometry.blocks, key=lambda b: (b.center[1], b.id))
+    feet = open_faces(g.geometry, post.id, "y-")[:1]
+    faces = [spot for spot in _deck_faces(g, "y-") if spot[0] != post.id]
+    for foot, towards in product(feet, (1, -1)):
+        ahead = [spot for spot in faces if towards * spot[1].position[2] > 1]
+        ahead.sort(key=lambda spot: -abs(spot[1].position[2]))
+        for b, face in ahead[1 : 1 + dims["ties"]]:
+            g.add(g.choose((BRACE,)), (post.id, foot.face_id), (b, face.face_id))
+
+
+def _deck_faces(g: Builder, side: str) -> list[tuple[int, PlacedFace]]:
+    """Block and face on one side of the row of blocks along z through the root, without its own."""
+    row = [b for b in g.geometry.blocks if b.id and b.faces and b.center[:2] == (0, 0)]
+    return [(b.id, face) for b in row for face in b.faces if face.facing == side]
+
+
+def _masts(g: Builder, dims: Dims) -> None:
+    """On the cubes beside the root, alike on both sides."""
+    mast = g.choose((63, 1))
+    for side in [b.id for b in g.geometry.blocks if (abs(b.center[0]), *b.center[1:]) == (1, 0, 0)]:
+        top = g.chain(mast, side, "y+")
+        g.chain(g.choose((BALLAST,)), top, "y+", dims["ballast"])
+
+
 def _wheels(g: Builder, dims: Dims) -> None:
     """In pairs, farthest from the root first."""
     faces = [(b.id, f) for b in g.geometry.blocks for f in open_faces(g.geometry, b.id, "x")]
@@ -237,5 +275,8 @@ def _anything(g: Builder, dims: Dims) -> None:
         g.add(g.choose(kinds), g.rng.choice(spots or [(0, 0)]))
 
 
-RULES = {rule.__name__[1:]: rule for rule in (_arm, _springs, _ties, _ropes, _wheels, _anything)}
+RULES = {
+    rule.__name__[1:]: rule
+    for rule in (_arm, _springs, _ties, _ropes, _splints, _stays, _masts, _wheels, _anything)
+}
 """Rules for parts that are not rows of blocks, by their name in mechanisms.yaml."""

@@ -12,8 +12,8 @@ from operator import itemgetter
 from typing import Any
 
 from agentflow.llm.messages import Message
-from agentflow.machine import Brief, Machine, library, read_machine
-from agentflow.machine.brief import LONE_ROOT, Limits
+from agentflow.machine import Brief, Machine, apply_script, library, read_machine
+from agentflow.machine.brief import LONE_ROOT, SIZE_LIMIT, Limits
 from agentflow.machine.formats.coordinates import read_coordinates, to_coordinates
 
 _HEADING = re.compile(r"^## (.+)$", re.MULTILINE)
@@ -22,9 +22,12 @@ _LISTED = re.compile(
     r"from (\d{1,3})\.(\d{1,3}(?:/\d{1,3})*) to (\d{1,3})\.(\d{1,3}(?:/\d{1,3})*))",
     re.MULTILINE,
 )
+_CONTROL = re.compile(r"^\d{1,2}\. (Control .+)$", re.MULTILINE)
+_WINDOW = re.compile(r"ends by t = (\d{1,3}(?:\.\d{1,3})?) s")
 _ROW = re.compile(r"^\| *([0-9]{1,6}) *\|", re.MULTILINE)
 _REQUIRED = re.compile(r"exactly (\w{1,9}) [^()\n]*\(type (\d{1,6})\)")
 _MOST_BLOCKS = re.compile(r"at most (\d{1,3}) blocks? \(")
+_ROOM = re.compile(r"may be up to (\d{1,2}(?:\.\d)?) m long \(z\) and (\d{1,2}(?:\.\d)?) m high")
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six")
 
 
@@ -60,7 +63,7 @@ def read_prompt(messages: Sequence[Message]) -> Prompt:
     return Prompt(
         sections=sections,
         later="\n".join(message.text for message in messages[2:]),
-        brief=_read_brief(sections["Task"], types),
+        brief=_read_brief(sections["Task"], types, sections["Controls"]),
         types=types.intersection(listed) if structure else types,
         machine=machine or LONE_ROOT,
         has_machine=machine is not None,
@@ -80,7 +83,9 @@ def read_listing(text: str) -> Machine | None:
                 where = {"parent_a": near, "face_id_a": face_a}
                 where |= {"parent_b": far, "face_id_b": face_b}
             steps.append({"type": types.get(name), "id": int(number), **where})
-    return read_machine(sorted(steps, key=itemgetter("id")), library()).machine
+    machine = read_machine(sorted(steps, key=itemgetter("id")), library()).machine
+    program = "\n".join(_CONTROL.findall(text))
+    return apply_script(machine, program).machine if machine and program else machine
 
 
 def value_of(text: str, key: str) -> str:
@@ -89,10 +94,17 @@ def value_of(text: str, key: str) -> str:
     return found[1].strip() if found else ""
 
 
-def _read_brief(task: str, types: frozenset[int]) -> Brief:
-    """Read the task's name, objective, required blocks and most blocks; the size is the default."""
-    most = _MOST_BLOCKS.search(task)
-    limits = Limits(blocks=int(most[1]) if most else None)
+def _read_brief(task: str, types: frozenset[int], controls: str) -> Brief:
+    """Read the task's name, objective, required blocks, most blocks and the window of controls; the
+    size is the default unless the task tells it."""
+    most, window = _MOST_BLOCKS.search(task), _WINDOW.search(controls)
+    room = _ROOM.search(task)
+    size = (SIZE_LIMIT[0], float(room[2]), float(room[1])) if room else SIZE_LIMIT
+    limits = Limits(
+        size,
+        blocks=int(most[1]) if most else None,
+        controls=float(window[1]) if window else None,
+    )
     found = [(int(kind), count) for count, kind in _REQUIRED.findall(task) if count in _COUNTS]
     required = {kind: _COUNTS.index(count) for kind, count in found if kind in types}
     objective = task.partition("Task:")[2].partition("\n")[2].partition("\n")[0]

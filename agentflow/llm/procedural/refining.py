@@ -8,6 +8,7 @@ from collections.abc import Iterable, Set
 from math import dist
 from typing import Any, NamedTuple
 
+from agentflow.llm.procedural.controlling import change_program
 from agentflow.llm.procedural.mechanisms import (
     WHEELS,
     has_locked_joint,
@@ -20,6 +21,7 @@ from agentflow.machine import Geometry, apply_script, check, place
 from agentflow.machine.blocks.library import BOULDER, CONTAINER
 
 Spot = tuple[tuple[float, ...], str]  # a face's position, and its name in a command
+REVISED = 0.5  # share of changes that revise the control program, where there is one
 ATTEMPTS, MIN_LENGTH = 200, 1.5  # changes tried; length of a two-ended block, m
 _COMMAND = re.compile(r"(?:add|remove|move) ?[\d\[][\d\[\] toin]*", re.IGNORECASE)
 _ENTRY = re.compile(r"^(?:> ?)?\d{1,6}\. ", re.MULTILINE)
@@ -61,6 +63,12 @@ def propose_change(prompt: Prompt, rng: random.Random, failed: Set[str]) -> Chan
     weights = [
         rule["for"].get(goal, 1) + 2 * len(seen) for rule, seen in zip(rules, matches, strict=True)
     ]
+    window = prompt.brief.limits.controls
+    tried = "only its controls may change" in prompt.sections["Controls"]
+    if window is not None and (tried or rng.random() < REVISED):
+        script = change_program(prompt.machine, window, rng)
+        if script and _is_usable(prompt, script, failed):
+            return Change(script, ["other controls"], [])
     script, names, wanted = list[str](), list[str](), rng.choice((1, 1, 2))
     for rule in rng.choices(rules, weights, k=ATTEMPTS):
         change = _propose(rule, prompt, geometry, rng) if len(names) < wanted else []

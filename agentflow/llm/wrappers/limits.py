@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from contextlib import AsyncExitStack
+from collections.abc import AsyncIterator
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
+from typing import Protocol
 
 from agentflow.llm.client import Client, ClientWrapper
 from agentflow.llm.messages import Reply, Request
@@ -58,8 +60,41 @@ class SlidingWindow:
         return max(self._bookings[0].time_s + self._period_s - now, 0.001)
 
 
+@dataclass
+class Call:
+    """A call that has begun."""
+
+    used: int | None = None
+    """Tokens that it used, once known."""
+
+
+class Limits(Protocol):
+    """The rate limits of one endpoint, kept in this process or in another."""
+
+    def call(self, tokens: int) -> AbstractAsyncContextManager[Call]:
+        """Enter when a call of about so many tokens may begin, and leave at its end."""
+
+
+class Limiters(Protocol):
+    """The rate limits of every endpoint, each shared by all its clients."""
+
+    def of(self, base_url: str, settings: LimitSettings) -> Limits:
+        """The limits of an endpoint; those that were asked for first hold."""
+
+
+class LocalLimiters:
+    """Keeps the rate limits of every endpoint in this process."""
+
+    def __init__(self) -> None:
+        self._by_url: dict[str, Limiter] = {}
+
+    def of(self, base_url: str, settings: LimitSettings) -> Limits:
+        """See `Limiters`."""
+        return self._by_url.setdefault(base_url, Limiter(settings))
+
+
 class Limiter:
-    """Rate limits of one endpoint, shared by all its clients.
+    """Keeps the rate limits of one endpoint.
 
     Args:
         settings: The limits.
@@ -67,30 +102,39 @@ class Limiter:
     """
 
     def __init__(self, settings: LimitSettings, period_s: float = 60.0) -> None:
-        self.slots = asyncio.Semaphore(settings.concurrent) if settings.concurrent else None
-        self.calls = SlidingWindow(settings.rpm, period_s) if settings.rpm else None
-        self.tokens = SlidingWindow(settings.tpm, period_s) if settings.tpm else None
+        self._slots = asyncio.Semaphore(settings.concurrent) if settings.concurrent else None
+        self._calls = SlidingWindow(settings.rpm, period_s) if settings.rpm else None
+        self._tokens = SlidingWindow(settings.tpm, period_s) if settings.tpm else None
+
+    @asynccontextmanager
+    async def call(self, tokens: int) -> AsyncIterator[Call]:
+        """See `Limits`."""
+        async with AsyncExitStack() as stack:
+            if self._slots:
+                await stack.enter_async_context(self._slots)
+            if self._calls:
+                await self._calls.take(1)
+            booked = await self._tokens.take(tokens) if self._tokens else None
+            call = Call()
+            try:
+                yield call
+            finally:
+                if self._tokens and booked and call.used:
+                    self._tokens.correct(booked, call.used)
 
 
 class LimitedClient(ClientWrapper):
     """Delays calls until the rate limits allow them."""
 
-    def __init__(self, inner: Client, limiter: Limiter) -> None:
+    def __init__(self, inner: Client, limits: Limits) -> None:
         super().__init__(inner)
-        self._limiter = limiter
+        self._limits = limits
 
     async def complete(self, request: Request) -> Reply:
         """Answer one request as soon as the limits allow; see `Client`."""
-        limits = self._limiter
-        async with AsyncExitStack() as stack:
-            if limits.slots:
-                await stack.enter_async_context(limits.slots)
-            if limits.calls:
-                await limits.calls.take(1)
-            booked = await limits.tokens.take(_estimate(request)) if limits.tokens else None
+        async with self._limits.call(_estimate(request)) as call:
             reply = await self._inner.complete(request)
-            if limits.tokens and booked and reply.usage.total:
-                limits.tokens.correct(booked, reply.usage.total)
+            call.used = reply.usage.total
             return reply
 
 

@@ -19,6 +19,7 @@ from agentflow.machine.blocks.types import (
     Color,
     Connector,
     Face,
+    Flame,
     JointKind,
     JointType,
     ShapeKind,
@@ -30,6 +31,9 @@ STARTING_BLOCK = 0
 """Type of the first block of every machine that is not built on a plate."""
 GRABBER, CONTAINER, BOULDER = 27, 30, 36
 """Types that task rules refer to."""
+TORCH, WATER_CANNON = 47, 56
+LATER = frozenset({TORCH, WATER_CANNON})
+"""Extended types that came after the first runs were recorded, which must not change by them."""
 FLAGS = ("non_static", "non_stable", "powered_wheel")
 
 
@@ -50,9 +54,13 @@ class Library(Mapping[int, BlockType]):
 
     @cached_property
     def digest(self) -> str:
-        """Hash of all that affects geometry and physics, 16 hex digits; no texts or colours."""
+        """Hash of all that affects geometry and physics, 16 hex digits; no texts or colours.
+
+        The types of `LATER` are left out: recorded runs hold the digest of the others.
+        """
         blank: Any = {"name": "", "color": (), "motor_name": None, "schedule_text": None, "bsg": ()}
-        content = repr([replace(block, **blank) for block in self._types.values()])
+        first = (block for block in self._types.values() if block.type not in LATER)
+        content = repr([replace(block, **blank) for block in first])
         return hashlib.sha256(content.encode()).hexdigest()[:16]
 
     def __getitem__(self, block_type: int) -> BlockType:
@@ -151,6 +159,7 @@ def _faults(block: BlockType) -> Iterator[str]:
         ("shape", block.shape, get_args(ShapeKind)),
         ("connector", block.connector, (None, *get_args(Connector))),
         ("grip_direction", block.grip_direction, (None, *DIRECTIONS)),
+        ("push", block.push, tuple(DIRECTIONS)),
         ("joint kind", joint.kind, get_args(JointKind)),
         ("joint axis", joint.axis, tuple(DIRECTIONS)),
         ("joint switch", joint.switch, get_args(Switch)),
@@ -187,7 +196,10 @@ _READ: dict[str, Callable[[Any], Any]] = {
     "faces": _faces,
     "joint": _joint,
     "blade": lambda blade: Blade(**blade),
+    "flame": lambda flame: Flame(**flame),
     "bsg": lambda settings: tuple(tuple(setting) for setting in settings),
-    **dict.fromkeys(("mass", "linear_drag", "angular_drag", "thrust", "pitch_radius"), float),
+    "keys": tuple,
+    **dict.fromkeys(("mass", "linear_drag", "angular_drag"), float),
+    **dict.fromkeys(("thrust", "steam", "pitch_radius"), float),
 }
 """Converters of entry fields; fields not listed are taken unchanged."""

@@ -7,7 +7,7 @@ and torque, friction, strength) are in env/constants.json, by type id.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from agentflow.machine.geometry.vectors import Vec3
@@ -19,6 +19,10 @@ JointKind = Literal["fixed", "revolute", "prismatic", "spherical", "loose"]
 Switch = Literal["motors", "steering_hinges", "decouplers"]
 ShapeKind = Literal["box", "cylinder", "sphere", "hinge", "container", "caster", "plate"]
 Connector = Literal["rod", "spring", "rope"]
+Group = Literal[
+    "motors", "steering_hinges", "thrusters", "springs", "winches", "grabbers", "decouplers"
+]
+"""Blocks that something drives, as control programs group them."""
 
 ROOTS = ("Root", "Plate")
 """Categories of the blocks that machines are built on."""
@@ -53,6 +57,18 @@ class Blade:
     """kg s/m2."""
     speed_cap: float
     """m/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flame:
+    """A flame that heats what it reaches."""
+
+    direction: str
+    """Where it is from the middle of its block."""
+    reach: float
+    """Distance from that middle to its own, m."""
+    radius: float
+    """m; it heats blocks whose middle is within."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +128,7 @@ class BlockType:
     grip_direction: str | None = None
     """Side that grips what touches it."""
     thrust: float | None = None
-    """Newtons along its facing, while motors are on."""
+    """Newtons, while motors are on."""
     blade: Blade | None = None
     """Lift law of a propeller blade; None for other blocks."""
     pitch_radius: float | None = None
@@ -126,8 +142,18 @@ class BlockType:
     `{steering_hinges:g}` stand for start times, s."""
     bsg: tuple[tuple[str, str, str], ...] = ()
     """Tag, key and value of its settings in Besiege's machine files."""
+    keys: tuple[str, ...] = field(default=(), repr=False)
+    """Its settings there that bind keys: for levels above 0, then below; "" for none. Libraries are
+    hashed without them."""
     closed: frozenset[int] = frozenset()
     """Ids of faces to which nothing can be attached."""
+    # Fields that came later: no part of repr, from which digests of recorded runs were made.
+    push: str = field(default="Front", repr=False)
+    """Direction of its thrust."""
+    steam: float | None = field(default=None, repr=False)
+    """Factor of its thrust while a flame heats it; None: flames do not change it."""
+    flame: Flame | None = field(default=None, repr=False)
+    """A flame that always burns; None for other blocks."""
 
     @property
     def label(self) -> str:
@@ -138,6 +164,20 @@ class BlockType:
     def linear(self) -> bool:
         """Whether it is two-ended and connects two parents: brace, spring, winch."""
         return self.connector is not None
+
+    @property
+    def group(self) -> Group | None:
+        """The group of driven blocks that it belongs to; None if nothing drives it."""
+        if self.thrust is not None:
+            return "thrusters"
+        if self.grip_direction is not None:
+            return "grabbers"
+        if self.connector == "spring":
+            return "springs"
+        if self.connector == "rope":
+            return "winches"
+        motor = self.non_static and self.joint.kind == "revolute"
+        return self.joint.switch if motor or self.joint.switch == "decouplers" else None
 
     @property
     def parts(self) -> int:

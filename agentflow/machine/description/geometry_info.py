@@ -7,6 +7,7 @@ from itertools import groupby, pairwise
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.brief import Brief
+from agentflow.machine.controls import control_text
 from agentflow.machine.description.rounding import GroundFrame, span_of
 from agentflow.machine.geometry.balance import mass, on_ground, stands, support_polygon
 from agentflow.machine.geometry.placement import Geometry, place
@@ -24,7 +25,7 @@ def describe(machine: Machine) -> dict[str, object]:
     Metres with one decimal, halves rounded away from zero; y is measured from the lowest corner of
     the machine. `drives` lists the powered wheels on the ground, with a null direction for those
     that face up or down. `pulls` lists springs and winches: each pulls `from_block` along
-    `direction` and `to_block` the opposite way.
+    `direction` and `to_block` the opposite way. `controls` are there if the machine has some.
     """
     geometry = place(machine)
     frame = GroundFrame(geometry.lo[1])
@@ -38,6 +39,7 @@ def describe(machine: Machine) -> dict[str, object]:
         "drives": [{"id": wheel, "direction": to} for wheel, to in _drives(geometry)],
         "pulls": [_pull(placed) for placed in filter(_pulls, geometry.blocks)],
         "auto_connections": [loop._asdict() for loop in geometry.auto_connections],
+        **({"controls": [each.to_json() for each in machine.controls]} if machine.controls else {}),
     }
 
 
@@ -126,6 +128,7 @@ def describe_text(machine: Machine, brief: Brief | None = None, *, short: bool =
             *_summary_lines(geometry, frame, short=short),
             *(_block_line(geometry, frame, placed, short=short) for placed in _boxed(geometry)),
             *(_span_line(frame, blocks, short=short) for blocks in _spans(geometry)),
+            *control_lines(machine, brief),
         ]
     )
 
@@ -138,9 +141,20 @@ def list_text(machine: Machine) -> str:
         f"{block.id} {block.name}: {_attachment(geometry, block)}" for block in _boxed(geometry)
     )
     spans = (_span_line(frame, blocks, short=True) for blocks in _spans(geometry))
-    return "\n".join((ON, *boxed, *spans))
+    return "\n".join((ON, *boxed, *spans, *control_lines(machine)))
 
 
+def control_lines(machine: Machine, brief: Brief | None = None) -> list[str]:
+    """The control program as the commands that write it, numbered from 0; a machine without one
+    is told of only if the task lets machines bring controls."""
+    if not machine.controls:
+        allowed = brief is not None and brief.limits.controls is not None
+        return ["No controls."] * allowed
+    lines = (f"{number}. {control_text(each)}" for number, each in enumerate(machine.controls))
+    return [_CONTROLS, *lines]
+
+
+_CONTROLS = "Controls, by their numbers:"
 ON = "'on 4.2 Left': on block 4, face 2, which is a Left face."
 """How lines say what a block is attached to."""
 

@@ -1,4 +1,4 @@
-"""Parsing of edit scripts into Add, Remove and Move commands."""
+"""Parsing of edit scripts into commands."""
 
 from __future__ import annotations
 
@@ -12,6 +12,11 @@ GRAMMAR = (
     "Move [id] to [new_parent] in [new_face]",
 )
 """The commands, as shown to models."""
+CONTROL_GRAMMAR = (
+    "Control [ids or group] at [s] for [s] level [level]",
+    "Uncontrol [number]",
+)
+"""Those for machines with control programs."""
 NAMING = (
     "an Add line may end in 'as NAME', and later lines may use the name in place of an id; "
     "names consist of letters, digits and underscores"
@@ -29,6 +34,10 @@ _END = f"to{_REF}in{_NUMBER}"
 _ADD = re.compile(f"add{_NUMBER}{_END}(?:{_END})?(?:as{_NAME})?")
 _REMOVE = re.compile(f"remove{_REF}")
 _MOVE = re.compile(f"move{_REF}{_END}")
+_DECIMAL = r"(-?[0-9]{0,6}\.?[0-9]{0,9}) ?s?"
+_CONTROL = re.compile(rf"control (.{{1,800}}) at {_DECIMAL} for {_DECIMAL} level {_DECIMAL}")
+_UNCONTROL = re.compile(r"uncontrol (-?[0-9]{1,9})")
+_TARGET = re.compile(r"-?[0-9]{1,9}|[0-9]{0,9}[a-z_][a-z0-9_]{0,79}")
 _NUMBERING = re.compile(
     r"(?:[-+•>] ?|\(?[0-9]{1,3}[.):] ?|step [0-9]{1,3} ?[.):-]? ?){0,3}", re.IGNORECASE
 )
@@ -61,7 +70,28 @@ class Move:
     face: int
 
 
-Command = Add | Remove | Move
+@dataclass(frozen=True)
+class AddControl:
+    """Adds an entry at the end of the control program."""
+
+    target: tuple[Ref, ...]
+    """Blocks, or the name of one group."""
+    at: float
+    """When it begins, in seconds since t = 0."""
+    lasts: float
+    """For how long it holds, s."""
+    level: float
+
+
+@dataclass(frozen=True)
+class RemoveControl:
+    """Removes an entry of the control program."""
+
+    number: int
+    """Its place in the program of the given machine, from 0."""
+
+
+Command = Add | Remove | Move | AddControl | RemoveControl
 
 
 def script_lines(script: str) -> list[str]:
@@ -87,7 +117,22 @@ def read_command(line: str) -> Command | None:
         return Remove(_ref(match[1]))
     if match := _MOVE.fullmatch(plain):
         return Move(_ref(match[1]), _ref(match[2]), int(match[3]))
-    return None
+    return _read_control(" ".join(re.sub(r"[\[\]]", " ", plain).split()))
+
+
+def _read_control(plain: str) -> AddControl | RemoveControl | None:
+    """The command of a line without brackets that begins with Control or Uncontrol."""
+    if match := _UNCONTROL.fullmatch(plain):
+        return RemoveControl(int(match[1]))
+    match = _CONTROL.fullmatch(plain)
+    words = [word for word in re.split(r"[, ]+", match[1]) if word] if match else []
+    if match is None or not words or not all(map(_TARGET.fullmatch, words)):
+        return None
+    try:
+        at, lasts, level = (float(number) for number in match.groups()[1:])
+    except ValueError:
+        return None
+    return AddControl(tuple(map(_ref, words)), at, lasts, level)
 
 
 def _ref(text: str) -> Ref:

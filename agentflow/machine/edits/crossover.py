@@ -8,7 +8,7 @@ from random import Random
 
 from agentflow.errors import UsageError
 from agentflow.machine.brief import Brief
-from agentflow.machine.tree import Machine, Step, renumber
+from agentflow.machine.tree import Machine, Step, rename_blocks, renumber
 from agentflow.machine.validity import check
 
 MAX_TRIES = 100
@@ -21,7 +21,7 @@ def cross(machine: Machine, donor: Machine, rng: Random, brief: Brief | None = N
     A part is a block with everything attached to it. Pairs of parts are drawn uniformly until the
     result is another machine, valid and as the task demands. Two-ended blocks of the machine that
     hold on to the removed part are removed with it; of the donor's, those that end within the part
-    come along.
+    come along. So do the donor's controls of blocks in the part.
 
     Args:
         machine: a valid machine.
@@ -50,7 +50,11 @@ def _graft(machine: Machine, place: Step, donor: Machine, part: Step) -> Machine
     removed, brought = _carried(machine, place.id), _carried(donor, part.id, whole=True)
     moved = [_shifted(step, len(machine)) for step in donor if step.id in brought]
     moved[0] = replace(moved[0], parent=place.parent, face_id=place.face_id)
-    return renumber([*(step for step in machine if step.id not in removed), *moved])[0]
+    driving = (each for each in donor.controls if isinstance(each.target, tuple))
+    ids = {block: block + len(machine) for block in brought}
+    controls = (*machine.controls, *rename_blocks(driving, ids))
+    kept = (step for step in machine if step.id not in removed)
+    return renumber([*kept, *moved], controls)[0]
 
 
 def _carried(machine: Machine, block: int, *, whole: bool = False) -> set[int]:

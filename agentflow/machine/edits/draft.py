@@ -6,9 +6,23 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from agentflow.machine.blocks.library import library
+from agentflow.machine.blocks.types import Group
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.commands import GRAMMAR, NAMING, Add, Command, Move, Ref, Remove
+from agentflow.machine.controls import GROUPS
+from agentflow.machine.edits.commands import (
+    CONTROL_GRAMMAR,
+    GRAMMAR,
+    NAMING,
+    Add,
+    AddControl,
+    Command,
+    Move,
+    Ref,
+    Remove,
+    RemoveControl,
+)
 from agentflow.machine.edits.names import Names, Refused
+from agentflow.machine.edits.program import NO_CONTROLS, Program
 from agentflow.machine.formats.parse import MAX_BLOCKS
 from agentflow.machine.geometry.placement import Geometry, place
 from agentflow.machine.problems import block_label, comma_list, face_problem, type_problem
@@ -16,7 +30,11 @@ from agentflow.machine.space import ANYWHERE, spatial_problems
 from agentflow.machine.tree import Machine, Step, renumber
 from agentflow.machine.validity import budget_problems
 
-_BAD_FORMAT = f"not a command; the commands are: {'; '.join(GRAMMAR)}; {NAMING}"
+
+def _bad_format(*more: str) -> Refused:
+    """The refusal of a line that is no command; `more` are the commands besides those for all."""
+    commands = "; ".join((*GRAMMAR, *more))
+    return Refused("bad_format", f"not a command; the commands are: {commands}; {NAMING}")
 
 
 class Draft:
@@ -29,6 +47,7 @@ class Draft:
         self._original = len(machine)
         self._steps = {step.id: step for step in machine}
         """In building order: parents come first."""
+        self._program = Program(machine.controls)
         self._names = Names(commands)
         self._next_id = self._original
         self._brief = brief
@@ -44,12 +63,16 @@ class Draft:
             self._remove(command)
         elif isinstance(command, Move):
             self._move(command)
+        elif command is not None and self._controlled:
+            self._control(command)
+        elif isinstance(command, AddControl | RemoveControl):
+            raise Refused("controls_not_allowed", NO_CONTROLS)
         else:
-            raise Refused("bad_format", _BAD_FORMAT)
+            raise _bad_format(*(CONTROL_GRAMMAR if self._brief and self._controlled else ()))
 
     def finish(self) -> tuple[Machine, dict[int, int | None], dict[str, int | None]]:
         """The renumbered machine, and the maps from original ids and from names to its ids."""
-        edited, new_ids = renumber(self._steps.values())
+        edited, new_ids = renumber(self._steps.values(), self._program.controls)
         id_map = {old: new_ids.get(old) for old in range(self._original)}
         return edited, id_map, {name: new_ids.get(id_) for name, id_ in self._names.given.items()}
 
@@ -79,6 +102,7 @@ class Draft:
             what = f"{block_label(removed.id, removed.type)} still carries {comma_list(carried)}"
             raise Refused("has_children", f"{what}; remove the blocks it carries first")
         del self._steps[removed.id]
+        self._program.forget(removed.id, self._steps.values())
         self._require_space("")
 
     def _move(self, command: Move) -> None:
@@ -100,6 +124,25 @@ class Draft:
             for id_ in carried:  # to the end, so that parents come first
                 self._steps[id_] = self._steps.pop(id_)
         self._require_space("")
+
+    @property
+    def _controlled(self) -> bool:
+        """Whether the machine may have controls: without a task it may."""
+        return self._brief is None or self._limits.controls is not None
+
+    def _control(self, command: AddControl | RemoveControl) -> None:
+        if isinstance(command, RemoveControl):
+            self._program.remove(command.number)
+            return
+        group = self._group_of(command.target)
+        target = group or tuple(self._find(ref, "block", "controlled") for ref in command.target)
+        self._program.add(target, command, self._steps.values(), self._limits.controls)
+
+    def _group_of(self, target: Sequence[Ref]) -> Group | None:
+        """The group that words name; None if they name blocks."""
+        words = "_".join(map(str, target))
+        named = len(target) == 1 and target[0] in self._names.given
+        return next((group for group in GROUPS if group == words and not named), None)
 
     def _carried_by(self, block: Step) -> list[int]:
         """Ids of a block and of everything attached to it, in building order."""

@@ -36,7 +36,7 @@ def _add(machine: Machine, kind: int, parent: int, face_id: int, rng: Random) ->
             return None
         parent_b, face_b = rng.choice(ends)
         step = replace(step, parent_b=parent_b, face_id_b=face_b)
-    return Machine((*machine.steps, step))
+    return replace(machine, steps=(*machine.steps, step))
 
 
 def removals(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
@@ -48,7 +48,8 @@ def removals(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG
 
 
 def _remove(machine: Machine, removed: Step, rng: Random) -> Machine:  # noqa: ARG001
-    return renumber(step for step in machine if step is not removed)[0]
+    kept = (step for step in machine if step is not removed)
+    return renumber(kept, machine.controls)[0]
 
 
 def swaps(machine: Machine, types: Sequence[int]) -> list[Move]:
@@ -62,7 +63,8 @@ def swaps(machine: Machine, types: Sequence[int]) -> list[Move]:
 
 
 def _change(machine: Machine, new: Step, rng: Random) -> Machine:  # noqa: ARG001
-    return Machine(tuple(new if step.id == new.id else step for step in machine))
+    steps = tuple(new if step.id == new.id else step for step in machine)
+    return replace(machine, steps=steps)
 
 
 def reattachments(machine: Machine, types: Sequence[int]) -> list[Move]:  # noqa: ARG001
@@ -97,7 +99,10 @@ def actuations(machine: Machine, types: Sequence[int]) -> list[Move]:
     ]
 
 
-MOVES: Mapping[str, Callable[[Machine, Sequence[int]], Sequence[Move]]] = {
+Kinds = Mapping[str, Callable[[Machine, Sequence[int]], Sequence[Move]]]
+"""Kinds of edits, each with a function of a machine and the types that may be added."""
+
+MOVES: Kinds = {
     "add": additions,
     "remove": removals,
     "swap": swaps,
@@ -105,7 +110,8 @@ MOVES: Mapping[str, Callable[[Machine, Sequence[int]], Sequence[Move]]] = {
     "re-orient": reorientations,
     "actuate": actuations,
 }
-"""Kind of edit -> function that lists all moves of that kind, legal or not."""
+"""Kind of edit -> function that lists all moves of that kind, legal or not; those of control
+programs are in `control_moves`."""
 
 
 def _faces(machine: Machine) -> Iterator[tuple[int, int]]:

@@ -9,8 +9,7 @@ from random import Random
 from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import STARTING_BLOCK
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.moves import MOVES
-from agentflow.machine.edits.random import random_edit
+from agentflow.machine.edits.random import kinds_of_moves, random_edit
 from agentflow.machine.tree import Machine, Step
 from agentflow.machine.validity import check
 
@@ -24,9 +23,9 @@ class Neighbour:
 
     machine: Machine
     block: int | None
-    """The block that the edit changes or removes; None if it adds one."""
+    """The block that the edit changes or removes; None if it adds one, or changes controls only."""
     faces: tuple[tuple[int, int], ...]
-    """(block, face) where the new block is attached, or where the old one was."""
+    """(block, face) where the new block is attached, or where the old one was; () for controls."""
 
 
 def all_neighbours(machine: Machine, brief: Brief, rng: Random) -> Iterator[Neighbour]:
@@ -36,7 +35,7 @@ def all_neighbours(machine: Machine, brief: Brief, rng: Random) -> Iterator[Neig
     """
     types = sorted(set(brief.blocks) - {STARTING_BLOCK})
     seen = {machine}
-    for moves in MOVES.values():
+    for moves in kinds_of_moves(brief).values():
         for move in moves(machine, types):
             edited = move(rng)
             if edited is None or edited in seen:
@@ -66,6 +65,8 @@ def sample_neighbours(machine: Machine, brief: Brief, rng: Random, count: int) -
 
 def _locate(before: Machine, after: Machine) -> Neighbour:
     """Where an edit is: the first step that differs, as moves renumber what follows."""
+    if after.steps == before.steps:  # only controls differ
+        return Neighbour(after, None, ())
     if len(after) > len(before):
         return Neighbour(after, None, after.steps[-1].attachments)
     pairs = zip(before.steps, after.steps, strict=False)

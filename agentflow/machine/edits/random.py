@@ -10,7 +10,8 @@ from typing import TypeVar
 from agentflow.errors import UsageError
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
 from agentflow.machine.brief import Brief
-from agentflow.machine.edits.moves import MOVES, Move, additions
+from agentflow.machine.edits.control_moves import control_moves, with_random_program
+from agentflow.machine.edits.moves import MOVES, Kinds, Move, additions
 from agentflow.machine.tree import ROOT, Machine
 from agentflow.machine.validity import check
 
@@ -30,7 +31,7 @@ def random_machine(
     legal (type, free face) pair uniformly; two-ended types may use any face, and their second end
     is uniform over the faces of all other blocks. Steps that exceed a required number of blocks are
     not legal. Machines that end with too few required blocks, or cannot grow further, are
-    discarded.
+    discarded. If machines may bring control programs, they get random ones.
 
     Args:
         rng: random generator.
@@ -45,7 +46,8 @@ def random_machine(
     for _ in range(MAX_TRIES):
         machine = _grow(rng, types, brief, rng.randint(*_allowed_size(size, brief)))
         if machine is not None and _has_required_blocks(machine, brief):
-            return machine
+            window = window_of(brief)
+            return machine if window is None else with_random_program(machine, window, rng)
     raise UsageError(
         f"found no valid machine of {size[0]} to {size[1]} blocks for this task; "
         f"allowed types: {', '.join(map(str, types)) or 'none'}"
@@ -55,9 +57,9 @@ def random_machine(
 def random_edit(machine: Machine, rng: Random, brief: Brief | None = None) -> Machine:
     """Apply one random legal edit.
 
-    Draws a kind of edit (`moves.MOVES`) uniformly among those with a legal edit, then a legal edit
-    of that kind uniformly. An edit is legal if its result is valid and has the blocks that the task
-    requires, unless the given machine already lacks some.
+    Draws a kind of edit (`kinds_of_moves`) uniformly among those with a legal edit, then a legal
+    edit of that kind uniformly. An edit is legal if its result is valid and has the blocks that the
+    task requires, unless the given machine already lacks some.
 
     Args:
         machine: a valid machine.
@@ -74,12 +76,25 @@ def random_edit(machine: Machine, rng: Random, brief: Brief | None = None) -> Ma
         return edited if edited and (_has_required_blocks(edited, brief) or not complete) else None
 
     def of_kind(kind: str) -> Machine | None:
-        return _draw_first_success(rng, MOVES[kind](machine, types), legal)
+        return _draw_first_success(rng, kinds[kind](machine, types), legal)
 
-    edited = _draw_first_success(rng, tuple(MOVES), of_kind)
+    kinds = kinds_of_moves(brief)
+    edited = _draw_first_success(rng, tuple(kinds), of_kind)
     if edited is None:
         raise UsageError("this machine has no legal edit")
     return edited
+
+
+def kinds_of_moves(brief: Brief | None) -> Kinds:
+    """Kind of edit -> function that lists all its moves: also of control programs, if the task lets
+    machines bring them."""
+    window = window_of(brief)
+    return MOVES if window is None else {**MOVES, **control_moves(window)}
+
+
+def window_of(brief: Brief | None) -> float | None:
+    """Latest end of controls, s; None without a task, or if machines may not bring any."""
+    return None if brief is None else brief.limits.controls
 
 
 def _grow(rng: Random, types: Sequence[int], brief: Brief | None, count: int) -> Machine | None:

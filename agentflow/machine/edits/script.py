@@ -62,8 +62,9 @@ def apply_script(machine: Machine, script: str, brief: Brief | None = None) -> E
 
     The first command that fails stops the script and leaves the machine unchanged. The whole
     machine is checked after every command. On success, blocks keep their order, additions come
-    last, followed by what was moved onto them, and ids are renumbered 0, 1, 2, ... A script
-    without commands succeeds and changes nothing.
+    last, followed by what was moved onto them, and ids are renumbered 0, 1, 2, ... Controls follow
+    their blocks; those that drive no other block go with them. A script without commands succeeds
+    and changes nothing.
 
     Args:
         machine: machine to edit.

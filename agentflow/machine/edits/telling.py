@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from agentflow.machine.blocks.library import library
-from agentflow.machine.edits.commands import Command, Move, Ref, Remove
+from agentflow.machine.edits.commands import AddControl, Command, Move, Ref, Remove, RemoveControl
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
@@ -66,6 +66,12 @@ def command_text(command: Command) -> Text:
         return ("Remove ", command.block)
     if isinstance(command, Move):
         return ("Move ", command.block, " to ", command.parent, f" in {command.face}")
+    if isinstance(command, RemoveControl):
+        return (f"Uncontrol {command.number}",)
+    if isinstance(command, AddControl):
+        blocks = (part for ref in command.target for part in (", ", ref))
+        when = f" at {command.at:g} for {command.lasts:g} level {command.level:g}"
+        return ("Control ", *list(blocks)[1:], when)
     ends = (part for ref, face in command.ends for part in (" to ", ref, f" in {face}"))
     named = (" as ", command.name) if command.name else ()
     return (f"Add {command.type}", *ends, *named)

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Any
 
 from agentflow.machine.blocks.library import STARTING_BLOCK, library
+from agentflow.machine.controls import control_problems
 from agentflow.machine.formats.connect import LocatedBlock, connect
+from agentflow.machine.formats.control_json import read_controls
 from agentflow.machine.formats.parse import (
     MAX_COORDINATE,
     MISSING,
     Reading,
-    find_items,
+    find_document,
     read_whole_number,
 )
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.pose import to_metres
 from agentflow.machine.problems import Problem, comma_list, short_repr, type_problem
-from agentflow.machine.tree import Machine
+from agentflow.machine.tree import Control, Machine, rename_blocks, with_controls
 
 FORM = (
     'a JSON list of objects like {"type": 1, "Position": [0, 0, 0.5], "Rotation": [0, 0, 0, 1]}, '
@@ -27,8 +31,14 @@ _END = "end-position"
 _KEYS = ("type", "Position", "Rotation")
 
 
-def to_coordinates(machine: Machine) -> list[dict[str, object]]:
-    """A file-valid machine in coordinates: metres, machine frame, quaternions (x, y, z, w).
+def to_coordinates(machine: Machine) -> Any:
+    """A file-valid machine as JSON data in coordinates, with its controls if it has any."""
+    return with_controls(coordinates_of(machine), machine)
+
+
+def coordinates_of(machine: Machine) -> list[dict[str, object]]:
+    """The blocks of a file-valid machine in coordinates: metres, machine frame, quaternions
+    (x, y, z, w).
 
     `Position` is the building point, or the first end of a two-ended block; `end-position` is its
     second end, also in the machine frame.
@@ -53,17 +63,37 @@ def read_coordinates(source: object, blocks: Collection[int] | None = None) -> R
         source: any text, or JSON data.
         blocks: allowed block types; the core types if None.
     """
-    items, repaired, fault = find_items(source, FORM)
-    if fault is not None:
-        return Reading(None, repaired, problems=(fault,))
-    notes: list[str] = []
+    document = find_document(source, FORM)
+    repaired = document.repaired
+    if document.fault is not None:
+        return Reading(None, repaired, problems=(document.fault,))
+    notes = list(document.notes)
     problems: list[Problem] = []
     allowed = library().core if blocks is None else blocks
-    read = [_read_block(item, index, allowed, notes, problems) for index, item in enumerate(items)]
+    read = [
+        _read_block(item, index, allowed, notes, problems)
+        for index, item in enumerate(document.blocks)
+    ]
     located = [block for block in read if block is not None]
+    controls = read_controls(document.controls, notes, problems)
     if problems:
         return Reading(None, repaired, tuple(notes), tuple(problems))
-    return connect(located, repaired=repaired, notes=notes)
+    return with_controls_of(connect(located, repaired=repaired, notes=notes), controls)
+
+
+def with_controls_of(reading: Reading, controls: Sequence[Control]) -> Reading:
+    """The reading of a machine with controls, which name blocks by their indices in the document.
+
+    Blocks that are not attached to the machine keep their numbers, which no block has.
+    """
+    if reading.machine is None or not controls:
+        return reading
+    named = {block for each in controls if isinstance(each.target, tuple) for block in each.target}
+    ids = dict.fromkeys(named, -1) | {
+        placed.id: index for index, placed in enumerate(reading.blocks)
+    }
+    machine = replace(reading.machine, controls=tuple(rename_blocks(controls, ids)))
+    return replace(reading, machine=machine, problems=tuple(control_problems(machine)))
 
 
 def _read_block(

@@ -9,7 +9,7 @@ from typing import Literal
 
 from agentflow.machine.brief import Brief
 from agentflow.machine.formats.coordinates import read_coordinates
-from agentflow.machine.formats.parse import FORM, Reading, find_items, read_machine
+from agentflow.machine.formats.parse import FORM, Reading, find_document, read_machine
 from agentflow.machine.tree import Machine
 
 Form = Literal["auto", "tree", "coordinates", "bsg"]
@@ -42,12 +42,16 @@ def read_any(
         return read_machine(source, blocks, given)
     if form == "coordinates":
         return read_coordinates(source, blocks)
-    items, repaired, fault = find_items(source, FORM)
-    if fault is not None:
-        return Reading(None, repaired, problems=(fault,))
-    if _has_positions(items):
-        return replace(read_coordinates(items, blocks), repaired=repaired)
-    return replace(read_machine(items, blocks, given), repaired=repaired)
+    document = find_document(source, FORM)
+    if document.fault is not None:
+        return Reading(None, document.repaired, problems=(document.fault,))
+    data = document.but(document.blocks)
+    if _has_positions(document.blocks):
+        reading = read_coordinates(data, blocks)
+    else:
+        reading = read_machine(data, blocks, given)
+    notes = (*document.notes, *reading.notes)
+    return replace(reading, repaired=document.repaired, notes=notes)
 
 
 def read_for(brief: Brief | None, source: object, form: Form = "auto") -> Reading:

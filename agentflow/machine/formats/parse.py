@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.plates import plate_of
+from agentflow.machine.controls import control_problems
+from agentflow.machine.formats.control_json import read_controls
 from agentflow.machine.formats.json_text import iter_json
 from agentflow.machine.geometry.pose import Placed
 from agentflow.machine.problems import Problem, comma_list, face_problem, short_repr, type_problem
@@ -52,54 +55,97 @@ def read_machine(
         blocks: allowed block types; the core types if None.
         given: blocks that the machine must begin with; any root if None.
     """
-    items, repaired, fault = find_items(source, FORM)
-    if fault is not None:
-        return Reading(None, repaired, problems=(fault,))
-    notes: list[str] = []
+    document = find_document(source, FORM)
+    repaired = document.repaired
+    if document.fault is not None:
+        return Reading(None, repaired, problems=(document.fault,))
+    notes = list(document.notes)
     problems: list[Problem] = []
-    steps = [_read_step(item, index, notes, problems) for index, item in enumerate(items)]
+    steps = [_read_step(item, index, notes, problems) for index, item in enumerate(document.blocks)]
     problems += file_problems(steps, blocks, given)
-    if problems:
-        problems.sort(key=lambda problem: problem.blocks)
-        return Reading(None, repaired, tuple(notes), tuple(problems))
-    whole = tuple(step for step in steps if step is not None)
-    return Reading(Machine(whole), repaired, tuple(notes))
+    problems.sort(key=lambda problem: problem.blocks)
+    controls = read_controls(document.controls, notes, problems)
+    if not problems:
+        machine = Machine(tuple(step for step in steps if step is not None), controls)
+        problems = control_problems(machine)
+        if not problems:
+            return Reading(machine, repaired, tuple(notes))
+    return Reading(None, repaired, tuple(notes), tuple(problems))
 
 
-def find_items(source: object, form: str) -> tuple[list[object], bool, Problem | None]:
-    """The items of a machine's list, whether the JSON was repaired, and any problem.
+class Document(NamedTuple):
+    """The JSON data of a machine in any form."""
+
+    blocks: list[object]
+    """Its list of blocks."""
+    controls: object = None
+    """What is under `controls`; None if it has none."""
+    notes: tuple[str, ...] = ()
+    repaired: bool = False
+    """Whether the JSON had to be repaired."""
+    fault: Problem | None = None
+    """Why it holds no machine."""
+
+    def but(self, blocks: list[Any]) -> object:
+        """JSON data with other blocks and the same controls."""
+        return {"blocks": blocks, "controls": self.controls} if self.controls else blocks
+
+
+def find_document(source: object, form: str) -> Document:
+    """Find the machine of a reply or of JSON data: a list of blocks, or an object that has one.
 
     Args:
         source: any text, or JSON data.
         form: description of the expected form, for messages.
     """
-    repaired = False
+    repaired, controls = False, None
+    notes: tuple[str, ...] = ()
     if isinstance(source, str):
         source, repaired = _find_machine(source)
         if source is None:
             message = f"no JSON list found; write the whole machine as {form}"
-            return [], repaired, Problem("not_json", (), message)
+            return Document([], repaired=repaired, fault=Problem("not_json", (), message))
+    if isinstance(source, dict) and "blocks" in source:
+        extra = [short_repr(key) for key in source if key not in ("blocks", "controls")]
+        notes = (f"the machine: ignored {comma_list(extra[:8])}",) if extra else ()
+        controls, source = source.get("controls"), source["blocks"]
+    code = message = ""
     if not isinstance(source, list):
+        code = "not_a_list"
         message = f"the machine is {short_repr(source)}; write it as {form}"
-        return [], repaired, Problem("not_a_list", (), message)
-    if not source:
-        message = f"the machine is an empty list; write it as {form}"
-        return [], repaired, Problem("empty", (), message)
-    if len(source) > MAX_BLOCKS:
+    elif not source:
+        code, message = "empty", f"the machine is an empty list; write it as {form}"
+    elif len(source) > MAX_BLOCKS:
+        code = "too_many_blocks"
         message = f"the machine has {len(source)} blocks; the maximum is {MAX_BLOCKS}"
-        return [], repaired, Problem("too_many_blocks", (), message)
-    return source, repaired, None
+    if code or not isinstance(source, list):
+        return Document([], repaired=repaired, fault=Problem(code, (), message))
+    return Document(source, controls, notes, repaired)
 
 
 def _find_machine(text: str) -> tuple[object, bool]:
-    """The best list that looks like a machine, else the best list; None if there is none."""
+    """The best list that looks like a machine, else the best object with such a list as `blocks`,
+    else the best list; None if there is none."""
     fallback: tuple[object, bool] = (None, False)
     for value, repaired in iter_json(text, list):
-        if value and all(isinstance(item, dict) and "type" in item for item in value):
+        if _is_machine(value):
             return value, repaired
         if fallback[0] is None:
             fallback = (value, repaired)
+    if "blocks" in text:
+        for value, repaired in iter_json(text, dict):
+            if _is_machine(value.get("blocks")):
+                return value, repaired
     return fallback
+
+
+def _is_machine(value: object) -> bool:
+    """Whether JSON data look like the blocks of a machine."""
+    return (
+        isinstance(value, list)
+        and bool(value)
+        and all(isinstance(item, dict) and "type" in item for item in value)
+    )
 
 
 def _read_step(item: object, index: int, notes: list[str], problems: list[Problem]) -> Step | None:

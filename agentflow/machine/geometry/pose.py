@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import DIRECTIONS
-from agentflow.machine.geometry.vectors import Quat, Vec3, add
+from agentflow.machine.geometry.vectors import Quat, Vec3, add, scale
 from agentflow.machine.problems import block_label
 from agentflow.machine.tree import Step
 
@@ -192,6 +192,15 @@ class Placed(NamedTuple):
     def front(self) -> Vec3:
         """Its own z axis."""
         return _floats(self.orientation.front)
+
+    def direction(self, word: str) -> Vec3:
+        """Unit vector of a direction word in the machine frame."""
+        return self.turn(DIRECTIONS[word])
+
+    def turn(self, local: Vec3) -> Vec3:
+        """A vector of its own frame in the machine frame."""
+        sides = add(scale(self.right, local[0]), scale(self.up, local[1]))
+        return add(sides, scale(self.front, local[2]))
 
     @property
     def quaternion(self) -> Quat:

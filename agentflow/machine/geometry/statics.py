@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from math import dist
 from typing import NamedTuple
 
 from agentflow.machine.blocks.library import library
@@ -99,10 +100,24 @@ def thrust(geometry: Geometry) -> tuple[Vec3, Vec3]:
     force: Vec3 = (0.0, 0.0, 0.0)
     moment = force
     for placed in geometry.blocks:
-        push = scale(placed.front, library()[placed.type].thrust or 0.0)
+        push = scale(placed.direction(library()[placed.type].push), _thrust_of(placed, geometry))
         force = add(force, push)
         moment = add(moment, cross(subtract(placed.center, middle), push))
     return force, moment
+
+
+def _thrust_of(placed: Placed, geometry: Geometry) -> float:
+    """Thrust of a block, N: more if a flame heats it and it knows steam."""
+    kind = library()[placed.type]
+    if kind.thrust is None or kind.steam is None:
+        return kind.thrust or 0.0
+    flames = ((block, flame) for block in geometry.blocks if (flame := library()[block.type].flame))
+    heated = any(
+        dist(placed.center, add(block.center, scale(block.direction(flame.direction), flame.reach)))
+        <= flame.radius
+        for block, flame in flames
+    )
+    return kind.thrust * (kind.steam if heated else 1.0)
 
 
 def corners(placed: Placed) -> list[Vec3]:

@@ -89,12 +89,13 @@ class Behaviour:
     """Tree edit distance of each edit, blocks."""
     errors: tuple[float, ...] = ()
     """Predicted minus simulated score of each edit whose prediction names a score."""
-    effort: Mapping[str, int] = field(default_factory=dict)
-    """Role -> tokens that its replies took, with reasoning; as reported by the endpoint."""
+    effort: Mapping[str, float] = field(default_factory=dict)
+    """Role -> tokens that its replies took, with reasoning, as reported by the endpoint. Of a
+    person, seconds of work like that of the role."""
 
     @property
     def shares(self) -> dict[str, float]:
-        """Role -> its share of all tokens of replies; empty if no tokens are reported."""
+        """Role -> its share of all effort; empty if none is reported."""
         whole = sum(self.effort.values())
         return {role: tokens / whole for role, tokens in self.effort.items()} if whole else {}
 
@@ -124,7 +125,7 @@ def behaviour(
     made: Sequence[Edit],
     prediction_of: Callable[[Place], str],
     change: Change,
-    effort: Mapping[str, int],
+    effort: Mapping[str, float],
     *,
     metres: bool,
 ) -> Behaviour:
@@ -134,7 +135,7 @@ def behaviour(
         made: Its edits.
         prediction_of: The prediction in the reply to a call; "" if there is none.
         change: Compares machines.
-        effort: Role -> tokens of its replies.
+        effort: Role -> what its work took.
         metres: Whether the score of the task is a distance.
     """
     kept = [change.keeps_mechanism(one.before.machine, one.after.machine) for one in made]

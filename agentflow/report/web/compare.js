@@ -6,18 +6,28 @@ import { problem, taskDetails } from "./text.js";
 
 const NAMES = ["A", "B"];
 
-export function comparePage(data) {
+/** @param made receives the players */
+export function comparePage(data, made = []) {
   const players = data.machines.map((machine, side) => {
     const player = new Player(data.shapes, data.files);
     const score = machine.score === null ? "no score" : formatNumber(machine.score);
     player.show(data.films[side], `${NAMES[side]} · ${score}`, machine.source);
     return player;
   });
-  const both = () => players.forEach((player) => { player.seek(0); player.play(); });
+  made.push(...players);
+  keepInStep(players);
+  const both = () => { players[0].lead(); players[0].seek(0); players[0].play(); };
+  const differ = el("button", { "aria-pressed": "false", click: () => mark(differ.getAttribute("aria-pressed") === "false") }, "Mark differences");
+  const mark = (on) => {
+    differ.setAttribute("aria-pressed", on);
+    players.forEach((player, side) => player.setMarked(on ? data.only[side].map(({ id }) => id) : null));
+  };
+  if (data.only.some((blocks) => blocks.length)) mark(true);
+  else differ.disabled = true;
   return [
     el("main", { class: "alone" },
       el("header", {}, el("p", { class: "kind" }, `agentflow comparison · seed ${data.seed}`), el("h1", {}, data.task), taskDetails(data.asked)),
-      el("p", {}, el("button", { class: "both", click: both }, "Play both")),
+      el("p", { class: "actions" }, el("button", { class: "both", click: both }, "Play both"), differ),
       el("div", { class: "pair" }, ...players.map((player) => player.element)),
       ...data.machines.flatMap(({ problems }, side) => problems.map((text) => problem(`${NAMES[side]} is not valid for ${data.task}: ${text}`))),
       section("Machines", table("Both machines", ["", ...NAMES], rows(data))),
@@ -25,6 +35,19 @@ export function comparePage(data) {
         el("p", { class: "quiet" }, `${formatNumber(data.same)} blocks are in both machines: same type, position and direction relative to the root block.`),
         ...data.only.map((blocks, side) => blocks.length ? table(`Only in ${NAMES[side]}`, ["Block", "Type", "Position, m", "Direction"], blocks.map(place)) : null))),
   ];
+}
+
+/** Let the other player show what the one shows that was touched last: moment, speed and view. */
+function keepInStep(players) {
+  let leader = players[0];
+  for (const player of players) {
+    player.lead = () => { if (leader !== player) leader.pause(); leader = player; };
+    for (const kind of ["pointerdown", "keydown", "wheel", "focusin"]) player.element.addEventListener(kind, player.lead, { capture: true, passive: true });
+    player.element.addEventListener("frame", () => {
+      if (leader !== player) return;
+      for (const other of players) if (other !== player) other.follow(player);
+    });
+  }
 }
 
 function rows({ machines, types }) {

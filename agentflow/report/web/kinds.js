@@ -3,7 +3,7 @@
 import { el, section, formatNumber, revealHidden } from "./dom.js";
 
 /** The section; `choose` is called with the content hash of a machine. Null if no kind is known. */
-export function kindsSection({ archive, classes }, choose) {
+export function kindsSection({ archive, classes = [] }, choose) {
   if (!archive && !classes.length) return null;
   return section("Kinds of machines", ...(archive ? archiveParts(archive, choose) : []),
     classes.length ? el("h3", {}, "Best machine of each mechanism class: what drives / what holds / how it lets go") : null,

@@ -1,75 +1,103 @@
 // The page of a run: the film, and how the machine in it was found.
 
-import { scoreChart, barChart } from "./charts.js";
-import { el, section, formatNumber, table } from "./dom.js";
+import { el, section, formatNumber } from "./dom.js";
 import { unpackJson } from "./film.js";
 import { kindsSection } from "./kinds.js";
 import { Player } from "./player.js";
 import { frontSection, robustnessSection } from "./robustness.js";
-import { STATUS, taskDetails, callDetails, toolDetails, plain, problem, scoreTable } from "./text.js";
+import { conversations, failures, header, legend, scoreCharts, settings, stages, tools, usage } from "./sections.js";
+import { STATUS, callDetails, plain, problem } from "./text.js";
 import { Tree } from "./tree.js";
 
-const PLURAL = { reply: "replies", machine: "machines" };
-
 export function runPage(data) {
-  const player = new Player(data.shapes, data.files);
-  const calls = once(() => readCalls(data.calls));
-  const chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
-  const choose = (node) => {
-    player.show(data.machines[node.machine], heading(node), data.machines[node.machine]?.remark ?? "");
-    describe(chosen, node, data, calls);
-  };
-  const tree = new Tree(data.nodes, choose);
-  const pick = (machine) => {
-    const node = data.nodes.find((item) => item.machine === machine);
-    if (!node) return;
-    tree.select(node.id);
-    choose(node);
-  };
-  const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
-  if (first) {
-    tree.select(first.id);
-    choose(first);
-  } else player.show(null, "");
+  const shown = new RunView((digest) => data.machines[digest] && { machine: data.machines[digest], shapes: data.shapes, files: data.files });
+  shown.update(data);
   const bare = !Object.keys(data.machines).length; // without films, the text takes the whole page
-  return [
-    bare ? "" : el("aside", {}, player.element),
-    el("main", { class: bare ? "alone" : null },
-      header(data),
-      chosen,
-      data.nodes.length ? section("Search", el("div", { class: "tall" }, tree.element), legend()) : null,
-      kindsSection(data, pick),
-      frontSection(data.front, pick),
-      robustnessSection(data.robustness),
-      scoreCharts(data),
-      stages(data),
-      tools(data),
-      failures(data),
-      usage(data),
-      conversations(data, calls),
-      settings(data)),
-  ];
+  shown.main.classList.toggle("alone", bare);
+  return [bare ? "" : el("aside", {}, shown.player.element), shown.main];
 }
 
-function header(data) {
-  const { run } = data;
-  return el("header", {},
-    el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}`),
-    el("h1", {}, run.task),
-    el("p", { class: "kind" }, data.task.title),
-    el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : formatNumber(run.score)), " ", run.sentence),
-    run.verified ? verification(run.verified) : null,
-    el("p", { class: "lede" }, run.about),
-    taskDetails(data.task));
-}
+/** A run in two parts, `player` and `main`; it may grow. */
+export class RunView {
+  /** @param film gives {machine, shapes, files} of a machine by content hash, or a promise of it
+   *  @param actions makes elements for what can be done with the machine of a node */
+  constructor(film, actions = () => []) {
+    this.film = film;
+    this.actions = actions;
+    this.player = new Player();
+    this.chosen = el("section", { class: "chosen", "aria-label": "Selected machine" });
+    this.parts = new Map();
+    this.top = el("div", {});
+    this.rest = el("div", {});
+    this.main = el("main", {}, this.top, this.chosen, this.rest);
+  }
 
-/** The verified score, and the scores that it is the median of. */
-function verification({ score, low, high, scores }) {
-  const summary = score === null ? "No verified score: some simulations failed"
-    : `Verified score ${formatNumber(score)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}`;
-  return el("details", {}, el("summary", {}, summary),
-    el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and motor torque. The verified score is the median."),
-    scoreTable("Scores of the best machine", "Simulation", scores));
+  /** Show the data as they are now. What has not changed stays; so does a part that is being read. */
+  update(data) {
+    this.data = data;
+    this.calls = once(() => readCalls(data.calls));
+    this.put("header", [data.run, data.task], this.top, () => header(data));
+    this.put("search", data.nodes, this.rest, () => this.search());
+    this.put("kinds", [data.archive, data.classes], this.rest, () => kindsSection(data, (machine) => this.pick(machine)));
+    this.put("front", data.front, this.rest, () => frontSection(data.front, (machine) => this.pick(machine)));
+    this.put("robustness", data.robustness, this.rest, () => robustnessSection(data.robustness));
+    this.put("score", data.progress, this.rest, () => scoreCharts(data));
+    this.put("stages", data.stages, this.rest, () => stages(data));
+    this.put("tools", [data.stages, data.tools], this.rest, () => tools(data));
+    this.put("failures", [data.validity, data.reasons, data.failures], this.rest, () => failures(data));
+    this.put("usage", data.usage, this.rest, () => usage(data));
+    this.put("talk", data.calls, this.rest, () => conversations(data, this.calls));
+    this.put("facts", data.facts, this.rest, () => settings(data));
+    if (this.picked || !data.nodes.length) {
+      if (!this.picked) this.player.show(null, "");
+      return;
+    }
+    const first = data.nodes.find((node) => node.best) ?? data.nodes.at(-1);
+    this.tree.select(first.id);
+    this.choose(first);
+  }
+
+  put(name, key, place, make) {
+    const text = JSON.stringify(key);
+    const before = this.parts.get(name);
+    if (before?.text === text || before?.element.querySelector("details[open]")) return;
+    const element = el("div", {}, make());
+    if (before) before.element.replaceWith(element);
+    else place.append(element);
+    this.parts.set(name, { text, element });
+  }
+
+  search() {
+    this.tree = new Tree(this.data.nodes, (node) => this.choose(node));
+    if (this.picked) this.tree.select(this.picked);
+    return this.data.nodes.length ? section("Search", el("div", { class: "tall" }, this.tree.element), legend()) : null;
+  }
+
+  /** Show a machine by content hash. */
+  pick(machine) {
+    const node = this.data.nodes.find((item) => item.machine === machine);
+    if (!node) return;
+    this.tree.select(node.id);
+    this.choose(node);
+  }
+
+  /** Show a machine of the tree. */
+  async choose(node) {
+    this.picked = node.id;
+    const coming = node.machine && this.film(node.machine);
+    if (coming instanceof Promise) this.player.show(null, heading(node), "Simulating …");
+    let found = null;
+    let fault = "";
+    try {
+      found = await coming;
+    } catch (error) {
+      fault = error.message;
+    }
+    if (this.picked !== node.id) return;
+    if (found) this.player.use(found.shapes, found.files);
+    this.player.show(found?.machine, heading(node), fault || (found?.machine.remark ?? ""));
+    describe(this.chosen, node, found?.machine, this.calls, this.actions(node));
+  }
 }
 
 function heading(node) {
@@ -77,12 +105,12 @@ function heading(node) {
 }
 
 /** Describe the selected machine: score, edit, feedback, and the calls that produced it. */
-async function describe(place, node, data, calls) {
-  const machine = data.machines[node.machine];
+async function describe(place, node, machine, calls, actions) {
   const talk = el("div", {}, node.calls.length ? el("p", { class: "quiet" }, "Loading calls …") : "");
   place.replaceChildren(
     el("h2", {}, heading(node)),
     el("p", {}, [STATUS[node.status] ?? node.status, node.broken && "broke", machine && `${machine.solids.length} blocks`, node.machine].filter(Boolean).join(" · ")),
+    actions.length ? el("p", { class: "actions" }, ...actions) : "",
     node.problem ? problem(node.problem) : "",
     node.edit ? el("div", { class: "edit" }, el("h3", {}, "Edit"), plain(node.edit)) : "",
     machine?.feedback ? el("details", {}, el("summary", {}, "Simulation feedback"), plain(machine.feedback)) : "",
@@ -90,92 +118,6 @@ async function describe(place, node, data, calls) {
   const known = node.calls.length ? await calls() : new Map();
   talk.replaceChildren(...node.calls.filter((label) => known.has(label)).map((label) => callDetails(known.get(label))));
 }
-
-function legend() {
-  return el("p", { class: "quiet" }, "Each dot is a machine, edited from the one to its left; stronger colour means a higher score. ",
-    "Red ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
-}
-
-function scoreCharts({ progress }) {
-  if (!progress.length) return null;
-  const tokens = progress.at(-1).tokens > 0;
-  const searched = progress.at(-1).expansions > 0;
-  return section("Score",
-    searched ? scoreChart("Score over expansions", "expansions", progress.map((point) => [point.expansions, point.score])) : null,
-    tokens
-      ? scoreChart("Score over tokens", "tokens", progress.map((point) => [point.tokens, point.score]))
-      : scoreChart("Score over calls (this model reports no tokens)", "calls", progress.map((point) => [point.calls, point.score])));
-}
-
-function stages({ stages: rows }) {
-  if (!rows.length) return null;
-  const costs = nonzeroColumns(rows, { Calls: "calls", Tokens: "tokens", Rollouts: "rollouts" });
-  const head = ["Stage", "Valid", "Mean", "Mean, invalid = 0", "Best", "Std", ...costs.map(([name]) => name)];
-  return section("Stages", table("Results by stage", head, rows.map((row) => [
-    readable(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
-    ...costs.map(([, key]) => row[key])])));
-}
-
-/** How often an agent called each tool, by stage. */
-function tools({ stages: rows, tools: calls }) {
-  if (!calls.length) return null;
-  const names = [...new Set(rows.flatMap((row) => Object.keys(row.tools ?? {})))];
-  const uses = ({ calls, refused } = { calls: 0, refused: 0 }) => (refused ? `${calls} (${refused} refused)` : calls);
-  const counts = names.map((name) => [name, ...rows.map((row) => uses(row.tools?.[name]))]);
-  return section("Tools",
-    rows.length ? table("Calls of tools by stage", ["Tool", ...rows.map((row) => readable(row.name))], counts) : null,
-    el("details", { class: "role" }, el("summary", {}, "Calls ", el("small", {}, `${calls.length}`)), ...calls.map(toolDetails)));
-}
-
-/** Columns that are not 0 in every row. */
-function nonzeroColumns(rows, columns) {
-  return Object.entries(columns).filter(([, key]) => rows.some((row) => row[key] !== 0));
-}
-
-function failures({ validity, reasons, failures: kinds }) {
-  if (!validity.length) return null;
-  const counted = kinds.filter(({ count }) => count > 0);
-  return section("Validity and failures",
-    table("Replies by role, including retries", ["Role", "Replies", "Parsed", "Valid", "Repaired"],
-      validity.map((row) => [readable(row.role), row.attempts, row.parsed, row.valid, row.repaired])),
-    el("h3", {}, "Reasons for rejected replies"),
-    reasons.length ? barChart("Reasons for rejected replies", reasons.map(({ code, count, example }) => [code, count, example]))
-      : el("p", { class: "quiet" }, "No reply was rejected."),
-    el("h3", {}, "Failures by kind"),
-    counted.length ? barChart("Failures by kind", counted.map(({ name, count, unit, level, rule }) =>
-      [name, count, `${level}, of ${PLURAL[unit]}: ${rule}`])) : el("p", { class: "quiet" }, "No failures."));
-}
-
-function usage({ usage: rows, run }) {
-  if (!rows.length) return null;
-  const costs = nonzeroColumns(rows, {
-    Calls: "calls", Prompt: "prompt", Completion: "completion", Reasoning: "reasoning", Cached: "cached", Seconds: "seconds", Cost: "cost",
-  });
-  return section("Usage", table("Calls, tokens, time and cost by role", ["Role", ...costs.map(([name]) => name)],
-    rows.map((row) => [readable(row.role), ...costs.map(([, key]) => row[key])])),
-    run.prices ? null : el("p", { class: "quiet" }, "No prices are configured, so the cost is unknown."));
-}
-
-function conversations({ talk }, calls) {
-  if (!talk.length) return null;
-  const group = ({ role, labels }) => {
-    const details = el("details", { class: "role", toggle: async () => {
-      if (!details.open || details.dataset.filled) return;
-      details.dataset.filled = "yes";
-      const known = await calls();
-      details.append(...labels.map((label) => callDetails(known.get(label))));
-    } }, el("summary", {}, readable(role), " ", el("small", {}, labels.length === 1 ? "1 call" : `${labels.length} calls`)));
-    return details;
-  };
-  return section("Prompts and replies", ...talk.map(group));
-}
-
-function settings({ facts }) {
-  return section("Settings and versions", el("dl", { class: "facts" },
-    ...facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
-}
-
-const readable = (name) => name.replaceAll("_", " ");
 
 /** Calls by label, with message texts in place of their indices. */
 async function readCalls(packed) {

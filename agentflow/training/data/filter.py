@@ -12,6 +12,8 @@ from pydantic import BaseModel, ConfigDict
 
 from agentflow.env.constants import constants
 from agentflow.env.physics.engines import choose_engine
+from agentflow.env.pool.base import OpenPool
+from agentflow.env.pool.pool import RolloutPool
 from agentflow.errors import RunError
 from agentflow.llm.procedural import ProceduralClient
 from agentflow.machine import Brief, Machine
@@ -61,6 +63,7 @@ def filter_answers(
     licence: str | None,
     workers: int,
     show: Callable[[int, int], None],
+    open_pool: OpenPool = RolloutPool,
 ) -> Card:
     """Write a set of the pairs in a folder of answers that pass all gates, with its card.
 
@@ -72,6 +75,7 @@ def filter_answers(
         licence: Of the set; by default ours for the procedural model, else unknown.
         workers: Processes that simulate.
         show: Is told how many machines are judged, of how many.
+        open_pool: Opens a pool of these processes.
 
     Raises:
         RunError: A folder is not what it should be, is in use, or cannot be written.
@@ -95,7 +99,7 @@ def filter_answers(
     likenesses = compare_texts(texts)
     with work_in(out, plan, JUDGED):
         judge = Judge(answer_plan, likenesses, trees, chosen.name)
-        judged = asyncio.run(judge.judge(candidates, out / JUDGED, workers, show))
+        judged = asyncio.run(judge.judge(candidates, out / JUDGED, workers, open_pool, show))
         pairs = list(_pairs(answer_plan, candidates, judged))
         card = make_card(
             pairs,
@@ -139,7 +143,7 @@ def _pair(question: Question, candidate: Candidate, judgement: Judgement) -> Pai
         rationale = f"{rationale} {describe_changes(own, machine)}".lstrip()
     return Pair(
         messages=make_messages(question.prompt, make_reply(rationale, machine)),
-        machine=tuple(machine.to_json()),
+        machine=tuple(step.to_json() for step in machine),
         objective=answer.objective,
         rationale=rationale,
         score=judgement.score,

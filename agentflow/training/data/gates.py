@@ -13,7 +13,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from agentflow.env.pool.pool import RolloutPool
+from agentflow.env.pool.base import AHEAD, OpenPool, Pool
 from agentflow.env.tasks.base import Task
 from agentflow.machine import Brief, Machine, Report, check
 from agentflow.training.data.answers import Answer, AnswerPlan
@@ -21,9 +21,6 @@ from agentflow.training.data.contamination import Likeness, tree_hash
 from agentflow.training.data.folder import map_in_order, open_log, require_same
 from agentflow.training.data.variants import EDITED
 from agentflow.training.objectives import Objective, works
-
-AHEAD = 8
-"""Simulations begun for each worker, so that a slow one does not keep the others waiting."""
 
 Gate = Literal[
     "objective",
@@ -128,6 +125,7 @@ class Judge:
         candidates: Sequence[Candidate],
         log: Path,
         workers: int,
+        open_pool: OpenPool,
         show: Callable[[int, int], None],
     ) -> list[Judgement]:
         """Judge what the log lacks, and note each judgement there."""
@@ -137,7 +135,7 @@ class Judge:
             for judgement in judged:
                 self._remember(judgement)
             left = candidates[len(judged) :]
-            async with RolloutPool(workers) as pool:
+            async with open_pool(workers) as pool:
                 work = partial(self._simulate, pool)
                 for variants in (False, True):
                     screened = (self._screen(c) for c in left if bool(c.variant) == variants)
@@ -175,7 +173,7 @@ class Judge:
             return _drop(judgement, "duplicate")
         return _Screened(judgement, report.machine)
 
-    async def _simulate(self, pool: RolloutPool, screened: _Screened) -> Judgement:
+    async def _simulate(self, pool: Pool, screened: _Screened) -> Judgement:
         """Apply the gates that need a simulation; again if that of an equal one failed."""
         judgement, machine = screened.judgement, screened.machine
         if machine is None:
@@ -189,7 +187,7 @@ class Judge:
                 self._seen.add(known)
             return tested
 
-    async def _test(self, pool: RolloutPool, judgement: Judgement, machine: Machine) -> Judgement:
+    async def _test(self, pool: Pool, judgement: Judgement, machine: Machine) -> Judgement:
         """Simulate a machine and see whether it does what its objective asks."""
         rollout = await pool.run(machine, self._tasks[judgement.objective])
         if rollout.score is None:

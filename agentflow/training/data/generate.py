@@ -140,7 +140,7 @@ class _Work:
             require_same(self._file, ((a.objective, a.sample) for a in known), asked)
             for answer in known:
                 self._count(answer)
-            models = open_models(self._config, tape, budget, notify, {})
+            models = open_models(self._config, tape, budget, notify)
             asker = _Asker(self._plan, models.clients[ROLE], self._briefs)
             left = islice(self._plan.asked(), self.done, None)
             try:
@@ -196,4 +196,4 @@ class _Asker:
         if report.machine is None or not report.task_valid:
             return ()
         made = make_variants(report.machine, brief, self.plan.variants, rng)
-        return tuple(tuple(variant.to_json()) for variant in made)
+        return tuple(tuple(step.to_json() for step in variant) for variant in made)

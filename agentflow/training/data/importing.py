@@ -124,7 +124,7 @@ def _pair(row: Foreign) -> Pair:
     reply = make_reply(row.rationale, machine) if row.reply is None else row.reply
     return Pair(
         messages=make_messages(row.prompt, reply),
-        machine=tuple(machine.to_json()),
+        machine=tuple(step.to_json() for step in machine),
         objective=row.name,
         rationale=row.rationale,
         score=None,

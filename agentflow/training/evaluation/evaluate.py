@@ -15,6 +15,8 @@ from agentflow.app.design.models import charge_budget, choose_models, open_model
 from agentflow.app.design.plan import physics_conditions
 from agentflow.app.prompts import render_prompt
 from agentflow.config.run import DesignConfig
+from agentflow.env.pool.base import OpenPool
+from agentflow.env.pool.pool import RolloutPool
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import (
     BudgetSpentError,
@@ -62,6 +64,7 @@ def evaluate(
     name: str = "",
     notify: Notify = lambda _line: None,
     say: Progress = lambda _done, _of: None,
+    open_pool: OpenPool = RolloutPool,
 ) -> Evaluation:
     """Evaluate the configured model on tasks; continue an interrupted evaluation.
 
@@ -73,6 +76,7 @@ def evaluate(
         name: Name of the row in tables; by default that of the directory.
         notify: Receives remarks for the user.
         say: Receives progress.
+        open_pool: Opens a pool of simulating processes.
 
     Returns:
         What is written to evaluation.json.
@@ -92,7 +96,7 @@ def evaluate(
             if folder.about.results is not None:
                 return folder.about
             if folder.missing:
-                asyncio.run(_carry_out(folder, config, notify, say))
+                asyncio.run(_carry_out(folder, config, open_pool, notify, say))
             return folder.finish()
     except KeyboardInterrupt:
         raise InterruptedRunError(f"interrupted; {AGAIN}") from None
@@ -178,9 +182,13 @@ class _Session:
 
 
 async def _carry_out(
-    folder: EvaluationFolder, config: DesignConfig, notify: Notify, say: Progress
+    folder: EvaluationFolder,
+    config: DesignConfig,
+    open_pool: OpenPool,
+    notify: Notify,
+    say: Progress,
 ) -> None:
-    scorer = Scorer(config.workers)
+    scorer = Scorer(config.workers, open_pool)
     try:
         async with _open_model(folder, config, notify) as model:
             await _Session(folder, config, model, scorer).complete(say)
@@ -200,7 +208,7 @@ async def _open_model(
         yield FolderModel(_load_model(folder), sampling, seed)
         return
     with Tape(record.path / CALLS, notify) as tape:
-        models = open_models(config, tape, charge_budget(config.model, tape), notify, {})
+        models = open_models(config, tape, charge_budget(config.model, tape), notify)
         try:
             yield ClientModel(models.clients[ROLE], sampling, seed)
         finally:

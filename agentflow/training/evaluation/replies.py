@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
-from typing import Any
 
 from pydantic import BaseModel, Field
 
+from agentflow.machine.tree import MachineJson
 from agentflow.rewards import Reward
 from agentflow.rewards.scoring import Sample, Scorer
 
@@ -33,7 +33,7 @@ class JudgedReply(BaseModel, frozen=True, extra="forbid"):
     score: float | None = Field(allow_inf_nan=False)
     """In the unit of the task, 0 without a valid machine; None after an infrastructure fault (a
     simulation that crashed or timed out), which says nothing about the reply."""
-    machine: list[dict[str, Any]] | None
+    machine: MachineJson | None
     """The machine in the reply, as in machine files; None if the reply contains none."""
 
     @classmethod

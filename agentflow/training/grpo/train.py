@@ -15,6 +15,8 @@ from transformers import AutoModelForCausalLM, PrinterCallback
 from trl import GRPOConfig as LibraryConfig
 
 from agentflow.api import design_prompt
+from agentflow.env.pool.base import OpenPool
+from agentflow.env.pool.pool import RolloutPool
 from agentflow.rewards.scoring import Scorer
 from agentflow.runs import Notify
 from agentflow.training.digests import digest_base
@@ -47,7 +49,13 @@ CURVES: Mapping[str, str] = MappingProxyType(
 divergence (kl) per token; `cut_off` and `clipped` are shares of the replies and tokens."""
 
 
-def train_grpo(config: GrpoConfig, out: Path, resume: bool, notify: Notify) -> Mapping[str, Any]:
+def train_grpo(
+    config: GrpoConfig,
+    out: Path,
+    resume: bool,
+    notify: Notify,
+    open_pool: OpenPool = RolloutPool,
+) -> Mapping[str, Any]:
     """Train a model by the rewards of its replies.
 
     Args:
@@ -55,6 +63,7 @@ def train_grpo(config: GrpoConfig, out: Path, resume: bool, notify: Notify) -> M
         out: The training directory.
         resume: Continue the run in `out`, if there is one.
         notify: Receives remarks for the user.
+        open_pool: Opens a pool of simulating processes.
 
     Returns:
         The content of result.json.
@@ -75,7 +84,7 @@ def train_grpo(config: GrpoConfig, out: Path, resume: bool, notify: Notify) -> M
             return run.result
         if run.checkpoint is not None:
             notify(f"continuing after {run.checkpoint.name}")
-        with closing(Scorer(config.workers)) as scorer:
+        with closing(Scorer(config.workers, open_pool)) as scorer:
             trainer = _make_trainer(config, rows, run, scorer, notify)
             trainer.add_callback(Evaluations(config, folder, run, scorer))
             trainer.train(resume_from_checkpoint=run.checkpoint and str(run.checkpoint))

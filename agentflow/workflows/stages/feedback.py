@@ -42,6 +42,11 @@ class Version:
     label: str = field(default="", compare=False)
     """Label of the attempt that made it; tells versions of the same machine apart."""
 
+    @property
+    def is_edited(self) -> bool:
+        """Whether it differs from the machine that was designed."""
+        return self.edit is not None or bool(self.history.entries)
+
 
 async def feedback_loop(
     run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None, *, model_role: str = ""
@@ -55,8 +60,10 @@ async def feedback_loop(
     assert candidate.evaluation is not None
     trajectory = Trajectory(run, candidate.trajectory, blueprint, model_role)
     recorder = SearchRecorder(run, Place(FEEDBACK, trajectory=candidate.trajectory))
+    trials = candidate.trials
+    root = Version(candidate.machine, None if trials.entries else candidate.edit, trials)
     found = await STRATEGIES[numbers.strategy](
-        Version(candidate.machine, candidate.edit),
+        root,
         candidate.evaluation,
         trajectory.expand,
         trajectory.evaluate,
@@ -152,7 +159,7 @@ class Trajectory:
         return RefinerInput(
             **self._run.role_input | {"brief": self.brief},
             machine=node.candidate.machine,
-            blueprint=None if node.candidate.edit else self._blueprint,
+            blueprint=None if node.candidate.is_edited else self._blueprint,
             history=self._history if settings.history else History(),
             score=node.evaluation.score,
             feedback="" if settings.feedback == "score_only" else _feedback(node),

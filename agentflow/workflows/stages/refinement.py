@@ -11,7 +11,7 @@ from agentflow.workflows.base import Candidate, WorkflowResult
 from agentflow.workflows.context import WorkflowContext
 from agentflow.workflows.settings import WorkflowSettings
 from agentflow.workflows.stages.feedback import feedback_loop
-from agentflow.workflows.stages.shared import refine_blindly, simulate
+from agentflow.workflows.stages.shared import refine_blindly, try_machines
 
 
 async def refine(
@@ -39,7 +39,7 @@ async def refine(
             run.end_stage(BLIND, blind)
 
     async def follow(design: Candidate) -> Candidate | None:
-        (candidate,) = await simulate(run, INITIAL, [design])
+        (candidate,) = await try_machines(run, INITIAL, [design])
         initial.append(candidate)
         close()
         if over or not candidate.valid:
@@ -72,6 +72,11 @@ def count_calls(settings: WorkflowSettings, designs: int = 1) -> dict[str, int]:
         "querier": many * search.rounds * settings.asks_querier,
         "refiner": many * (blind + search.rounds * search.children),
     }
+
+
+def count_tried(settings: WorkflowSettings) -> int:
+    """Machines that get all trials of the task: first and blindly refined ones."""
+    return settings.trajectories * (1 if settings.start else 2)
 
 
 def count_rollouts(settings: WorkflowSettings) -> int:

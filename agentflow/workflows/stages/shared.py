@@ -8,7 +8,7 @@ from typing import Any
 
 from agentflow.agents.base import RoleOutcome
 from agentflow.agents.designer import Designer, DesignerInput
-from agentflow.agents.history import EditRecord
+from agentflow.agents.history import EditRecord, History
 from agentflow.agents.inspector import Inspector, InspectorInput
 from agentflow.agents.meta_designer import Blueprint
 from agentflow.agents.refiner import NO_CHANGE, Refinement, Refiner, RefinerInput
@@ -82,6 +82,54 @@ async def simulate(
     return await run_concurrently(judge(candidate) for candidate in candidates)
 
 
+async def try_machines(
+    run: WorkflowContext,
+    stage: StageName,
+    candidates: Sequence[Candidate],
+    *,
+    model_role: str = "",
+) -> list[Candidate]:
+    """Simulate candidates, in as many trials as the task gives; the best trial of each counts.
+
+    After each trial but the last, a refiner may revise the controls alone; `model_role` is the role
+    whose model it uses, if not its own.
+    """
+    tried = await simulate(run, stage, candidates)
+    return await run_concurrently(_retry(run, stage, item, model_role) for item in tried)
+
+
+async def _retry(
+    run: WorkflowContext, stage: StageName, candidate: Candidate, model_role: str
+) -> Candidate:
+    """All trials of a simulated machine after the first one; they end when nothing is revised."""
+    best, history = candidate, History()
+    if candidate.edit is not None and candidate.evaluation is not None:
+        history = history.add(with_result(candidate.edit, candidate.evaluation))
+    for trial in range(1, run.brief.limits.trials):
+        if not best.valid or best.perfect or best.machine is None or best.evaluation is None:
+            break
+        given = RefinerInput(
+            **run.role_input,
+            machine=best.machine,
+            history=history if run.settings.history else History(),
+            **_told(run, best.evaluation),
+            trial=trial + 1,
+        )
+        at = Place(stage, trajectory=candidate.trajectory, try_=trial)
+        asked = replace(at, name=f"{Refiner.name}/{stage}")
+        outcome = await run.ask(Refiner(), given, asked, stage=stage, model_role=model_role)
+        made = None if outcome is None else outcome.output
+        if made is None or made.machine == best.machine:
+            break
+        edit = edit_record(made, best.evaluation)
+        evaluation = await run.evaluate(made.machine, at)
+        history = history.add(with_result(edit, evaluation))
+        if (evaluation.reward or 0.0) > (best.reward or 0.0):
+            best = replace(best, machine=made.machine, evaluation=evaluation, edit=edit)
+        best = replace(best, trials=history)
+    return best
+
+
 async def refine_blindly(
     run: WorkflowContext, candidate: Candidate, blueprint: Blueprint | None
 ) -> Candidate:
@@ -107,7 +155,7 @@ async def refine_blindly(
     if outcome is None or outcome.output is None:
         return made
     made = replace(made, edit=edit_record(outcome.output, candidate.evaluation))
-    return (await simulate(run, BLIND, [made]))[0]
+    return (await try_machines(run, BLIND, [made]))[0]
 
 
 def edit_record(refinement: Refinement, before: Evaluation | None) -> EditRecord:
@@ -129,11 +177,15 @@ def with_result(edit: EditRecord, after: Evaluation) -> EditRecord:
 
 def _simulation_of(run: WorkflowContext, candidate: Candidate) -> dict[str, Any]:
     """Score and feedback of a designed machine, as far as the settings show them."""
-    settings, evaluation = run.settings, candidate.evaluation
-    if not settings.simulate_first or evaluation is None:
+    if not run.settings.simulate_first or candidate.evaluation is None:
         return {}
+    return _told(run, candidate.evaluation)
+
+
+def _told(run: WorkflowContext, evaluation: Evaluation) -> dict[str, Any]:
+    """Score and feedback of a simulation for a refiner, as far as the settings show them."""
     summary: SimulationSummary = evaluation.details
-    told = "" if settings.feedback == "score_only" else summary.feedback
+    told = "" if run.settings.feedback == "score_only" else summary.feedback
     return {"score": evaluation.score, "feedback": told}
 
 

@@ -131,6 +131,7 @@ def test_resuming_under_other_conditions_is_refused(run: Path, tmp_path: Path, w
         resume(other)
 
 
+@pytest.mark.slow
 def test_resuming_a_finished_run_with_another_schema_is_refused(run: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     subprocess.run(["cp", "-r", str(run), str(other)], check=True)

@@ -90,6 +90,7 @@ def test_a_killed_run_resumes_to_the_same_archive(run: Path, tmp_path: Path, aft
     assert replay(killed, ignore) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -110,6 +111,7 @@ def test_without_pyribs_no_run_begins(options: list[str], tmp_path: Path) -> Non
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_pyribs_is_imported_only_by_an_archive() -> None:
     code = (
         "import sys\n"

@@ -94,6 +94,7 @@ def test_resuming_with_another_engine_is_refused(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_run_without_a_recorded_engine_resumes_with_a_note(tmp_path: Path) -> None:
     document = PLAN.run_document
     del document["engine"]

@@ -48,6 +48,7 @@ def test_rationales_of_structures_are_in_build_order(tmp_path: Path) -> None:
     assert all(len(plan.splitlines()) > 1 for plan in plans)
 
 
+@pytest.mark.slow
 def test_rationales_need_a_run_with_accepted_designs(tmp_path: Path) -> None:
     with pytest.raises(RunError):
         design(build_config({**TINY, "rationale_from": str(tmp_path / "gone")}), tmp_path)

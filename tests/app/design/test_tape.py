@@ -85,6 +85,7 @@ def test_fifty_completion_orders_give_the_same_run(tmp_path: Path) -> None:
     assert len(runs[0]["calls.jsonl"].splitlines()) > 40
 
 
+@pytest.mark.slow
 def test_a_replay_in_any_order_matches_the_recorded_run(tmp_path: Path) -> None:
     result, run, tape = carry_out(tmp_path / "recorded", random.Random(1))
     recorded = written(run)

@@ -38,6 +38,7 @@ def by(name: str) -> RunOptions:
     return RunOptions(workflow=flow)
 
 
+@pytest.mark.slow
 def test_a_worker_designs_in_place_of_models(tmp_path: Path) -> None:
     settings = {"candidates_per_stage": 1, "rollouts": 2}
     config = build_config(
@@ -63,6 +64,7 @@ def test_a_worker_designs_in_place_of_models(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_what_a_killed_worker_did_counts(tmp_path: Path) -> None:
     config = build_config({"task": "movement", "workflow": "tools", "settings": {"rollouts": 3}})
 

@@ -134,6 +134,7 @@ def test_fates_are_judged_by_simulation_and_half_of_them_are_yes(tmp_path: Path)
     assert [told[verb]["right"]["share"] for verb in ("stand", "drive", "throw", "all")] == [1] * 4
 
 
+@pytest.mark.slow
 def test_a_diagnosis_is_continued_without_asking_again(tmp_path: Path) -> None:
     whole, part = tmp_path / "whole", tmp_path / "part"
     expected = run("overlap", knows_overlaps, whole, PAIRS)

@@ -65,6 +65,7 @@ def test_a_folder_adds_up_its_runs(tmp_path: Path) -> None:
     assert both.found == other.found + one.found or both.found == one.found + other.found
 
 
+@pytest.mark.slow
 def test_a_run_of_an_older_version_is_read(tmp_path: Path) -> None:
     file = Path(__file__).parent / "recorded" / "throwing-iterative.tar.xz"
     with tarfile.open(file) as archive:

@@ -143,6 +143,7 @@ def test_rescoring_finds_another_score(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.slow
 def test_machines_that_break_later_rules_are_shown_and_rescored_with_a_note(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

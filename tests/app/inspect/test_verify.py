@@ -53,6 +53,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> agentflow.Design:
     return design(tmp_path_factory.mktemp("plain"), verify=False)
 
 
+@pytest.mark.slow
 def test_a_run_ends_with_the_verification_of_its_best_machine(verified: agentflow.Design) -> None:
     found = verified.data["verified"]
     assert found == agentflow.verify(TEXT, "movement").to_json()
@@ -65,6 +66,7 @@ def test_a_run_ends_with_the_verification_of_its_best_machine(verified: agentflo
     assert replay(verified.run, ignore) is None
 
 
+@pytest.mark.slow
 def test_verification_is_not_counted_among_the_rollouts(
     verified: agentflow.Design, plain: agentflow.Design
 ) -> None:
@@ -89,6 +91,7 @@ def test_verification_can_be_switched_off_and_made_later(
     assert state_of(run) == "done"
 
 
+@pytest.mark.slow
 def test_a_verified_run_is_not_verified_again(verified: agentflow.Design) -> None:
     before = {path: path.stat().st_mtime_ns for path in verified.run.rglob("*")}
     assert verify_run(verified.run, 1, pytest.fail)["verified"] == verified.data["verified"]
@@ -130,6 +133,7 @@ def test_a_score_that_physics_no_longer_gives_is_not_verified_in_the_run(
     assert read_result(run)["verified"] is None
 
 
+@pytest.mark.slow
 def test_a_damaged_verification_is_reported(verified: agentflow.Design, tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(verified.run, run)
@@ -148,6 +152,7 @@ def test_runs_without_a_valid_machine_cannot_be_verified(tmp_path: Path) -> None
         verify_run(failed.run, 1, ignore)
 
 
+@pytest.mark.slow
 def test_lists_and_details_show_the_verified_score(
     verified: agentflow.Design, plain: agentflow.Design
 ) -> None:

@@ -75,6 +75,7 @@ def test_scores_are_those_of_simulate(capsys: Captured) -> None:
     assert "6 blocks are in both machines\n" in told
 
 
+@pytest.mark.slow
 def test_a_run_brings_its_task_and_a_page_shows_both_films(capsys: Captured) -> None:
     found = compared(capsys, str(RECORDED), "car.json", "--out", "page.html")
     assert (found["task"], found["seed"]) == ("throwing", 0)

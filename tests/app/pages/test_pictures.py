@@ -105,6 +105,7 @@ def count_red(file: Path) -> int:
     return int((close & (pixels[:, :, 0] > 100)).sum())
 
 
+@pytest.mark.slow
 def test_overlaps_of_an_invalid_machine_are_drawn_in_red(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -84,6 +84,7 @@ def test_the_verified_score_is_shown_beside_the_score(tmp_path: Path) -> None:
     assert (data["run"]["score"], data["run"]["verified"]) == (result["score"], VERIFIED)
 
 
+@pytest.mark.slow
 def test_a_run_in_progress_is_read_once(tmp_path: Path) -> None:
     """The run continues while films are made; all numbers are from before."""
     run = hostile_run(tmp_path)

@@ -37,6 +37,7 @@ def moves(machine: dict[str, Any]) -> bool:
     return bool(machine["film"]["samples"] > 10)
 
 
+@pytest.mark.slow
 def test_curves_samples_and_films_are_on_the_page(tmp_path: Path) -> None:
     path = run_with(tmp_path / "pass1")
     data = data_of(training_report(path, tmp_path / "r.html", films=1, workers=1, say=quiet))
@@ -91,6 +92,7 @@ def test_a_folder_of_training_runs_names_one(
     assert f"but holds some: give one of them, such as {tmp_path / 'best-0'};" in told
 
 
+@pytest.mark.slow
 def test_forged_numbers_and_machines_break_nothing(tmp_path: Path) -> None:
     path = run_with(tmp_path / "forged")
     (path / "curves.jsonl").write_text(

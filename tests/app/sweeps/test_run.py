@@ -180,6 +180,7 @@ def test_a_sweep_is_resumed_only_on_request_and_unchanged(
     )
 
 
+@pytest.mark.slow
 def test_unfinished_and_half_created_runs_are_carried_out(
     swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
 ) -> None:
@@ -209,6 +210,7 @@ def test_unfinished_and_half_created_runs_are_carried_out(
     assert [line["state"] for line in lines] == ["done"] * 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
@@ -234,6 +236,7 @@ def test_a_sweep_with_runs_under_other_conditions_is_refused(
     assert not (copy / "runs" / RUNS[3]).exists()
 
 
+@pytest.mark.slow
 def test_resuming_a_sweep_with_another_engine_is_refused(
     swept: tuple[SweepOutcome, Notes, Path], tmp_path: Path
 ) -> None:

@@ -18,12 +18,13 @@ from agentflow.app.sweeps.views import VIEWS, format_view, view
 from agentflow.env.tasks.records import record_of
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import RunError, UnknownNameError, UsageError
+from agentflow.metrics.published import SOURCES
 from agentflow.metrics.tables import Row, Table
 from agentflow.metrics.validity import Rate
 from agentflow.runs import Event, RunDirectory
 from agentflow.runs.events import VariedScore, VerificationEvent
 from agentflow.runs.places import Place
-from tests.metrics.events import candidate, expansion, node
+from tests.metrics.events import candidate, evaluation, expansion, node
 
 MODEL = "procedural (no language model)"
 CALL = {
@@ -239,6 +240,34 @@ def test_tasks_as_columns_can_have_different_metrics(tmp_path: Path) -> None:
     assert Row(("Human reference",), ("88.80", None)) in table.published
 
 
+def test_success_rates_stand_beside_published_means_over_levels(tmp_path: Path) -> None:
+    runs = {
+        "rocket-1.seed-0": [
+            evaluation("initial/traj-1", 700.0, success=True),
+            candidate("initial", 1, 700.0),
+            candidate("initial", 2, None, valid=False),
+        ]
+    }
+    table = {
+        "conditions": "none",
+        "stage": "initial",
+        "metrics": ["success", "success_95"],
+        "published": [{"table": "buildarena"}],
+    }
+    axes = {"task": ["rocket/1", "rocket/4"]}
+    path = sweep(tmp_path, runs, axes=axes, table=table)
+    found = layout_table(read_sweep_result(path), published=True)
+    assert values(found)["rocket/1", MODEL] == (Rate(1, 2), "9.5% - 90.5%")
+    assert values(found)["rocket/4", MODEL] == (None, None)
+    assert Row(("rocket/1-3", "Grok-4"), ("21.9%", "16.6% - 28.2%")) in found.published
+    assert len(found.published) == 8
+    source = SOURCES["buildarena"]
+    assert source in found.notes
+    assert source not in layout_table(read_sweep_result(path)).notes
+    lines = format_view(path, "published", "csv", published=True).splitlines()
+    assert [line.partition(",")[0] for line in lines[1:]] == ["measured"] * 2 + ["published"] * 8
+
+
 GEARING = {"task": "gearing", "workflow": "placement"}
 
 
@@ -350,6 +379,7 @@ def test_sweeps_that_do_not_search_have_no_curve(tmp_path: Path) -> None:
     assert "No run of this sweep searches." in table.notes
 
 
+@pytest.mark.slow
 def test_every_view_has_every_format(tmp_path: Path) -> None:
     path = compared(tmp_path)
     starts = {"text": "Hand", "md": "**Hand", "csv": "source,", "latex": "% Hand", "json": "{"}

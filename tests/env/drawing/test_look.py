@@ -54,6 +54,7 @@ def test_axes_show_the_direction_of_the_view(view: str, right: str, up: str) -> 
     assert axis_ends(picture, up)[1] > 20
 
 
+@pytest.mark.slow
 def test_views_and_moments_differ_and_repeat_exactly() -> None:
     rollout = simulate(CAR, get_task("movement"))
     asked = [(view, None) for view in DIRECTIONS] + [("iso", 0.0), ("iso", 2.0)]

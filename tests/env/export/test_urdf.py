@@ -115,6 +115,7 @@ def test_other_libraries_read_what_engines_get(name: str, read: Read, tmp_path: 
     assert agree(read, tmp_path, MACHINES[name], Random(name)) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.pybullet
 def test_random_machines(tmp_path: Path) -> None:
     rng, flipped, moved = Random(5), 0, 0

@@ -110,7 +110,7 @@ def told(task: Task, machine: Machine, seed: int) -> Rollout:
         world.time = step / 10
         referee.watch(world)
     verdict = referee.verdict(trace)
-    stalls = stalled_motors(machine, trace, task.schedule)
+    stalls = stalled_motors(machine, trace, task.schedule.switches())
     verdict = replace(verdict, events=(*verdict.events, *stalls))
     broken = tuple(
         Broken(i, machine[i].type, i - 1, task.window - 0.01 * i, 1.234) for i in range(1, BLOCKS)

@@ -7,7 +7,8 @@ import pytest
 from agentflow.env.rollout import Verdict
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.base import Body
-from agentflow.env.tasks.families.lifting import OBJECT, Lifting, LiftingKnobs, highest_point_under
+from agentflow.env.tasks.families.lifting import OBJECT, Lifting, LiftingKnobs
+from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.registry import get_task
 from agentflow.errors import ConfigError
 from agentflow.machine.geometry.vectors import Vec3
@@ -196,6 +197,7 @@ def test_trials_vary_mass_place_and_friction() -> None:
         assert 0.72 <= thing.friction <= 0.88
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lifting", "lifting/5"])
 def test_a_machine_that_only_stands_there_lifts_nothing(name: str) -> None:
     rollout = simulate(LONG, get_task(name))

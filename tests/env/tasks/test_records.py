@@ -14,6 +14,7 @@ from agentflow.config.sweep import read_sweep
 from agentflow.env.physics.engines import ENGINES
 from agentflow.env.simulation.simulate import simulate
 from agentflow.env.tasks.records import (
+    TaskRecord,
     full_score,
     read_records,
     record_json,
@@ -144,3 +145,11 @@ def test_types_can_be_withheld() -> None:
     assert 9 not in task.brief.blocks
     assert simulate(record.machine, task).status == "invalid"
     assert not any("pring" in sentence for sentence in task.brief.schedule[1:])
+
+
+def test_records_keep_control_programs() -> None:
+    (name, first), *_ = read_records().items()
+    controls = ({"group": "motors", "at": 0, "for": 1, "level": 1},)
+    kept = TaskRecord.model_validate_json(first.model_copy(update={"controls": controls}).to_text())
+    assert kept.controls == controls
+    assert '"controls"' not in first.to_text(), name

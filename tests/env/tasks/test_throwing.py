@@ -380,6 +380,7 @@ def test_feedback_on_rings_tells_how_close_it_came() -> None:
     assert "Rings: passed 0 of 1, closest distance to the next ring's centre 8.00 m" in text
 
 
+@pytest.mark.slow
 def test_a_window_that_ends_in_mid_flight_costs_only_what_is_left_of_it() -> None:
     """The boulder leaves at 0.3 s and lands 21.7 m away at 1.6 s."""
     thrower = load("throwing/spring_arm.json")

@@ -85,6 +85,7 @@ def test_pipes_sockets_devices_and_folders_are_refused_at_once(tmp_path: Path) -
     }
 
 
+@pytest.mark.slow
 def test_only_so_many_files_are_read(tmp_path: Path) -> None:
     for number in range(10_000):
         (tmp_path / f"{number:05d}.json").touch()

@@ -117,6 +117,7 @@ def test_the_limit_first_asks_a_program_to_end(tmp_path: Path) -> None:
     assert (ending, written) == (Ending(7, timed_out=True), b"on\n")
 
 
+@pytest.mark.slow
 def test_no_child_outlives_its_program(tmp_path: Path, family: list[Path]) -> None:
     ending, _ = run(FAMILY, tmp_path)
     assert ending == Ending(0, timed_out=False)
@@ -132,6 +133,7 @@ def test_no_child_outlives_a_program_that_is_stopped_at_its_limit(
     assert [lives(file) for file in family] == [False, False, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("request_", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_no_child_outlives_an_interrupted_process(
     tmp_path: Path, family: list[Path], request_: signal.Signals
@@ -155,6 +157,7 @@ asyncio.run(process.run_program(command, folder, folder / "given", print))
     assert [lives(file) for file in family] == [False, False, False]
 
 
+@pytest.mark.slow
 def test_no_child_outlives_a_cancelled_program(tmp_path: Path, family: list[Path]) -> None:
     (tmp_path / "given").touch()
 

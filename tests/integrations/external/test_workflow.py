@@ -94,6 +94,7 @@ def test_the_example_designs_a_cart_that_drives(
         assert main([command[0], str(run), *command[1:]]) == 0
 
 
+@pytest.mark.slow
 def test_files_count_without_any_tool(tmp_path: Path) -> None:
     code = f"""
 assert sys.stdin.read() == open("TASK.md").read()
@@ -113,6 +114,7 @@ print(sorted(os.listdir("machines/before")))
     assert replay(run, lambda line: pytest.fail(line)) is None
 
 
+@pytest.mark.slow
 def test_a_program_that_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = carry_out("sys.exit(3)", tmp_path)
     assert endings(run) == [(3, False)] * 3
@@ -127,6 +129,7 @@ def test_a_program_that_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFix
     assert replay(run, lambda line: pytest.fail(line)) is None
 
 
+@pytest.mark.slow
 def test_bad_files_are_refused_with_a_reason(tmp_path: Path) -> None:
     code = f"""
 os.chdir("machines")
@@ -148,6 +151,7 @@ shutil.copy({str(CAR)!r}, "z.json")
     assert all(0 < len(problem) <= 300 for problem in found.values())
 
 
+@pytest.mark.slow
 def test_a_folder_of_machines_that_is_gone_or_a_link(tmp_path: Path) -> None:
     run = carry_out("shutil.rmtree('machines'); os.symlink('/etc', 'machines')", tmp_path)
     assert [event.problem for event in files(run)] == ["it is not a folder; leave it as it is"]
@@ -181,6 +185,7 @@ def test_what_is_there_at_the_limit_counts(tmp_path: Path) -> None:
     assert f"on\n\n{told}" in (run / "log.txt").read_text()
 
 
+@pytest.mark.slow
 def test_a_flood_of_output_leaves_a_small_log(tmp_path: Path) -> None:
     run = carry_out("os.write(1, b'x' * 5_000_000)", tmp_path)
     log = (run / "log.txt").read_text()
@@ -205,6 +210,7 @@ def test_what_cannot_be_run_leaves_no_run(
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.slow
 def test_a_script_without_an_interpreter_leaves_no_run(tmp_path: Path) -> None:
     agent = tmp_path / "agent"
     agent.write_text("no script")

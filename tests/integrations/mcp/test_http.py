@@ -44,6 +44,7 @@ async def post(served: Served, content: bytes | None = None, **headers: str | by
         return await http.post(served.url, content=content, headers=given)
 
 
+@pytest.mark.slow
 async def test_needs_the_token_and_names_of_this_machine(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -73,6 +74,7 @@ async def test_needs_the_token_and_names_of_this_machine(
         assert served.token not in caplog.text
 
 
+@pytest.mark.slow
 async def test_refuses_too_much_and_what_is_not_json() -> None:
     async with open_bench() as (bench, _), serve_bench(bench) as served:
         assert (await post(served, b"x" * (4 * 1024 * 1024 + 1))).status_code == 413
@@ -84,6 +86,7 @@ async def test_refuses_too_much_and_what_is_not_json() -> None:
         assert (await post(served)).status_code == 200
 
 
+@pytest.mark.slow
 async def test_beyond_loopback_it_answers_to_names_of_this_machine_with_the_token() -> None:
     async with open_bench() as (bench, _):
         server = build_server(lambda _client: OneBench(bench))
@@ -98,6 +101,7 @@ async def test_beyond_loopback_it_answers_to_names_of_this_machine_with_the_toke
             assert (await post(local, Authorization=None)).status_code == 401
 
 
+@pytest.mark.slow
 async def test_an_unknown_session_is_not_found() -> None:
     async with open_bench() as (bench, _), serve_bench(bench) as served:
         answer = await post(served, Mcp_Session_Id="0123456789abcdef")
@@ -105,6 +109,7 @@ async def test_an_unknown_session_is_not_found() -> None:
         assert answer.json()["error"]["message"] == "Session not found"
 
 
+@pytest.mark.slow
 async def test_clients_of_a_revision_without_sessions_fall_back_or_are_told() -> None:
     async with open_bench() as (bench, _), serve_bench(bench) as served:
         async with http_client(served.url, served.token) as client:

@@ -31,6 +31,7 @@ async def connected(**options: object) -> AsyncIterator[tuple[Client, Bench]]:
         yield client, bench
 
 
+@pytest.mark.slow
 async def test_tools_come_with_schemas_and_hints() -> None:
     async with connected() as (client, bench):
         tools = (await client.list_tools()).tools
@@ -45,6 +46,7 @@ async def test_tools_come_with_schemas_and_hints() -> None:
         assert "`brief`" in told
 
 
+@pytest.mark.slow
 async def test_a_design_with_progress_picture_and_end() -> None:
     beats: list[float] = []
 
@@ -83,6 +85,7 @@ WRONG_CALLS: list[tuple[str, dict[str, object], str]] = [
 ]
 
 
+@pytest.mark.slow
 async def test_wrong_calls_get_words() -> None:
     async with connected() as (client, _):
         for name, arguments, words in WRONG_CALLS:
@@ -92,6 +95,7 @@ async def test_wrong_calls_get_words() -> None:
             assert data_of(answer)["refused"] == text_of(answer)
 
 
+@pytest.mark.slow
 async def test_a_cancelled_call_stops_the_simulation_and_costs_nothing() -> None:
     async with connected() as (client, _):
         name = data_of(await client.call_tool("check", {"machine": CAR}))["machine"]
@@ -107,6 +111,7 @@ async def test_a_cancelled_call_stops_the_simulation_and_costs_nothing() -> None
         assert data_of(await client.call_tool("simulate", {"machine": name}))["rollouts_left"] == 2
 
 
+@pytest.mark.slow
 async def test_resources_are_the_brief_and_the_machines() -> None:
     async with connected() as (client, bench):
         name = data_of(await client.call_tool("check", {"machine": CAR}))["machine"]
@@ -126,6 +131,7 @@ async def test_resources_are_the_brief_and_the_machines() -> None:
                 await client.read_resource(uri)
 
 
+@pytest.mark.slow
 async def test_prompts_hold_the_brief_and_the_machine() -> None:
     async with connected() as (client, bench):
         assert [item.name for item in (await client.list_prompts()).prompts] == ["design", "refine"]
@@ -147,6 +153,7 @@ async def test_prompts_hold_the_brief_and_the_machine() -> None:
                 await client.get_prompt(prompt, arguments)
 
 
+@pytest.mark.slow
 async def test_a_stage_without_simulation_offers_fewer_tools() -> None:
     async with connected(rollouts=None, looks=None) as (client, _):
         names = [tool.name for tool in (await client.list_tools()).tools]

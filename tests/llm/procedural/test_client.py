@@ -109,6 +109,7 @@ LINES = (
 )
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.one_of(st.sampled_from(LINES), st.text(max_size=60)), max_size=12), st.integers()
 )

@@ -50,6 +50,10 @@ MECHANISMS = {
     "flying": {"two rotors", "rotor and paddles"},
     "flying/4": {"two rotors", "rotor and paddles", "thrust frame"},
     "picking": {"crane"},
+    "bridge": {"braced deck", "trussed deck"},
+    "transport/2": {"steered car"},
+    "rocket": {"steam rocket"},
+    "rocket/3": {"steam rocket"},
 }
 
 
@@ -134,3 +138,9 @@ async def test_a_required_block_that_no_mechanism_uses_gets_a_structure() -> Non
     machine = await designs(brief, blueprint, 0, "t")
     assert machine is not None
     assert machine.count(27) == 1
+
+
+async def test_decks_reach_across_a_gap_that_is_longer_than_other_machines_may_be() -> None:
+    found = [await whole_design(brief_of("bridge/3"), seed) for seed in range(8)]
+    boxes = [place(design.machine) for design in found if design is not None]
+    assert max(box.box_max[2] - box.box_min[2] for box in boxes) > 20.0

@@ -36,6 +36,7 @@ async def work(bench: Bench, seed: int = 0) -> list[str]:
     return called
 
 
+@pytest.mark.slow
 async def test_it_simulates_designs_and_their_edits_and_submits_the_best() -> None:
     async with open_bench(submissions=2, rollouts=4) as (bench, record):
         called = await work(bench)

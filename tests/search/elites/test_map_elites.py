@@ -166,6 +166,7 @@ async def test_expand_can_read_a_given_archive() -> None:
     assert seen == [1, 2]
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000))
 async def test_concurrency_changes_nothing(seed: int) -> None:
     """Replies that arrive in any order make the same tree, archive and events."""

@@ -48,6 +48,7 @@ def test_a_repeated_sentence_is_found_by_its_words() -> None:
     assert likeness.shared == pytest.approx(5 / 6, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_prompts_of_levels_are_found_and_those_of_our_objectives_are_not() -> None:
     levels = {name: design_prompt(name)[1]["content"] for name in task_names()[::7]}
     found = compare_texts(levels)
@@ -58,6 +59,7 @@ def test_prompts_of_levels_are_found_and_those_of_our_objectives_are_not() -> No
     assert [name for name, likeness in others.items() if likeness.contaminated] == []
 
 
+@pytest.mark.slow
 def test_the_shipped_objectives_are_not_contaminated() -> None:
     objectives = read_objectives(ROOT_FOLDER / "configs" / "objectives.yaml")
     found = compare_texts({item.name: item.text for item in objectives})

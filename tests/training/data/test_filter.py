@@ -43,6 +43,7 @@ def change_programs(folder: Path, programs: dict[int, str]) -> None:
     (folder / "answers.jsonl").write_text(text)
 
 
+@pytest.mark.slow
 def test_each_gate_drops_what_it_should(objectives: Path, tmp_path: Path, capsys: Captured) -> None:
     answers, out = tmp_path / "a", tmp_path / "set"
     extra = (
@@ -95,6 +96,7 @@ def test_each_gate_drops_what_it_should(objectives: Path, tmp_path: Path, capsys
     assert (card["model"], card["licence"], card["faults"]) == (NAME, "MIT", 0)
 
 
+@pytest.mark.slow
 def test_a_simulation_that_failed_makes_no_equal_machine_a_duplicate(
     objectives: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -121,6 +123,7 @@ def test_a_simulation_that_failed_makes_no_equal_machine_a_duplicate(
     assert carts == ["simulation", None, "duplicate"]
 
 
+@pytest.mark.slow
 def test_the_pairs_hold_the_real_prompt_and_a_clean_reply(objectives: Path, tmp_path: Path) -> None:
     answers, out = tmp_path / "a", tmp_path / "set"
     assert main(generate(objectives, answers, "--samples", "2", "--variants", "1")) == 0
@@ -149,6 +152,7 @@ def test_the_pairs_hold_the_real_prompt_and_a_clean_reply(objectives: Path, tmp_
     assert f"Machines designed by: {NAME}" in text
 
 
+@pytest.mark.slow
 def test_a_finished_set_stays_as_it_is_and_another_is_refused(
     objectives: Path, tmp_path: Path, capsys: Captured
 ) -> None:
@@ -181,6 +185,7 @@ def test_a_finished_set_stays_as_it_is_and_another_is_refused(
     )
 
 
+@pytest.mark.slow
 def test_a_log_of_other_machines_is_refused(
     objectives: Path, tmp_path: Path, capsys: Captured
 ) -> None:

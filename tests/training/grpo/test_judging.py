@@ -28,6 +28,7 @@ def judging(scorer: Any) -> Judging:
     return Judging(cast("Scorer", scorer), performance, "auto")
 
 
+@pytest.mark.slow
 def test_real_replies_are_judged_in_their_order(scorer: Scorer) -> None:
     found = Judging(scorer, shaped, "auto")
     found.hand_over(["movement", "throwing"], [CAR, CAR])
@@ -83,6 +84,7 @@ def test_the_oldest_reply_is_forgotten_only_once_its_step_is_judged() -> None:
     assert table.submitted == ["a", "b", "c", "a"]
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_is_replaced(scorer: Scorer) -> None:
     found = Judging(scorer, shaped, "auto")
     os.kill(scorer._pool.pids[0], signal.SIGKILL)

@@ -13,6 +13,7 @@ from agentflow.cli.root import (
     Engine,
     Json,
     ModelName,
+    On,
     Quiet,
     Settings,
     commands,
@@ -109,6 +110,7 @@ def filter(
     engine: Engine = None,
     licence: Licence = None,
     workers: Workers = 2,
+    on: On = "local",
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -116,6 +118,7 @@ def filter(
 
     Writes train.jsonl, dev.jsonl and a card (card.md, card.json). The same command again continues.
     """
+    from agentflow.app.pools import pools_on
     from agentflow.training.data.filter import filter_answers
 
     card = filter_answers(
@@ -126,6 +129,7 @@ def filter(
         licence=licence,
         workers=workers,
         show=_progress("machine", quiet),
+        open_pool=pools_on(on),
     )
     _print_card(card, out, as_json)
 

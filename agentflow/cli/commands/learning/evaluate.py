@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from agentflow.cli.display.text import show_count
-from agentflow.cli.root import BaseUrl, Engine, Json, Settings, commands, print_result
+from agentflow.cli.root import BaseUrl, Engine, Json, On, Settings, commands, print_result
 from agentflow.errors import UsageError
 
 SAMPLING = ("model.sampling.temperature=1.0", "model.sampling.top_p=1.0")
@@ -58,6 +58,7 @@ def evaluate(
         int | None,
         typer.Option(min=1, help="Worker processes for simulation (default: 2)."),
     ] = None,
+    on: On = "local",
     as_json: Json = False,
 ) -> None:
     """Evaluate a model: sample whole machines, simulate them, count how many are valid and good.
@@ -67,6 +68,7 @@ def evaluate(
     crashed or timed out are counted and left out.
     """
     from agentflow.app.design.config import load_config
+    from agentflow.app.pools import pools_on
     from agentflow.cli.display.live import print_remark
     from agentflow.cli.display.show_evaluation import show_evaluation
     from agentflow.training.evaluation.evaluate import evaluate as carry_out
@@ -90,5 +92,6 @@ def evaluate(
         name=name,
         notify=print_remark,
         say=show_count("sample"),
+        open_pool=pools_on(on),
     )
     print_result(found.model_dump(mode="json"), as_json, show_evaluation)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from agentflow.cli.root import Json, Quiet, commands, print_result
+from agentflow.cli.root import Json, On, Quiet, commands, print_result
 
 train = typer.Typer(
     help="Train models to design machines.",
@@ -86,6 +86,7 @@ def grpo(
     ] = None,
     settings: TrainingSettings = None,
     resume: Resume = False,
+    on: On = "local",
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -95,6 +96,7 @@ def grpo(
     rewards, and how much better or worse a reply is than its group changes the model (GRPO). The
     model is then in the folder `model` of the training directory.
     """
+    from agentflow.app.pools import pools_on
     from agentflow.cli.display.live import print_remark
     from agentflow.cli.display.show_training import show_training
     from agentflow.training.config import read_config
@@ -105,6 +107,5 @@ def grpo(
     require_libraries(*built.libraries)
     from agentflow.training.grpo.train import train_grpo
 
-    print_result(
-        train_grpo(built, out, resume, partial(print_remark, quiet=quiet)), as_json, show_training
-    )
+    notify = partial(print_remark, quiet=quiet)
+    print_result(train_grpo(built, out, resume, notify, pools_on(on)), as_json, show_training)

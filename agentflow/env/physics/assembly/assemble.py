@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from agentflow.env.constants import Constants
-from agentflow.env.physics.assembly.devices import devices_of
+from agentflow.env.physics.assembly.devices import control_devices, devices_of
 from agentflow.env.physics.assembly.parts import block_parts, end_parts, joint_drive
-from agentflow.env.physics.assembly.shapes import direction_of
 from agentflow.env.physics.model import Assembly, Drive, Joint, Part, Strength
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import BlockType
@@ -57,6 +58,7 @@ class _Assembler:
         for link in self.geometry.auto_connections:
             self._auto_connection(link.block, link.partner, link.face_id)
         joints = (*self.joints, *self.closing)
+        devices = devices_of(self.geometry.blocks, self.blocks, joints, self.constants)
         return Assembly(
             parts=tuple(self.parts),
             joints=joints,
@@ -67,7 +69,7 @@ class _Assembler:
             centres=tuple(add(b.center, self.shift) for b in self.geometry.blocks),
             rotations=tuple(b.quaternion for b in self.geometry.blocks),
             spans=tuple(self.spans),
-            devices=devices_of(self.geometry.blocks, self.blocks, joints, self.constants),
+            devices=control_devices(devices, self.parts) if self.machine.controls else devices,
         )
 
     def _add(self, parts: list[Part]) -> tuple[int, ...]:
@@ -89,13 +91,18 @@ class _Assembler:
                 b=first,
                 kind=joint.kind,
                 pivot=add(placed.origin, self.shift),
-                axis=direction_of(placed, joint.axis),
-                drive=joint_drive(placed, kind, self.constants),
+                axis=placed.direction(joint.axis),
+                drive=self._drive(placed, kind),
                 strength=self._strength(kind.type),
             )
         )
         for second in wheel:
             self.joints.append(self._axle(placed, first, second))
+
+    def _drive(self, placed: Placed, kind: BlockType) -> Drive:
+        drive = joint_drive(placed, kind, self.constants)
+        controlled = self.machine.controls and kind.group is not None
+        return replace(drive, starts=placed.id) if controlled else drive
 
     def _axle(self, placed: Placed, fork: int, wheel: int) -> Joint:
         """The joint about which the wheel of a caster rolls."""

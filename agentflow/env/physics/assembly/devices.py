@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import cos, radians, sin
 
 from agentflow.env.constants import Constants
-from agentflow.env.physics.assembly.shapes import direction_of
-from agentflow.env.physics.laws.flight import PropellerBlade, Thruster
+from agentflow.env.physics.laws.flight import Heat, PropellerBlade, Thruster
 from agentflow.env.physics.laws.tension import Spring, Winch
-from agentflow.env.physics.model import CogMesh, Devices, Gripper, Joint
+from agentflow.env.physics.model import CogMesh, Devices, Gripper, Joint, Part
 from agentflow.machine.blocks.library import library
 from agentflow.machine.blocks.types import Blade
 from agentflow.machine.geometry.gears import meshing_pairs
@@ -32,9 +32,14 @@ def devices_of(
             if kind.connector == "spring"
         ),
         thrusters=tuple(
-            Thruster(own[0], scale(block.front, kind.thrust))
+            Thruster(own[0], scale(block.direction(kind.push), kind.thrust), kind.steam)
             for block, kind, own in known
             if kind.thrust is not None
+        ),
+        flames=tuple(
+            Heat(own[0], scale(block.direction(flame.direction), flame.reach), flame.radius)
+            for block, kind, own in known
+            if (flame := kind.flame) is not None
         ),
         blades=tuple(
             _blade(block, kind.blade, own[0])
@@ -48,6 +53,17 @@ def devices_of(
             if kind.grip_direction is not None
         ),
         cog_meshes=cog_meshes(blocks, joints, constants["cog_tolerance"]),
+    )
+
+
+def control_devices(devices: Devices, parts: Sequence[Part]) -> Devices:
+    """The devices of a machine with controls: each follows the level of its own block."""
+    return replace(
+        devices,
+        springs=tuple(replace(each, starts=parts[each.a].block) for each in devices.springs),
+        thrusters=tuple(replace(each, starts=parts[each.part].block) for each in devices.thrusters),
+        winches=tuple(replace(each, starts=parts[each.a].block) for each in devices.winches),
+        grippers=tuple(replace(each, starts=parts[each.part].block) for each in devices.grippers),
     )
 
 
@@ -92,7 +108,7 @@ def _gripper(
     own = [joint for joint in joints if part in (joint.a, joint.b)]
     return Gripper(
         part=part,
-        front=direction_of(block, direction),
+        front=block.direction(direction),
         reach=length(subtract(block.center, block.origin)),
         force=constants.of("strength_force", block.type),
         joined=frozenset(end for joint in own for end in (joint.a, joint.b)),

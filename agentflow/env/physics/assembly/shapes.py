@@ -39,29 +39,16 @@ def block_shapes(
         case "plate":
             return tuple(_plate(kind, shrink, small[1]))
     if kind.grip_direction is not None:  # juts out to meet what was placed against it
-        front = direction_of(placed, kind.grip_direction)
+        front = placed.direction(kind.grip_direction)
         longer = extents_of(placed, scale(DIRECTIONS[kind.grip_direction], 2 * shrink))
         return (Shape("box", add(small, longer), scale(front, shrink)),)
     return (Shape("box", small),)
 
 
-def to_machine_frame(placed: Placed, local: Vec3) -> Vec3:
-    """A vector of the block's own frame in the machine frame."""
-    return add(
-        add(scale(placed.right, local[0]), scale(placed.up, local[1])),
-        scale(placed.front, local[2]),
-    )
-
-
 def extents_of(placed: Placed, size: Vec3) -> Vec3:
     """Extents along the machine's axes of a box that lies along the block's own axes."""
-    x, y, z = to_machine_frame(placed, size)
+    x, y, z = placed.turn(size)
     return (abs(x), abs(y), abs(z))
-
-
-def direction_of(placed: Placed, word: str) -> Vec3:
-    """Unit vector of a direction word in the machine frame."""
-    return to_machine_frame(placed, DIRECTIONS[word])
 
 
 def _cylinder(placed: Placed, kind: BlockType, shrink: float) -> Shape:
@@ -72,7 +59,7 @@ def _cylinder(placed: Placed, kind: BlockType, shrink: float) -> Shape:
 
 
 def _hinge(placed: Placed, kind: BlockType, small: Vec3) -> Shape:
-    thin = cross(direction_of(placed, kind.joint.axis), placed.front)
+    thin = cross(placed.direction(kind.joint.axis), placed.front)
     x, y, z = (HINGE_PLATE if across else side for across, side in zip(thin, small, strict=True))
     return Shape("box", (x, y, z))
 
@@ -96,7 +83,7 @@ def _container(placed: Placed, kind: BlockType, shrink: float) -> Iterator[Shape
         ((x, WALL, tall), (0, (WALL - y) / 2, floor + tall / 2)),
     )
     for size, at in boxes:
-        place = to_machine_frame(placed, (at[0], at[1], at[2] - z / 2))
+        place = placed.turn((at[0], at[1], at[2] - z / 2))
         yield Shape("box", extents_of(placed, size), place)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from agentflow.env.physics.laws.forces import PartForce, PartLocations, Wrench
+from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, Wrench
 from agentflow.env.physics.model import Part
 from agentflow.env.physics.rows import POSITION, ROTATION, SPIN, VELOCITY, Row
 from agentflow.env.rollout import Array
@@ -143,8 +143,8 @@ class WindForce:
 class GustClock:
     """The strength of the wind from step to step; gusts count the time for which it has been on."""
 
-    def __init__(self, scene: Scene, levels: Mapping[str, float], step: float) -> None:
-        """Start the clock; `levels` of the schedule's entries are read in every step."""
+    def __init__(self, scene: Scene, levels: Mapping[Entry, float], step: float) -> None:
+        """Start the clock; `levels` of entries are read in every step."""
         self._scene, self._levels, self._time = scene, levels, 0.0
         self.step = step
         """Time between calls, s."""

@@ -7,20 +7,36 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import dist
 
 from agentflow.env.physics.frames import swap
-from agentflow.env.physics.laws.forces import PartForce, PartLocations
+from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, part_motion
 from agentflow.env.physics.rows import Row
-from agentflow.machine.geometry.vectors import Vec3, dot, rotate_vector, scale
+from agentflow.machine.geometry.vectors import Vec3, add, dot, rotate_vector, scale
 
 
 @dataclass(frozen=True)
 class Thruster:
-    """A steady push on a part at its centre, while `motors` are on."""
+    """A steady push on a part at its centre, while it is on."""
 
     part: int
     force: Vec3
     """N; turns with the part."""
+    steam: float | None = None
+    """Factor of the force while a flame heats the part's centre; None: flames do not matter."""
+    starts: Entry = "motors"
+    """The entry whose level it follows."""
+
+
+@dataclass(frozen=True)
+class Heat:
+    """A flame on a part, which heats parts whose centres it reaches."""
+
+    part: int
+    offset: Vec3
+    """From the part's centre to the flame's, m; turns with the part."""
+    radius: float
+    """m."""
 
 
 @dataclass(frozen=True)
@@ -39,21 +55,44 @@ class PropellerBlade:
 
 
 class ThrustForce:
-    """Constant thrust, while `motors` are on."""
+    """Constant thrust, while thrusters are on; greater while a flame heats those of steam."""
 
-    def __init__(self, thrusters: Sequence[Thruster], levels: Mapping[str, float]) -> None:
-        """Convert the thrusters; `levels` of the schedule's entries are read in every step."""
-        self._levels = levels
-        self._pushes: list[PartForce] = [(each.part, swap(each.force), None) for each in thrusters]
+    def __init__(
+        self,
+        thrusters: Sequence[Thruster],
+        levels: Mapping[Entry, float],
+        flames: Sequence[Heat],
+        locations: PartLocations,
+    ) -> None:
+        """Convert the thrusters and flames; `levels` of entries are read in every step."""
+        self._levels, self._locations = levels, locations
+        self._pushes = [(each, swap(each.force)) for each in thrusters]
+        self._flames = [(each.part, swap(each.offset), each.radius) for each in flames]
 
-    def __call__(self, rows: Sequence[Row]) -> list[PartForce]:  # noqa: ARG002
+    def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
-        level = self._levels["motors"]
-        if level == 1.0:
-            return self._pushes
-        if not level:
-            return []
-        return [(part, scale(force, level), None) for part, force, _ in self._pushes]
+        levels = self._levels
+        return [
+            (each.part, scale(force, level * self._factor(each, rows)), None)
+            for each, force in self._pushes
+            if (level := levels.get(each.starts, 0.0))
+        ]
+
+    def _factor(self, thruster: Thruster, rows: Sequence[Row]) -> float:
+        """The factor of its force."""
+        if thruster.steam is None:
+            return 1.0
+        middle = self._place(thruster.part, (0.0, 0.0, 0.0), rows)
+        heated = any(
+            dist(middle, self._place(part, offset, rows)) <= radius
+            for part, offset, radius in self._flames
+        )
+        return thruster.steam if heated else 1.0
+
+    def _place(self, part: int, offset: Vec3, rows: Sequence[Row]) -> Vec3:
+        """A point of a part, at rest `offset` from its centre."""
+        row, arm = self._locations.locate(part)
+        return part_motion(rows[row], add(arm, offset))[0]
 
 
 _Blade = tuple[int, Vec3, Vec3, Vec3, float, float]

@@ -17,6 +17,8 @@ from agentflow.env.rollout import Array
 from agentflow.machine.geometry.vectors import Vec3, dot, rotate_vector
 
 Indices = NDArray[np.intp]
+Entry = str | int
+"""What a level drives: an entry of the task's schedule, or the block with this id."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from agentflow.env.physics.engine import Power
 from agentflow.env.physics.frames import swap, swap_all
 from agentflow.env.physics.laws.air import WindForce
 from agentflow.env.physics.laws.flight import BladeForce, ThrustForce
-from agentflow.env.physics.laws.forces import PartForce, PartLocations, power_of
+from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, power_of
 from agentflow.env.physics.laws.tension import SpringForce, WinchForce
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.rows import Row
@@ -24,7 +24,7 @@ Law = Callable[[Sequence[Row]], list[PartForce]]
 def device_laws(
     assembly: Assembly,
     locations: PartLocations,
-    levels: Mapping[str, float],
+    levels: Mapping[Entry, float],
     winches: WinchForce,
 ) -> list[Law]:
     """Springs, thrusters, blades and winches, where there are any."""
@@ -33,7 +33,7 @@ def device_laws(
     if devices.springs:
         laws.append(SpringForce(devices.springs, locations, levels))
     if devices.thrusters:
-        laws.append(ThrustForce(devices.thrusters, levels))
+        laws.append(ThrustForce(devices.thrusters, levels, devices.flames, locations))
     if devices.blades:
         laws.append(BladeForce(devices.blades, locations))
     if winches:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
-from agentflow.env.physics.laws.forces import PartForce, PartLocations, part_motion
+from agentflow.env.physics.laws.forces import Entry, PartForce, PartLocations, part_motion
 from agentflow.env.physics.rows import Row
 from agentflow.machine.geometry.vectors import Vec3, scale
 
@@ -20,7 +20,7 @@ Place = tuple[int, Vec3]
 
 @dataclass(frozen=True)
 class Spring:
-    """Pulls two parts together along the line between their centres, while `springs` are on."""
+    """Pulls two parts together along the line between their centres, while it is on."""
 
     a: int
     """Part index."""
@@ -34,13 +34,15 @@ class Spring:
     """N."""
     damping: float
     """N s/m."""
+    starts: Entry = "springs"
+    """The entry whose level it follows."""
 
 
 @dataclass(frozen=True)
 class Winch:
-    """A rope between two parts' centres that is reeled in while `winches` are on.
+    """A rope between two parts' centres that is reeled in while it is on.
 
-    It is strung, taut, when winches are first switched on, and never pushes.
+    It is strung, taut, when it is first switched on, and never pushes.
     """
 
     a: int
@@ -57,25 +59,27 @@ class Winch:
     """N s/m."""
     force: float
     """Greatest pull, N; a greater load draws rope out."""
+    starts: Entry = "winches"
+    """The entry whose level it follows."""
 
 
 class SpringForce:
     """Pull of all springs of a machine."""
 
     def __init__(
-        self, springs: Sequence[Spring], locations: PartLocations, levels: Mapping[str, float]
+        self, springs: Sequence[Spring], locations: PartLocations, levels: Mapping[Entry, float]
     ) -> None:
-        """Locate the ends; `levels` of the schedule's entries are read in every step."""
+        """Locate the ends; `levels` of entries are read in every step."""
         self._levels = levels
         self._springs = [(s, locations.locate(s.a), locations.locate(s.b)) for s in springs]
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Forces in this step."""
-        level = max(self._levels["springs"], 0.0)  # springs cannot push
-        if not level:
-            return []
         pulls = []
         for spring, one, other in self._springs:
+            level = max(self._levels.get(spring.starts, 0.0), 0.0)  # springs cannot push
+            if not level:
+                continue
             at_a, at_b, along, distance, rate = _line(rows, one, other)
             stretch = min((distance - spring.natural) / spring.ramp, 1.0)
             if stretch > 0.0:
@@ -91,7 +95,9 @@ class WinchForce:
     Ropes outlive splits of the machine: set up once per world, then call `locate_parts`.
     """
 
-    def __init__(self, winches: Sequence[Winch], levels: Mapping[str, float], step: float) -> None:
+    def __init__(
+        self, winches: Sequence[Winch], levels: Mapping[Entry, float], step: float
+    ) -> None:
         """Start with no rope strung; `levels` are read in every step, and -1 lets rope out."""
         self._winches, self._levels = winches, levels
         self.step = step
@@ -109,10 +115,9 @@ class WinchForce:
 
     def __call__(self, rows: Sequence[Row]) -> list[PartForce]:
         """Reel in or out, then the forces in this step."""
-        level = self._levels["winches"]
         pulls = []
         for i, (winch, ends) in enumerate(zip(self._winches, self._ends, strict=True)):
-            left = self._left[i]
+            level, left = self._levels.get(winch.starts, 0.0), self._left[i]
             if left is None and not level:
                 continue
             at_a, at_b, along, distance, rate = _line(rows, *ends)

@@ -120,6 +120,18 @@ def set_step_length(model: Any, step: float) -> None:
     model.dof_solref[:] = _braking(step)
 
 
+def weigh_things(built: Built, scene: Scene) -> None:
+    """Give the moving things the masses that they have in this scene."""
+    model = built.model
+    for thing in scene.moving:
+        body, place = built.things[thing.name], built.loose[thing.name]
+        share = thing.mass / model.body_mass[body]
+        model.body_mass[body] = model.body_subtreemass[body] = thing.mass
+        model.body_inertia[body] = inertia_of(thing)
+        model.body_invweight0[body] /= share
+        model.dof_invweight0[place.velocity : place.velocity + 6] /= share
+
+
 def _fast(step: float) -> tuple[float, float]:
     """The shortest time constant that MuJoCo takes, critically damped."""
     return 2.0 * step, 1.0

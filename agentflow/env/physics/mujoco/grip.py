@@ -1,4 +1,4 @@
-"""Grabbers in MuJoCo: each holds the first thing that it touches until grabbers are switched off.
+"""Grabbers in MuJoCo: each holds the first thing that it touches until it is switched off.
 
 A grabber that is overloaded for some time lets go: constraints of MuJoCo have no greatest force.
 Grips outlive splits: they name parts and things, and are bound again when the model is rebuilt.
@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from agentflow.env.physics.frames import swap
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Gripper
 from agentflow.env.physics.mujoco.bodies import Built
 from agentflow.env.rollout import Array
@@ -49,7 +50,10 @@ class Grippers:
         """By part of the grabber: what it holds, and what was torn from it and still touches it."""
         self._bore: dict[int, float] = {}
         """When each grabber last bore no more than its force, s."""
-        self._open = True
+        self.entries = {"grabbers", *(grip.starts for grip in grips)}
+        """Entries of which a level opens or closes some of them."""
+        self._off: set[Entry] = set()
+        """Those at 0, whose grabbers do not grip."""
         self.bind(built)
 
     def bind(self, built: Built) -> None:
@@ -62,20 +66,24 @@ class Grippers:
         for part, hold in self._holds.items():
             self._tie(part, hold)
 
-    def switch(self, on: bool) -> None:
-        """Let go of everything, or get ready to grip."""
-        self._open = on
-        self._overcome.clear()
-        if not on:
-            for part in list(self._holds):
-                self._let_go(part)
+    def switch(self, entry: Entry, on: bool) -> None:
+        """Let the grabbers of an entry let go of everything, or get ready to grip."""
+        if on:
+            self._off.discard(entry)
+        else:
+            self._off.add(entry)
+        for grip in self._grips:
+            if grip.starts == entry:
+                self._overcome.pop(grip.part, None)
+                if grip.part in self._holds and not on:
+                    self._let_go(grip.part)
 
     def watch(self) -> None:
         """Grip what was touched in the last step, and lose what pulled too hard; call it before the
         first half of the next step."""
-        if not self._open:
-            return
         for grip in self._grips:
+            if grip.starts in self._off:
+                continue
             hold = self._holds.get(grip.part)
             if hold is None:
                 self._grip_touched(grip)

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from agentflow.env.physics.laws.forces import Indices
+from agentflow.env.physics.laws.forces import Entry, Indices
 from agentflow.env.physics.model import Joint
 from agentflow.env.physics.mujoco.bodies import Built, Place
 from agentflow.env.physics.mujoco.couplings import TIGHT
@@ -31,12 +31,12 @@ class Motors:
     """The drives of all joints that turn about or slide along one axis."""
 
     def __init__(
-        self, levels: Mapping[str, float], built: Built, joints: Sequence[Joint], step: float
+        self, levels: Mapping[Entry, float], built: Built, joints: Sequence[Joint], step: float
     ) -> None:
         """Find the rows of all motors; call `set` before the first step.
 
         Args:
-            levels: Of schedule entries; read whenever motors are set.
+            levels: Of entries; read whenever motors are set.
             built: The model.
             joints: All joints of the assembly.
             step: Length of a step, s.

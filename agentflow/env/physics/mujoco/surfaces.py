@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from agentflow.env.constants import Constants
+from agentflow.env.physics.solids import YIELD
 
 STIFFNESS = 55.0
 """1/s: natural frequency of a contact; something that hits it at 10 m/s sinks in by 0.2 m or less.
@@ -153,6 +154,39 @@ class Calming:
         speeds = data.efc_vel[rows]
         more = self._damping - _rate(contact.solref[chosen, 0])
         data.efc_aref[rows] -= np.where(np.abs(speeds) < SLOW, more * speeds, 0.0)
+
+
+class Yielding:
+    """Makes contacts with soft things springs with dampers, implicit in time as Bullet's are."""
+
+    def __init__(self, model: Any, data: Any, stiffness: Sequence[float]) -> None:
+        """Choose the contacts.
+
+        Args:
+            model: MuJoCo's.
+            data: MuJoCo's.
+            stiffness: Of each shape by its number, N/m; 0 for hard ones.
+        """
+        self._model, self._data, self._stiffness = model, data, np.array(stiffness)
+
+    def __call__(self) -> None:
+        """Change the regularisation and wanted accelerations of contacts, between the two halves of
+        a step: the normal force is stiffness * depth less damping * speed, both after the step."""
+        data, step = self._data, self._model.opt.timestep
+        stiffness = self._stiffness[data.contact.geom].max(axis=1)
+        for i in np.flatnonzero(stiffness):
+            contact, k = data.contact[i], stiffness[i]
+            row, c = contact.efc_address, YIELD * k
+            if row < 0:
+                continue
+            yielding = 1.0 / (step * (step * k + c))
+            contact.mu *= np.sqrt(data.efc_R[row] / yielding)
+            data.efc_R[row], data.efc_D[row] = yielding, 1.0 / yielding
+            if data.nisland:  # the solver reads copies
+                copy = data.map_efc2iefc[row]
+                data.iefc_R[copy], data.iefc_D[copy] = yielding, 1.0 / yielding
+            pull = k * contact.dist + (step * k + c) * data.efc_vel[row]
+            data.efc_aref[row] = -yielding * pull
 
 
 def _rate(constant: Any) -> Any:

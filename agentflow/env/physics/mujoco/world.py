@@ -13,10 +13,17 @@ from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import Power, Touch
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.air import GustClock
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.laws.select import device_laws, wind_laws
 from agentflow.env.physics.laws.tension import WinchForce
 from agentflow.env.physics.model import Assembly, State
-from agentflow.env.physics.mujoco.bodies import Built, build, inertia_of, set_step_length
+from agentflow.env.physics.mujoco.bodies import (
+    Built,
+    build,
+    inertia_of,
+    set_step_length,
+    weigh_things,
+)
 from agentflow.env.physics.mujoco.contacts import Contacts
 from agentflow.env.physics.mujoco.couplings import align_cogs
 from agentflow.env.physics.mujoco.forces import AppliedForces
@@ -24,7 +31,7 @@ from agentflow.env.physics.mujoco.grip import Grippers
 from agentflow.env.physics.mujoco.motors import Motors
 from agentflow.env.physics.mujoco.restoring import place_at_start, restore
 from agentflow.env.physics.mujoco.sensing import Reactions, Rows, motions
-from agentflow.env.physics.mujoco.surfaces import Calming
+from agentflow.env.physics.mujoco.surfaces import Calming, Yielding
 from agentflow.env.physics.readings import Readings, states_of
 from agentflow.env.physics.rows import ROTATION, Row, top_speeds
 from agentflow.env.physics.structure.layout import RowLayout, lay_out
@@ -51,6 +58,8 @@ class Structure:
     motors: Motors
     calming: Calming | None
     """None if no surface is lively."""
+    yielding: Yielding | None
+    """None if nothing is soft."""
     rows: Rows
 
 
@@ -60,11 +69,12 @@ class MuJoCoWorld:
     def __init__(self, physics: Constants, assembly: Assembly, scene: Scene, rate: float) -> None:
         """Set everything up."""
         self._physics, self._assembly, self._scene = physics, assembly, scene
+        self._unloaded = scene
         self._things = {thing.name: thing for thing in scene.things}
         self._rate, self._divisions = rate, 1
         self._broken: frozenset[int] = frozenset()
-        self._levels = dict.fromkeys(("motors", "steering_hinges", "springs", "winches"), 0.0)
-        self._levels["wind"] = 1.0
+        self._levels: dict[Entry, float] = {"wind": 1.0}
+        """Of entries that were switched; the others are at 0, and only the wind is on at first."""
         self.settle_rate = physics["step_rate"]
         """Settling four times as finely changes scores of cars by 0.0 %, of throwers by 1 %."""
         self.reactions = np.zeros((len(assembly.joints), 6))
@@ -76,10 +86,13 @@ class MuJoCoWorld:
         place_at_start(self.now.built, assembly, scene.start)
         self._refresh()
 
-    def switch(self, entry: str, level: float) -> None:
+    def switch(self, entry: Entry, level: float) -> None:
         self._levels[entry] = float(level)
-        if entry == "grabbers":
-            self._grips.switch(level > 0)
+        if entry in self._grips.entries:
+            self._grips.switch(entry, level > 0)
+        elif entry == "loads":
+            self._scene = self._unloaded.loaded(level)
+            weigh_things(self.now.built, self._scene)
         self._refresh()
 
     def step(self, divisions: int = 1) -> None:
@@ -93,6 +106,8 @@ class MuJoCoWorld:
         now.motors.drive()
         if now.calming and data.ncon:
             now.calming()
+        if now.yielding and data.ncon:
+            now.yielding()
         mujoco.mj_step2(model, data)
         now.motors.read()
         now.motors.mix()
@@ -185,6 +200,10 @@ class MuJoCoWorld:
         laws = device_laws(assembly, layout.locations, self._levels, self._winches)
         laws += wind_laws(assembly, layout, scene, self._physics["wind_drag"], self._wind)
         calming = Calming(built.data, built.lively, self._physics["restitution"])
+        soft: dict[Body, float] = {
+            thing.name: thing.stiffness for thing in scene.things if thing.stiffness is not None
+        }
+        stiffness = [soft.get(owner, 0.0) for owner in built.owners]
         return Structure(
             built,
             layout,
@@ -194,6 +213,7 @@ class MuJoCoWorld:
             forces=AppliedForces(built, assembly, plan, layout, rows, laws),
             motors=Motors(self._levels, built, assembly.joints, self._interval),
             calming=calming if any(built.lively) else None,
+            yielding=Yielding(built.model, built.data, stiffness) if soft else None,
             rows=rows,
         )
 

@@ -16,7 +16,7 @@ from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.model import Joint, Part, Shape
 from agentflow.env.physics.pybullet import PYBULLET
 from agentflow.env.physics.pybullet.library import pybullet
-from agentflow.env.physics.solids import cone_corners, joint_axis, solid_shapes
+from agentflow.env.physics.solids import YIELD, cone_corners, joint_axis, solid_shapes
 from agentflow.env.physics.structure.drives import merge_drives
 from agentflow.env.physics.structure.spanning_tree import Link, Piece
 from agentflow.env.scene import Thing
@@ -86,6 +86,15 @@ class BodyBuilder:
         place = add(thing.position, rotate_vector(thing.rotation, thing.balance))
         uid = self._single(thing.mass, solid, swap(place), swap_quaternion(thing.rotation))
         self._surface(uid, -1, thing.friction, thing.restitution)
+        if thing.stiffness is not None:
+            damping = YIELD * thing.stiffness
+            pybullet.changeDynamics(
+                uid,
+                -1,
+                contactStiffness=thing.stiffness,
+                contactDamping=damping,
+                physicsClientId=self.client,
+            )
         return uid
 
     def machine(self, piece: Piece, parts: Sequence[Part], joints: Sequence[Joint]) -> Built:

@@ -1,4 +1,4 @@
-"""Grabbers in PyBullet: each holds the first thing that it touches until grabbers are switched off.
+"""Grabbers in PyBullet: each holds the first thing that it touches until it is switched off.
 
 Grips outlive splits: they name parts and things, and are bound again when bodies are rebuilt.
 """
@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from agentflow.env.physics.frames import swap
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Gripper
 from agentflow.env.physics.pybullet.bodies import Handle
 from agentflow.env.physics.pybullet.contacts import TOUCH
@@ -52,7 +53,10 @@ class Grippers:
         self._loose: dict[Handle, Held] = {(uid, -1): name for name, uid in things.items()}
         self._holds: dict[int, _Hold] = {}
         """By part of the grabber."""
-        self._open = True
+        self.entries = {"grabbers", *(grip.starts for grip in grips)}
+        """Entries of which a level opens or closes some of them."""
+        self._off: set[Entry] = set()
+        """Those at 0, whose grabbers do not grip."""
         self._names: dict[Handle, Held] = {}
         self._handles: dict[Held, Handle] = {}
 
@@ -68,14 +72,18 @@ class Grippers:
         for part, hold in self._holds.items():
             self._tie(part, hold)
 
-    def switch(self, on: bool) -> None:
-        """Let go of everything, or get ready to grip."""
-        self._open = on
-        if not on:
-            self._remove_all()
-            for part, hold in self._holds.items():
-                set_collision(self._client, self._handles[part], self._handles[hold.held], True)
-            self._holds.clear()
+    def switch(self, entry: Entry, on: bool) -> None:
+        """Let the grabbers of an entry let go of everything, or get ready to grip."""
+        if on:
+            self._off.discard(entry)
+            return
+        self._off.add(entry)
+        parts = {grip.part for grip in self._grips if grip.starts == entry}
+        gone = {part: hold for part, hold in self._holds.items() if part in parts}
+        remove_constraints(self._client, (hold.constraint for hold in gone.values()))
+        for part, hold in gone.items():
+            set_collision(self._client, self._handles[part], self._handles[hold.held], True)
+            del self._holds[part]
 
     def tighten(self) -> None:
         """Set the force of all grips again; Bullet stores it as an impulse per step."""
@@ -84,9 +92,9 @@ class Grippers:
 
     def watch(self) -> None:
         """Grip what was touched in the last step."""
-        if self._open and len(self._holds) < len(self._grips):
+        if len(self._holds) < len(self._grips):
             for grip in self._grips:
-                if grip.part not in self._holds:
+                if grip.part not in self._holds and grip.starts not in self._off:
                     self._grip_touched(grip)
 
     def _grip_touched(self, grip: Gripper) -> None:

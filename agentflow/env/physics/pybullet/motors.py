@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Assembly, Joint
 from agentflow.env.physics.pybullet.bodies import Built
 from agentflow.env.physics.pybullet.library import pybullet
@@ -41,7 +42,7 @@ class Motors:
     def __init__(
         self,
         client: int,
-        levels: Mapping[str, float],
+        levels: Mapping[Entry, float],
         built: Sequence[Built],
         joints: Sequence[Joint],
         step: float,
@@ -51,7 +52,7 @@ class Motors:
 
         Args:
             client: PyBullet's.
-            levels: Of schedule entries; read whenever motors are set.
+            levels: Of entries; read whenever motors are set.
             built: The bodies.
             joints: All joints of the assembly.
             step: See `step`.

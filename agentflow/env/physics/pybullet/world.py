@@ -12,6 +12,7 @@ from agentflow.env.constants import Constants
 from agentflow.env.physics.engine import Power, Touch
 from agentflow.env.physics.frames import swap, swap_quaternion
 from agentflow.env.physics.laws.air import GustClock
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.laws.select import device_laws, wind_laws
 from agentflow.env.physics.laws.tension import WinchForce
 from agentflow.env.physics.model import Assembly, State
@@ -72,11 +73,11 @@ class PyBulletWorld:
         )
         pybullet.setGravity(0.0, 0.0, -physics["gravity"], physicsClientId=client)
         self.client, self._physics = client, physics
-        self._assembly, self._scene = assembly, scene
+        self._assembly, self._scene, self._unloaded = assembly, scene, scene
         self._rate, self._divisions = rate, 1
         self._broken: frozenset[int] = frozenset()
-        self._levels = dict.fromkeys(("motors", "steering_hinges", "springs", "winches"), 0.0)
-        self._levels["wind"] = 1.0
+        self._levels: dict[Entry, float] = {"wind": 1.0}
+        """Of entries that were switched; the others are at 0, and only the wind is on at first."""
         self._builder = BodyBuilder(client, physics)
         self._ground = self._builder.ground(scene.friction)
         self.things = {thing.name: self._builder.thing(thing) for thing in scene.things}
@@ -95,10 +96,12 @@ class PyBulletWorld:
         place_at_start(client, self._now.built, scene.start)
         self._read()
 
-    def switch(self, entry: str, level: float) -> None:
+    def switch(self, entry: Entry, level: float) -> None:
         self._levels[entry] = float(level)
-        if entry == "grabbers":
-            self._grips.switch(level > 0)
+        if entry in self._grips.entries:
+            self._grips.switch(entry, level > 0)
+        elif entry == "loads":
+            self._load(level)
         else:
             self._now.motors.set()
 
@@ -227,6 +230,14 @@ class PyBulletWorld:
             motors=Motors(client, self._levels, built, assembly.joints, self._interval, series > 1),
             rows=rows,
         )
+
+    def _load(self, share: float) -> None:
+        """Put a share of their loads on the things; PyBullet adapts their inertia."""
+        self._scene = self._unloaded.loaded(share)
+        for thing in self._scene.moving:
+            if thing.load:
+                uid = self.things[thing.name]
+                pybullet.changeDynamics(uid, -1, mass=thing.mass, physicsClientId=self.client)
 
     def _read(self) -> None:
         """Read the rows of the heads and the reactions of all joints."""

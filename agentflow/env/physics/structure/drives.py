@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.model import Joint
 from agentflow.env.physics.structure.spanning_tree import Parallel
 
@@ -17,8 +18,8 @@ class Motor(NamedTuple):
     """rad/s of the joint at level 1."""
     torque: float
     """Greatest torque, N m."""
-    starts: str
-    """The schedule entry that gives its level."""
+    starts: Entry
+    """The entry that gives its level."""
 
 
 class Command(NamedTuple):
@@ -49,7 +50,7 @@ class JointDrive:
         """Whether its motors may aim at different speeds at once."""
         return len({motor[::2] for motor in self.motors}) > 1
 
-    def command(self, levels: Mapping[str, float], speed: float = 0.0) -> Command:
+    def command(self, levels: Mapping[Entry, float], speed: float = 0.0) -> Command:
         """The motors as one, at a speed of the joint.
 
         Together they exert a torque that falls by twice the torque of a motor where the joint

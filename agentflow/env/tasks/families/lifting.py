@@ -21,10 +21,10 @@ from agentflow.env.tasks.family import (
     schedule_sentences,
     vary,
 )
+from agentflow.env.tasks.features.resting import highest_point_under
 from agentflow.env.tasks.knobs import knob
 from agentflow.errors import ConfigError
 from agentflow.machine.brief import Brief
-from agentflow.machine.geometry.placement import place
 from agentflow.machine.tree import Machine
 
 BLOCKS = (0, 1, 2, 5, 7, 9, 13, 15, 16, 19, 22, 28, 35, 41, 44, 63)
@@ -248,30 +248,6 @@ class LiftReferee:
                 self._first, "lifted", (), f"the object is {RISE:g} m above its initial position"
             ),
         )
-
-
-def highest_point_under(machine: Machine, x: float, z: float, reach: float) -> float:
-    """Height of the highest point of a machine on the ground within a horizontal square, m.
-
-    Args:
-        machine: The machine; the centre of its bounding box is over x = z = 0.
-        x: x of the square's middle, m.
-        z: z of the square's middle, m.
-        reach: Half of the square's side, m.
-    """
-    geometry = place(machine)
-    low, high = geometry.box_min, geometry.box_max
-    middle_x, middle_z = (low[0] + high[0]) / 2 + x, (low[2] + high[2]) / 2 + z
-    tops = [
-        block.box_max[1] - low[1]
-        for block in geometry.blocks
-        if not block.two_ended
-        and block.box_min[0] < middle_x + reach
-        and block.box_max[0] > middle_x - reach
-        and block.box_min[2] < middle_z + reach
-        and block.box_max[2] > middle_z - reach
-    ]
-    return max(tops, default=0.0)
 
 
 def _object_sentences(knobs: Object) -> tuple[str, ...]:

@@ -67,6 +67,7 @@ def distance(one: Array, other: Array) -> float:
     return float(np.nanmax(np.linalg.norm(one - other, axis=1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "task", "moved"),
     [
@@ -201,6 +202,7 @@ def test_the_command_writes_a_file_that_mujoco_opens(
     assert mujoco.MjModel.from_xml_path(str(out)).nkey == 1
 
 
+@pytest.mark.slow
 def test_without_mujoco_the_command_says_what_to_install(tmp_path: Path) -> None:
     code = f"""
 import importlib.metadata as metadata

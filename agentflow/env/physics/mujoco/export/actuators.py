@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from agentflow.env.physics.frames import swap, swap_all
+from agentflow.env.physics.laws.forces import Entry
 from agentflow.env.physics.laws.tension import Spring
 from agentflow.env.physics.model import Assembly
 from agentflow.env.physics.mujoco.bodies import Built
@@ -33,8 +34,8 @@ class Actuators:
     def __init__(self, built: Built, assembly: Assembly) -> None:
         self._spec, self._model, self._built = built.spec, built.model, built
         self._assembly = assembly
-        self.entries: list[str] = []
-        """The schedule entry that controls each actuator; "" for drag."""
+        self.entries: list[Entry] = []
+        """The entry whose level controls each actuator; "" for drag."""
 
     def add(self) -> None:
         """Add all of them, drag last."""
@@ -52,7 +53,7 @@ class Actuators:
             self._spring(spring)
         for thruster in assembly.devices.thrusters:
             site = self._site(thruster.part)
-            made = self._add("motors", thruster.part, mujoco.mjtTrn.mjTRN_SITE, site)
+            made = self._add(thruster.starts, thruster.part, mujoco.mjtTrn.mjTRN_SITE, site)
             made.gear = [*swap(thruster.force), 0.0, 0.0, 0.0]
         self._drag(skeleton(len(assembly.parts), assembly.joints))
 
@@ -72,7 +73,7 @@ class Actuators:
             tendon.wrap_site(self._site(part))
         growth = spring.force / spring.ramp
         for law in ((growth * spring.natural, -growth, 0.0), (0.0, 0.0, -spring.damping)):
-            made = self._add("springs", spring.a, mujoco.mjtTrn.mjTRN_TENDON, tendon.name)
+            made = self._add(spring.starts, spring.a, mujoco.mjtTrn.mjTRN_TENDON, tendon.name)
             made.gaintype, made.gainprm[:3], made.ctrlrange = _AFFINE, law, [0.0, 1.0]
             if law[1]:
                 made.forcelimited, made.forcerange = True, [-spring.force, 0.0]
@@ -110,9 +111,10 @@ class Actuators:
             made.gainprm[0], made.biastype, made.biasprm[2] = 0.0, _BIASED, -brake
             made.ctrllimited = False
 
-    def _add(self, entry: str, part: int, kind: Any, target: str) -> Any:
+    def _add(self, entry: Entry, part: int, kind: Any, target: str) -> Any:
         block = self._assembly.parts[part].block
-        name = f"{entry or 'drag'} {len(self.entries)} of block {block}"
+        what = "control" if isinstance(entry, int) else entry or "drag"
+        name = f"{what} {len(self.entries)} of block {block}"
         made = self._spec.add_actuator(name=name, trntype=kind, target=target)
         made.ctrllimited, made.ctrlrange = True, [-1.0, 1.0]
         self.entries.append(entry)

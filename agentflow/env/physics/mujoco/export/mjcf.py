@@ -22,7 +22,8 @@ from agentflow.env.physics.mujoco.bodies import Built
 from agentflow.env.physics.mujoco.engine import MuJoCoEngine
 from agentflow.env.physics.mujoco.export.actuators import Actuators
 from agentflow.env.scene import Scene
-from agentflow.env.tasks.base import Task
+from agentflow.env.tasks.base import Switch, Task
+from agentflow.machine.blocks.library import library
 from agentflow.machine.geometry.placement import place
 from agentflow.machine.geometry.vectors import subtract
 from agentflow.machine.tree import Machine
@@ -55,10 +56,11 @@ def machine_mjcf(machine: Machine, task: Task) -> tuple[bytes, tuple[str, ...]]:
     actuators = Actuators(built, assembly)
     actuators.add()
     settled, moving = _settle(spec.compile(), value)
-    levels = {entry: level for time, entry, level in task.schedule.switches() if time <= 0.0}
+    levels = {entry: level for time, entry, level in task.switches(machine) if time <= 0.0}
     controls = [levels.get(entry, 0.0) for entry in actuators.entries]
     spec.add_key(name="start", qpos=settled, ctrl=controls)
-    notes = _losses(assembly, scene, task, any(built.lively))
+    notes = _losses(machine, assembly, scene, task, any(built.lively))
+    notes += _later_switches(task.switches(machine))
     notes += ("the machine still moves after settling",) if moving else ()
     spec.modelname, spec.comment = "machine", _describe(assembly, task, notes)
     spec.compile()
@@ -121,14 +123,17 @@ def _settle(model: Any, value: Constants) -> tuple[Any, bool]:
     return data.qpos, still < value["settle_least"]
 
 
-def _losses(assembly: Assembly, scene: Scene, task: Task, lively: bool) -> tuple[str, ...]:
+def _losses(
+    machine: Machine, assembly: Assembly, scene: Scene, task: Task, lively: bool
+) -> tuple[str, ...]:
     """What the file does not hold, one sentence each."""
-    parts, joints, devices = assembly.parts, assembly.joints, assembly.devices
+    parts, devices = assembly.parts, assembly.devices
+    releasing = [step.id for step in machine if library()[step.type].group == "decouplers"]
     lost = {
         "the pull of winches": [parts[winch.a].block for winch in devices.winches],
         "the lift of blades": [parts[blade.part].block for blade in devices.blades],
         "the grip of grabbers": [parts[gripper.part].block for gripper in devices.grippers],
-        "the release of decouplers": [j.block for j in joints if j.drive.starts == "decouplers"],
+        "the release of decouplers": releasing,
     }
     notes = ["MJCF does not hold the strength of connections: nothing breaks"]
     notes += [f"MJCF does not hold {what}: {name_blocks(ids)}" for what, ids in lost.items() if ids]
@@ -136,9 +141,21 @@ def _losses(assembly: Assembly, scene: Scene, task: Task, lively: bool) -> tuple
         notes.append("MJCF does not hold how slow contacts of elastic surfaces are damped")
     if any(scene.wind):
         notes.append("MJCF does not hold the wind of the task")
+    for what, names in {
+        "how the load grows": [thing.name for thing in scene.things if thing.load],
+        "how softly this gives way": [t.name for t in scene.things if t.stiffness is not None],
+    }.items():
+        notes += [f"MJCF does not hold {what}: {', '.join(names)}"] if names else []
     if task.trials(0) != (task,):
         notes.append("the task is tried with variations; the file holds its scene without them")
-    if later := [switch for switch in task.schedule.switches() if switch[0] > 0.0]:
-        told = ", ".join(f"{entry} to {level:g} at {time:g} s" for time, entry, level in later)
-        notes.append(f"MJCF does not hold the later switches of the task: {told}")
     return tuple(notes)
+
+
+def _later_switches(switches: Sequence[Switch]) -> tuple[str, ...]:
+    """What is switched after t = 0, which the file does not hold, in one sentence."""
+    later = [
+        f"{f'block {entry}' if isinstance(entry, int) else entry} to {level:g} at {time:g} s"
+        for time, entry, level in switches
+        if time > 0.0 and entry != "loads"
+    ]
+    return (f"MJCF does not hold the later switches of the task: {', '.join(later)}",) * bool(later)

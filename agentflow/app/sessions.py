@@ -1,4 +1,4 @@
-"""Sessions that are runs of the workflow `tools`, with the client as the worker."""
+"""Sessions that are runs of the workflow `tools`, with a client or a person as the worker."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from agentflow.app.design.results import read_finished, trusted_score
 from agentflow.app.design.run import DesignRun, RunOptions
 from agentflow.app.inspect.verify import verify_finished
 from agentflow.config.run import DesignConfig
-from agentflow.env.pool.pool import Simulator
+from agentflow.env.pool.base import Simulator
 from agentflow.errors import AgentflowError, EndpointError
 from agentflow.runs import Notify
 from agentflow.runs.places import StageName
@@ -101,6 +101,12 @@ class RunSession:
             bench.end("the client left")
 
     @property
+    def path(self) -> Path:
+        """The directory of the run, which its first bench begins."""
+        assert self._run is not None
+        return self._run.directory.path
+
+    @property
     def farewell(self) -> str:
         """How the run ended and where it is."""
         assert self._run is not None
@@ -154,9 +160,9 @@ class ClientRuns:
         self._verifying: set[asyncio.Task[Any]] = set()
         self._turn = asyncio.Lock()
 
-    def open(self, client: str) -> RunSession:
-        """The session of a new client, by name and version."""
-        begin = partial(self._begin, f"MCP client {client}")
+    def open(self, author: str) -> RunSession:
+        """The session of a new client; `author` is who results say has designed."""
+        begin = partial(self._begin, author)
         session = RunSession(begin, self._verify, self._notify)
         self._sessions = [*(one for one in self._sessions if not one.is_over), session]
         return session

@@ -1,0 +1,285 @@
+"""The bridge family: carry a cargo whose mass grows across a gap between two banks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.text import block_name, number, rounded, series, thing_name
+from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
+from agentflow.env.scene import Scene, Start, Thing
+from agentflow.env.tasks.base import ROUNDING, Body, Parameters, Schedule, WorldView
+from agentflow.env.tasks.descriptors import GENERAL, Descriptor
+from agentflow.env.tasks.family import CommonKnobs, Family, wall
+from agentflow.env.tasks.features.resting import highest_point_under, lowest_place
+from agentflow.env.tasks.knobs import knob
+from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
+from agentflow.machine.tree import Machine
+
+BLOCKS = (0, 1, 5, 7, 15, 35, 41, 44, 49, 63)
+CARGO = "cargo"
+SIZE = (2.5, 1.5, 2.5)
+"""Size of the cargo, m."""
+EMPTY = 1.0
+"""Mass of the empty cargo, kg."""
+EVERY = 0.2
+"""Time between additions to the load, s: steps after each are fine."""
+DROP = 1.0
+"""How far below the lower bank the cargo's centre may get, m."""
+ASIDE = 1.0
+"""How far from the middle of the gap the cargo's centre may get, m."""
+HOLD = 2.0
+"""How long the cargo must be carried for a success, s."""
+WIDE, LONG = 60.0, 30.0
+"""Extent of the banks along x and z, m."""
+COLOR = (0.75, 0.35, 0.2, 1.0)
+BANKS = ("near bank", "far bank")
+
+
+class Gap(Parameters):
+    """The gap, across z+."""
+
+    length: float = knob(5, 3, 30, "m", "length along z from bank to bank")
+    depth: float = knob(5, 2, 20, "m", "depth below the near bank")
+
+
+class Banks(Parameters):
+    """What the bridge rests on."""
+
+    rise: float = knob(0, 0, 3, "m", "height of the far bank above the near bank")
+    stiffness: float = knob(
+        0, 0, 1000, "kN/m", "force over depth of each point that presses into a bank; 0: hard"
+    )
+
+
+class Room(Parameters):
+    """How large the bridge may be."""
+
+    length: float = knob(17, 5, 40, "m", "greatest length of the machine along z")
+    height: float = knob(9.5, 1, 20, "m", "greatest height of the machine")
+
+
+class Load(Parameters):
+    """How the cargo's mass grows."""
+
+    most: float = knob(200, 10, 10_000, "kg", "load at the end")
+    until: float = knob(17, 1, 60, "s", "time at which the whole load is on")
+
+
+class BridgeKnobs(CommonKnobs):
+    """Knobs of a bridge level."""
+
+    window: float = knob(19, 1, 60, "s", "length of the scored window")
+    gap: Gap = Gap()
+    banks: Banks = Banks()
+    room: Room = Room()
+    load: Load = Load()
+
+    @property
+    def control_schedule(self) -> Schedule:
+        """The load grows in equal steps; there are no motors or springs."""
+        steps = max(1, round(self.load.until / EVERY))
+        growth = ((self.load.until * i / steps, "loads", i / steps) for i in range(1, steps + 1))
+        return Schedule(more=tuple(growth))
+
+
+@dataclass(frozen=True)
+class Bridge(Family):
+    """Score: greatest load carried, kg.
+
+    The load is carried while the cargo's centre stays less than 1 m below the lower bank and within
+    1 m of the middle of the gap, the cargo touches only the machine, and no block touches the floor
+    of the gap. Blocks that hold the cargo from the side before the load begins earn nothing.
+    """
+
+    family: ClassVar[str] = "bridge"
+    knobs: ClassVar[type[CommonKnobs]] = BridgeKnobs
+    descriptors: ClassVar[tuple[Descriptor, ...]] = GENERAL[:2]
+    parameters: BridgeKnobs
+
+    @property
+    def limits(self) -> Limits:
+        room = self.parameters.room
+        return replace(super().limits, size=(SIZE_LIMIT[0], room.height, room.length))
+
+    @property
+    def brief(self) -> Brief:
+        knobs = self.parameters
+        gap, load = knobs.gap, knobs.load
+        x, y, z = SIZE
+        return Brief(
+            name=self.name,
+            objective="Build a bridge over the gap that carries as much load as possible.",
+            scene=(
+                f"A gap lies across z from z = -{gap.length / 2:g} to z = {gap.length / 2:g} m, "
+                f"{WIDE:g} m wide; its floor is flat, at y = 0, and its walls are vertical.",
+                *_bank_sentences(gap, knobs.banks),
+                "The machine starts with the centre of its bounding box above x = z = 0. It is "
+                "set down from above as low as the banks and the floor allow, so parts of it may "
+                "hang into the gap.",
+                "Two-ended blocks touch nothing: they pass through the banks and the cargo.",
+                f"The machine may be up to {knobs.room.length:g} m long (z) and "
+                f"{knobs.room.height:g} m high.",
+                f"The cargo is a box {x:g} m wide, {z:g} m long and {y:g} m high, with mass "
+                f"{EMPTY:g} kg when empty. Before t = 0 it is placed with its centre above "
+                "x = z = 0, on the highest point of the machine below it, and settles there with "
+                "the machine.",
+                *knobs.wind.sentences(),
+            ),
+            schedule=(
+                "Before t = 0 the machine settles with the empty cargo until it comes to rest.",
+                f"From t = 0 to t = {load.until:g} s the cargo's load grows evenly from 0 to "
+                f"{load.most:g} kg; then it stays.",
+                f"The window ends at t = {self.window:g} s; nothing can be switched or steered "
+                "during it.",
+            ),
+            score=(
+                "Score: the greatest load in kg that the machine carries.",
+                f"It carries the load until the cargo's centre is below y = {gap.depth - DROP:g} m "
+                f"or more than {ASIDE:g} m from z = 0, the cargo touches anything but the machine, "
+                "or any block, even one that broke off, touches the floor of the gap.",
+                "The score is 0 if that happens before t = 0, or if at t = 0 a block whose centre "
+                "is above the cargo's centre touches the cargo.",
+                f"The run is a success if the machine carries the growing load for {HOLD:g} s.",
+            ),
+            blocks=self.allow(BLOCKS),
+            limits=self.limits,
+            greatest=load.most if self.window >= load.until else None,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:
+        """Both banks, the cargo on the machine if there is one, and wind."""
+        knobs = self.parameters
+        banks = tuple(_banks(knobs.gap, knobs.banks))
+        base = lowest_place(machine, banks) if machine else max(_heights(knobs))
+        top = highest_point_under(machine, 0.0, 0.0, SIZE[0] / 2) if machine else 0.0
+        place = (0.0, base + top + SIZE[1] / 2, 0.0)
+        cargo = Thing(CARGO, "box", SIZE, place, mass=EMPTY, load=knobs.load.most, color=COLOR)
+        return Scene((*banks, cargo), knobs.wind.velocity, start=Start(base))
+
+    def referee(self, machine: Machine) -> BridgeReferee:
+        return BridgeReferee(machine, self.parameters)
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """How much was carried, why it ended, and the path of the cargo."""
+        terms = verdict.terms
+        lines = (f"Result: {terms['result']}", f"Cost: {len(machine)} blocks")
+        path = series("Cargo position", trace.even.times, trace.even.thing_position[:, 0])
+        data: dict[str, Any] = {}
+        return compose(machine, trace, broken, verdict, "kg", lines, data, (path,))
+
+
+class BridgeReferee:
+    """Watches until the load is no longer carried."""
+
+    def __init__(self, machine: Machine, knobs: BridgeKnobs) -> None:
+        self._machine, self._knobs = machine, knobs
+        self._lowest = knobs.gap.depth - DROP
+        self._load = self._share = 0.0
+        """Load carried so far, kg; share of the whole load that is on."""
+        self._height = self._sunk = 0.0
+        """Height of the cargo's centre at t = 0, and how far it sank while it was carried, m."""
+        self._end: tuple[float, str] | None = None
+        """When (s) and why the load was no longer carried."""
+
+    def start(self, world: WorldView) -> None:
+        """Check that the cargo rests on the machine."""
+        self._height = world.centre(CARGO)[1]
+        blocks = sorted(body for body in world.touching(CARGO) if isinstance(body, int))
+        high = [block for block in blocks if world.centre(block)[1] > self._height]
+        if high:
+            held = block_name(self._machine, high[0])
+            self._end = 0.0, f"{held} held the cargo from the side before the load began"
+        else:
+            self.watch(world)
+
+    def watch(self, world: WorldView) -> None:
+        """Update the load, or notice that it is no longer carried."""
+        if self._end is not None:
+            return
+        why = self._why_not_carried(world)
+        if why:
+            self._end = world.time, why
+            return
+        self._share = world.levels.get("loads", 0.0)
+        self._load = self._share * self._knobs.load.most
+        self._sunk = self._height - world.centre(CARGO)[1]
+
+    def _why_not_carried(self, world: WorldView) -> str:
+        """What ended the carrying; "" if nothing has."""
+        _, y, z = world.centre(CARGO)
+        if y < self._lowest:
+            return f"the cargo's centre sank below y = {self._lowest:g} m"
+        if abs(z) > ASIDE:
+            return f"the cargo moved more than {ASIDE:g} m from the middle of the gap"
+        touched = sorted(body for body in world.touching(CARGO) if isinstance(body, str))
+        if touched:
+            return f"the cargo touched {_place_name(touched[0])}"
+        fallen = sorted(body for body in world.touching("ground") if isinstance(body, int))
+        return (
+            f"{block_name(self._machine, fallen[0])} touched {_place_name('ground')}"
+            if fallen
+            else ""
+        )
+
+    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
+        """Score and terms: load (kg), when and why it was lost, sag (m), cost in blocks."""
+        load, knobs = self._load, self._knobs
+        held = knobs.window if self._end is None else self._end[0]
+        terms: dict[str, float | bool | str | None] = {
+            "load": load,
+            "share": self._share,
+            "success": load > 0.0 and held >= HOLD - ROUNDING,
+            "held": held,
+            "lost_at": None if self._end is None else self._end[0],
+            "sunk": self._sunk,
+            "blocks": float(len(self._machine)),
+            "result": self._result(),
+        }
+        moment = None if self._end is None else Moment(self._end[0], "the load's loss")
+        return Verdict(load, terms, (), moment)
+
+    def _result(self) -> str:
+        carried = f"carried {rounded(self._load)} of {self._knobs.load.most:g} kg"
+        if self._end is None:
+            return f"{carried} to the end; the cargo sank by {number(self._sunk)} m"
+        time, why = self._end
+        return f"{carried}; at {number(time)} s {why}"
+
+
+def _place_name(body: Body) -> str:
+    """What is under a bridge, in words."""
+    return "the floor of the gap" if body == "ground" else thing_name(str(body))
+
+
+def _heights(knobs: BridgeKnobs) -> tuple[float, float]:
+    """Height of the near and the far bank, m."""
+    return knobs.gap.depth, knobs.gap.depth + knobs.banks.rise
+
+
+def _banks(gap: Gap, banks: Banks) -> Iterator[Thing]:
+    soft = 1000.0 * banks.stiffness or None
+    middle = (gap.length + LONG) / 2
+    for name, z, high in zip(
+        BANKS, (-middle, middle), (gap.depth, gap.depth + banks.rise), strict=True
+    ):
+        yield replace(wall(name, 0.0, z, (WIDE, high, LONG)), stiffness=soft)
+
+
+def _bank_sentences(gap: Gap, banks: Banks) -> Iterator[str]:
+    if banks.rise:
+        yield (
+            f"The near bank (z-) is flat, at y = {gap.depth:g} m; the far bank (z+) is flat, at "
+            f"y = {gap.depth + banks.rise:g} m."
+        )
+    else:
+        yield f"Both banks are flat, at y = {gap.depth:g} m."
+    if banks.stiffness:
+        yield (
+            "The banks are soft: each point where a block presses on them sinks in by 1 m for "
+            f"every {banks.stiffness:g} kN."
+        )

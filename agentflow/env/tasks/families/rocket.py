@@ -1,0 +1,243 @@
+"""The rocket family: thrust, height and a soft landing, with water cannons and torches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import hypot
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from agentflow.env.constants import constants
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.flight import flight_lines
+from agentflow.env.feedback.text import number, series
+from agentflow.env.rollout import Broken, Feedback, Moment, Trace, Verdict
+from agentflow.env.scene import Scene
+from agentflow.env.tasks.base import ROUNDING, WorldView
+from agentflow.env.tasks.descriptors import GENERAL, Descriptor
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences
+from agentflow.env.tasks.knobs import knob
+from agentflow.machine.blocks.library import TORCH, WATER_CANNON, library
+from agentflow.machine.brief import Brief
+from agentflow.machine.tree import Machine
+
+BLOCKS = (0, 1, 7, 15, 35, 41, TORCH, WATER_CANNON, 63)
+Aim = Literal["thrust", "height", "landing"]
+FREE = 0.5
+"""Time at which a rocket on the stand must have left the ground, s."""
+SPAN = 0.5
+"""Time after that over which its thrust is measured, s."""
+HIGH = 30.0
+"""Height from which on a flight is a success, as the other public benchmark counts, m."""
+ALOFT = 1.0
+"""Height above which the greatest height is told as decisive, m."""
+
+
+class RocketKnobs(CommonKnobs):
+    """Knobs of a rocket level."""
+
+    window: float = knob(30, 2, 60, "s", "length of the scored window")
+    aim: Aim = Field(
+        "height",
+        description="thrust: push up; height: climb; landing: climb and land softly",
+        json_schema_extra={"unit": "thrust, height or landing"},
+    )
+    engines: int = knob(0, 0, 6, "", "exact number of water cannons, and of torches; 0: any")
+    corridor: float = knob(
+        0, 0, 1000, "m", "distance from the vertical up to which height counts; 0: any"
+    )
+    touchdown: float = knob(8, 1, 50, "m/s", "greatest speed at which a landing is soft")
+
+
+@dataclass(frozen=True)
+class Rocket(Family):
+    """Score: upward thrust, N; or greatest height of the root's centre above its start, m.
+
+    Height counts up to where the root leaves the corridor. With aim `landing` it counts only if the
+    rocket comes back and its first touch of the ground is slower than the limit.
+    """
+
+    family: ClassVar[str] = "rocket"
+    knobs: ClassVar[type[CommonKnobs]] = RocketKnobs
+    descriptors: ClassVar[tuple[Descriptor, ...]] = GENERAL[:2]
+    parameters: RocketKnobs
+
+    @property
+    def brief(self) -> Brief:
+        knobs = self.parameters
+        count = knobs.engines
+        return Brief(
+            name=self.name,
+            objective=_OBJECTIVES[knobs.aim],
+            scene=(*GROUND, *_engine_sentences(count), *knobs.wind.sentences()),
+            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
+            score=tuple(_score_sentences(knobs, self.window)),
+            blocks=self.allow(BLOCKS),
+            required={TORCH: count, WATER_CANNON: count} if count else {},
+            limits=self.limits,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:  # noqa: ARG002
+        """Flat ground and wind."""
+        return Scene((), self.parameters.wind.velocity)
+
+    def referee(self, machine: Machine) -> RocketReferee:
+        return RocketReferee(machine, self.parameters)
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """What was reached, and the path of the root."""
+        unit = "N" if self.parameters.aim == "thrust" else "m"
+        even = trace.even
+        lines = (f"Result: {verdict.terms['result']}", *flight_lines(machine, even))
+        path = series("Root position", even.times, even.centre[:, 0])
+        return compose(machine, trace, broken, verdict, unit, lines, {}, (path,))
+
+
+class RocketReferee:
+    """Tracks the root and the centre of mass step by step."""
+
+    def __init__(self, machine: Machine, knobs: RocketKnobs) -> None:
+        self._knobs = knobs
+        self._masses = [(step.id, library()[step.type].mass) for step in machine]
+        self._mass = sum(mass for _, mass in self._masses)
+        self._heights: list[float] = []
+        """Heights of the centre of mass as the measurement begins, in its middle and at its end."""
+        self._grounded = False
+        """Whether it stood on the ground as the measurement began."""
+        self._start = self._last = (0.0, 0.0, 0.0)
+        self._best = self._best_time = self._aside = 0.0
+        self._left = False
+        """Whether it has left the corridor."""
+        self._before = (0.0, (0.0, 0.0, 0.0))
+        """Time and place of the root in the step before."""
+        self._speed = 0.0
+        self._touch: float | None = None
+        """Speed at the first touch of the ground after it was aloft, m/s."""
+        self._aloft = False
+
+    def start(self, world: WorldView) -> None:
+        """Record where the root rests."""
+        self._start = self._last = world.centre(0)
+        self._before = 0.0, self._start
+
+    def watch(self, world: WorldView) -> None:
+        """Update thrust, height and landing."""
+        place = self._last = world.centre(0)
+        touching = any(isinstance(body, int) for body in world.touching("ground"))
+        self._measure_thrust(world, touching)
+        self._watch_height(world.time, place)
+        time, before = self._before
+        if self._aloft and touching and self._touch is None:
+            self._touch = self._speed
+        if world.time > time:
+            moved = [(b - a) / (world.time - time) for a, b in zip(before, place, strict=True)]
+            self._speed = hypot(*moved)
+        self._before = world.time, place
+
+    def _measure_thrust(self, world: WorldView, touching: bool) -> None:
+        due = FREE + len(self._heights) * SPAN / 2
+        if len(self._heights) < 3 and world.time >= due - ROUNDING:
+            if not self._heights:
+                self._grounded = touching
+            total = sum(mass * world.centre(block)[1] for block, mass in self._masses)
+            self._heights.append(total / self._mass)
+
+    def _watch_height(self, time: float, place: tuple[float, float, float]) -> None:
+        rise = place[1] - self._start[1]
+        aside = hypot(place[0] - self._start[0], place[2] - self._start[2])
+        self._left = self._left or 0.0 < self._knobs.corridor < aside
+        if self._left or rise <= self._best:
+            return
+        self._best, self._best_time, self._aside = rise, time, aside
+        self._aloft = rise > ALOFT
+
+    @property
+    def thrust(self) -> float:
+        """Upward force on the whole machine besides gravity, N; 0 if it stays on the ground."""
+        if len(self._heights) < 3 or self._grounded:
+            return 0.0
+        low, middle, high = self._heights
+        gain = (high - 2 * middle + low) / (SPAN / 2) ** 2
+        return max(0.0, self._mass * (gain + constants()["gravity"]))
+
+    def verdict(self, trace: Trace) -> Verdict:  # noqa: ARG002
+        """Score and terms: thrust (N), height, deviation (m), touchdown (m/s), cost in blocks."""
+        knobs, thrust = self._knobs, self.thrust
+        weight = self._mass * constants()["gravity"]
+        soft = self._touch is not None and self._touch <= knobs.touchdown
+        score = {
+            "thrust": thrust,
+            "height": self._best,
+            "landing": self._best if soft else 0.0,
+        }[knobs.aim]
+        terms: dict[str, float | bool | str | None] = {
+            "thrust": thrust,
+            "thrust_over_weight": thrust / weight,
+            "height": self._best,
+            "deviation": self._aside,
+            "left_corridor": self._left,
+            "touchdown": self._touch,
+            "success": thrust > weight if knobs.aim == "thrust" else score > HIGH,
+            "blocks": float(len(self._masses)),
+            "result": self._result(),
+        }
+        top = Moment(self._best_time, "the greatest height") if self._aloft else None
+        return Verdict(score, terms, (), top)
+
+    def _result(self) -> str:
+        if self._knobs.aim == "thrust":
+            return f"thrust {number(self.thrust)} N, mass {number(self._mass)} kg"
+        told = (
+            f"greatest height {number(self._best)} m at {number(self._best_time)} s, "
+            f"{number(self._aside)} m from the vertical"
+        )
+        told += "; then it left the corridor" * self._left
+        if self._knobs.aim == "height":
+            return told
+        if self._touch is None:
+            return f"{told}; it did not land"
+        return f"{told}; it touched the ground again at {number(self._touch)} m/s"
+
+
+_OBJECTIVES: dict[Aim, str] = {
+    "thrust": "Build a rocket engine that pushes upwards with as much force as possible.",
+    "height": "Build a rocket that rises as high as possible.",
+    "landing": "Build a rocket that rises as high as possible and then lands softly.",
+}
+
+
+def _engine_sentences(count: int) -> Iterator[str]:
+    yield (
+        "Water cannons push to their Up; only as steam, with their middle in a torch's flame, do "
+        "they lift more than themselves."
+    )
+    if count:
+        yield f"The machine has exactly {count} water cannons and {count} torches."
+
+
+def _score_sentences(knobs: RocketKnobs, window: float) -> Iterator[str]:
+    if knobs.aim == "thrust":
+        yield (
+            "Score: the thrust in N, measured as the machine flies off: the upward force on its "
+            f"centre of mass besides gravity, from t = {FREE:g} s to t = {FREE + SPAN:g} s."
+        )
+        yield f"It is 0 if the machine still touches the ground at t = {FREE:g} s."
+        return
+    yield (
+        "Score: the greatest height in metres of the Starting Block's centre above its position "
+        f"at t = 0, within {window:g} s."
+    )
+    if knobs.corridor:
+        yield (
+            f"Height counts until its centre is more than {knobs.corridor:g} m from the vertical "
+            "through its position at t = 0."
+        )
+    if knobs.aim == "landing":
+        yield (
+            "The score is 0 unless the machine comes down again, and as any of its blocks first "
+            f"touches the ground the Starting Block is no faster than {knobs.touchdown:g} m/s."
+        )

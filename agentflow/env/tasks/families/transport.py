@@ -1,0 +1,377 @@
+"""The transport family: drive, or carry a cargo, to a target that is off the straight line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import hypot
+from typing import ClassVar
+
+import numpy as np
+
+from agentflow.env.feedback.compose import compose
+from agentflow.env.feedback.text import number, series, term_number, thing_name
+from agentflow.env.rollout import Array, Broken, Feedback, Moment, RolloutEvent, Trace, Verdict
+from agentflow.env.scene import Scene, Thing
+from agentflow.env.tasks.base import Body, Parameters, WorldView
+from agentflow.env.tasks.descriptors import Descriptor, count_driven_wheels, wheelbase
+from agentflow.env.tasks.family import GROUND, CommonKnobs, Family, schedule_sentences, wall
+from agentflow.env.tasks.features.resting import highest_point_under
+from agentflow.env.tasks.features.terrain import Roughness, slabs, terrain_sentences
+from agentflow.env.tasks.knobs import knob
+from agentflow.machine.brief import SIZE_LIMIT, Brief, Limits
+from agentflow.machine.tree import Machine
+from agentflow.search.elites.axes import Axis
+
+BLOCKS = (0, 1, 2, 5, 7, 13, 15, 16, 22, 28, 35, 40, 46, 50, 63)
+CARGO, ROOT_BLOCK = "cargo", 0
+POINTS = 10.0
+"""For coming close to the target, less the distance in metres; as many more for arriving."""
+LEAST = 4.0
+"""How far every block must get from where it was, m: a crane that stays there carries nothing."""
+THICK = 0.5
+"""Thickness of the wall, m."""
+WIDE = 48.0
+"""Extent of uneven ground along x, m."""
+COLOR, MARK = (0.75, 0.35, 0.2, 1.0), (0.2, 0.6, 0.3, 1.0)
+
+
+class Target(Parameters):
+    """Where to go, from where what is to be moved is at t = 0."""
+
+    right: float = knob(10, -30, 30, "m", "distance of the target along x+")
+    ahead: float = knob(10, 5, 30, "m", "distance of the target along z+")
+    reach: float = knob(1, 0.1, 5, "m", "greatest distance that counts as arrived")
+    back: int = knob(0, 0, 1, "", "1: from the target back to the start")
+
+    @property
+    def length(self) -> float:
+        """Distance from the start, m."""
+        return hypot(self.right, self.ahead)
+
+
+class Cargo(Parameters):
+    """The box to carry."""
+
+    mass: float = knob(0, 0, 500, "kg", "mass; 0 removes the cargo")
+    width: float = knob(2.5, 0.5, 8, "m", "size along x")
+    length: float = knob(2.5, 0.5, 8, "m", "size along z")
+    height: float = knob(1.5, 0.5, 5, "m", "height")
+    drop: float = knob(3.5, 0, 9, "m", "height above the ground from which it falls")
+
+
+class Wall(Parameters):
+    """A wall along x, between start and target."""
+
+    height: float = knob(0, 0, 5, "m", "height; 0 removes it")
+    left: float = knob(4, -10, 20, "m", "x of its left end")
+    length: float = knob(5, 1, 20, "m", "length along x")
+    ahead: float = knob(5, 5, 20, "m", "z of its middle")
+
+
+class UnevenGround(Roughness):
+    """Random height of the ground ahead."""
+
+    first: float = knob(6, 5, 100, "m", "z where uneven ground begins")
+    last: float = knob(24, 8, 100, "m", "z where uneven ground ends")
+
+
+class TransportKnobs(CommonKnobs):
+    """Knobs of a transport level."""
+
+    window: float = knob(10, 1, 60, "s", "length of the scored window")
+    target: Target = Target()
+    cargo: Cargo = Cargo()
+    wall: Wall = Wall()
+    ground: UnevenGround = UnevenGround()
+
+
+@dataclass(frozen=True)
+class Transport(Family):
+    """Score: 10 less the final distance in metres from the target of what is to be moved (the
+    cargo, else the root block), and 10 more if it arrived and nothing broke.
+
+    The distance freezes when the cargo first touches anything but the machine. Of a way there and
+    back, half of what is left counts. A part of the way on which some block stayed where it was
+    does not count, so that arms and catapults earn nothing.
+    """
+
+    family: ClassVar[str] = "transport"
+    knobs: ClassVar[type[CommonKnobs]] = TransportKnobs
+    descriptors: ClassVar[tuple[Descriptor, ...]] = (
+        Descriptor(Axis("number of powered wheels", "", -0.5, 11.5, 12), count_driven_wheels),
+        Descriptor(Axis("wheelbase", "m", 0.0, 16.0, 8), wheelbase),
+    )
+    parameters: TransportKnobs
+
+    @property
+    def limits(self) -> Limits:
+        """Shorter machines where one would start in the wall or on uneven ground."""
+        knobs, (x, y, z) = self.parameters, SIZE_LIMIT
+        if knobs.wall.height:
+            z = min(z, 2 * knobs.wall.ahead - THICK)
+        if knobs.ground.height:
+            z = min(z, 2 * knobs.ground.first)
+        return replace(super().limits, size=(x, y, z))
+
+    @property
+    def brief(self) -> Brief:
+        knobs = self.parameters
+        return Brief(
+            name=self.name,
+            objective=_objective(knobs),
+            scene=(
+                *GROUND,
+                *_cargo_sentences(knobs.cargo),
+                *_target_sentences(knobs),
+                *_wall_sentences(knobs.wall),
+                *terrain_sentences(knobs.ground),
+                *knobs.wind.sentences(),
+            ),
+            schedule=schedule_sentences(self.schedule, self.window, self.allow(BLOCKS)),
+            score=tuple(_score_sentences(knobs)),
+            blocks=self.allow(BLOCKS),
+            limits=self.limits,
+            greatest=2 * POINTS,
+        )
+
+    def scene(self, machine: Machine | None = None) -> Scene:
+        """Cargo, above the machine if there is one, wall, uneven ground, target and wind."""
+        knobs = self.parameters
+        things = (
+            *_cargo_things(knobs.cargo, machine),
+            *_wall_things(knobs.wall),
+            *slabs(knobs.ground, WIDE, 0),
+            _mark(knobs.target),
+        )
+        return Scene(things, knobs.wind.velocity)
+
+    def referee(self, machine: Machine) -> TransportReferee:  # noqa: ARG002 - blocks are traced
+        return TransportReferee(self.parameters)
+
+    def feedback(
+        self, machine: Machine, trace: Trace, broken: tuple[Broken, ...], verdict: Verdict
+    ) -> Feedback:
+        """How far it came, how straight, and its path."""
+        even, cargo = trace.even, bool(self.parameters.cargo.mass)
+        centres = even.thing_position[:, 0] if cargo else even.centre[:, ROOT_BLOCK]
+        lines = (
+            f"Result: {verdict.terms['result']}",
+            f"Way: greatest deviation {number(term_number(verdict.terms, 'deviation'))} m from the "
+            f"straight line, greatest speed {number(_top_speed(even.times, centres))} m/s",
+        )
+        path = series("Cargo position" if cargo else "Root position", even.times, centres)
+        return compose(machine, trace, broken, verdict, "", lines, {}, (path,))
+
+
+class TransportReferee:
+    """Tracks the horizontal place of what is to be moved."""
+
+    def __init__(self, knobs: TransportKnobs) -> None:
+        self._target = knobs.target
+        self._cargo = bool(knobs.cargo.mass)
+        self._body: Body = CARGO if self._cargo else ROOT_BLOCK
+        self._origin = self._here = (0.0, 0.0)
+        """x and z at t = 0, and where it last was as it should be, m."""
+        self._time = self._deviation = 0.0
+        """When that was (s), and the greatest distance from the straight line (m)."""
+        self._turned: float | None = None
+        """When it reached the target of a way there and back, s."""
+        self._arrived: float | None = None
+        """Since when it is at the end of its way, s."""
+        self._lost: tuple[float, str] | None = None
+        """When (s) the cargo first touched something else, and what."""
+
+    def start(self, world: WorldView) -> None:
+        """Record where it rests."""
+        x, _, z = world.centre(self._body)
+        self._origin = self._here = (x, z)
+
+    def watch(self, world: WorldView) -> None:
+        """Update place, deviation and arrival, until the cargo is lost."""
+        if self._lost is not None or (self._cargo and not self._carried(world)):
+            return
+        x, _, z = world.centre(self._body)
+        self._here, self._time = (x, z), world.time
+        self._deviation = max(self._deviation, self._aside(x, z))
+        if self._left() > self._target.reach:
+            self._arrived = None
+        elif self._target.back and self._turned is None:
+            self._turned = world.time
+        elif self._arrived is None:
+            self._arrived = world.time
+
+    def _carried(self, world: WorldView) -> bool:
+        """Whether the cargo is on the machine; notes what else it touches."""
+        touching = world.touching(CARGO)
+        others = sorted(body for body in touching if isinstance(body, str))
+        if others:
+            self._lost = world.time, others[0]
+        return bool(touching) and not others
+
+    def _left(self) -> float:
+        """Distance from the end of this part of the way, m."""
+        (x, z), (x0, z0), target = self._here, self._origin, self._target
+        if self._turned is not None:
+            return hypot(x - x0, z - z0)
+        return hypot(x - x0 - target.right, z - z0 - target.ahead)
+
+    def _aside(self, x: float, z: float) -> float:
+        """Distance from the line through start and target, m."""
+        (x0, z0), target = self._origin, self._target
+        return abs((x - x0) * target.ahead - (z - z0) * target.right) / target.length
+
+    def verdict(self, trace: Trace) -> Verdict:
+        """Score and terms: distance and deviation (m), arrival, intactness, times (s)."""
+        distance, stayed = self._distance(trace)
+        success = self._arrived is not None and not stayed and self._lost is None
+        intact = bool(trace.alive[-1].all()) and not np.isnan(trace.utilisation[-1]).any()
+        score = max(0.0, POINTS - distance) + (POINTS if success and intact else 0.0)
+        terms: dict[str, float | bool | str | None] = {
+            "distance": distance,
+            "success": success,
+            "intact": intact,
+            "deviation": self._deviation,
+            "time": self._arrived if success else None,
+            "turned": self._turned,
+            "lost_at": None if self._lost is None else self._lost[0],
+            "result": self._result(success, stayed, intact),
+        }
+        moment = None if self._lost is None else Moment(self._lost[0], "the cargo's loss", CARGO)
+        return Verdict(score, terms, tuple(self._events()), moment)
+
+    def _distance(self, trace: Trace) -> tuple[float, bool]:
+        """How much of the way is left, as scored (m), and whether some block stayed behind."""
+        length, turned = self._target.length, self._turned
+        first = not turned or _least_moved(trace, 0.0, turned) > LEAST
+        if turned is not None and not first:
+            return length, True
+        stayed = _least_moved(trace, turned or 0.0, self._time) <= LEAST
+        left = length if stayed else self._left()
+        if not self._target.back:
+            return left, stayed
+        return (left + (length if turned is None else 0.0)) / 2, stayed
+
+    def _result(self, success: bool, stayed: bool, intact: bool) -> str:
+        end = "start" if self._turned is not None else "target"
+        away = f"{number(self._left())} m from the {end}"
+        if success:
+            state = "intact" if intact else "but something broke"
+            since = number(float(self._arrived or 0.0))
+            near = f"within {number(self._target.reach)} m since {since} s"
+            return f"arrived: {near}, {away} at the end, {state}"
+        if self._lost is not None:
+            time, what = self._lost
+            where = "the ground" if what == "ground" else thing_name(what)
+            text = f"the cargo touched {where} at {number(time)} s, {away}"
+        else:
+            text = f"ended {away}"
+        rest = "; a block stayed behind, so this part of the way does not count"
+        return text + (rest if stayed and self._left() < POINTS else "")
+
+    def _events(self) -> Iterator[RolloutEvent]:
+        if self._turned is not None:
+            yield RolloutEvent(self._turned, "turned", (), "the target is reached")
+        if self._arrived is not None:
+            yield RolloutEvent(self._arrived, "arrived", (), "the end of the way is reached")
+        if self._lost is not None:
+            text = "the cargo touches something else than the machine"
+            yield RolloutEvent(self._lost[0], "cargo_lost", (), text)
+
+
+def _least_moved(trace: Trace, begin: float, end: float) -> float:
+    """Least horizontal distance of any block between its places at two times (s), m."""
+    last = len(trace.times) - 1
+    a, b = (min(last, int(np.searchsorted(trace.times, time))) for time in (begin, end))
+    way = trace.centre[b] - trace.centre[a]
+    return float(np.hypot(way[:, 0], way[:, 2]).min())
+
+
+def _top_speed(times: Array, centres: Array) -> float:
+    """Greatest mean speed between two samples, m/s."""
+    if len(times) < 2:
+        return 0.0
+    steps = np.linalg.norm(np.diff(centres, axis=0), axis=1)
+    return float((steps / np.diff(times)).max())
+
+
+def _cargo_things(cargo: Cargo, machine: Machine | None) -> Iterator[Thing]:
+    if cargo.mass:
+        reach = max(cargo.width, cargo.length) / 2
+        base = highest_point_under(machine, 0.0, 0.0, reach) if machine else 0.0
+        y = max(base, cargo.drop) + cargo.height / 2
+        size = (cargo.width, cargo.height, cargo.length)
+        yield Thing(CARGO, "box", size, (0.0, y, 0.0), mass=cargo.mass, color=COLOR)
+
+
+def _wall_things(knobs: Wall) -> Iterator[Thing]:
+    if knobs.height:
+        size = (knobs.length, knobs.height, THICK)
+        yield wall("wall", knobs.left + knobs.length / 2, knobs.ahead, size)
+
+
+def _mark(target: Target) -> Thing:
+    """A disc that shows the target in plans; it lies under the ground, where nothing is."""
+    size, place = (2 * target.reach, 0.1, 2 * target.reach), (target.right, -0.1, target.ahead)
+    return Thing("target", "cylinder", size, place, color=MARK)
+
+
+def _objective(knobs: TransportKnobs) -> str:
+    what = "carries a cargo and steers it" if knobs.cargo.mass else "steers"
+    back = ", and back to the start" if knobs.target.back else ""
+    return f"Build a machine that {what} to a target ahead{back}."
+
+
+def _cargo_sentences(cargo: Cargo) -> Iterator[str]:
+    if cargo.mass:
+        yield (
+            f"The cargo is a box {cargo.width:g} m wide (x), {cargo.length:g} m long (z) and "
+            f"{cargo.height:g} m high, of mass {cargo.mass:g} kg. Before t = 0 it falls onto the "
+            f"machine: it starts above x = z = 0 with its underside {cargo.drop:g} m above the "
+            "ground, or on the highest part of the machine below it if that is higher."
+        )
+
+
+def _target_sentences(knobs: TransportKnobs) -> Iterator[str]:
+    target = knobs.target
+    side = "right (x+)" if target.right >= 0 else "left (x-)"
+    yield (
+        f"The target is {target.ahead:g} m ahead (z+) and {abs(target.right):g} m to the {side} of "
+        f"where the centre of {_moved(knobs)} is at t = 0. Only horizontal distances count."
+    )
+
+
+def _wall_sentences(wall: Wall) -> Iterator[str]:
+    if wall.height:
+        yield (
+            f"A wall {wall.height:g} m high and {THICK:g} m thick stands along x from x = "
+            f"{wall.left:g} to x = {wall.left + wall.length:g} m, its middle at z = "
+            f"{wall.ahead:g} m."
+        )
+
+
+def _score_sentences(knobs: TransportKnobs) -> Iterator[str]:
+    what, target = _moved(knobs), knobs.target
+    if target.back:
+        yield (
+            f"{what[0].upper()}{what[1:]} must come within {target.reach:g} m of the target, and "
+            "then back to where it was at t = 0. Score: 10 minus half the way in metres that is "
+            f"left after {knobs.window:g} s: straight to the target and back, or, once the target "
+            "was reached, straight to the start; never less than 0."
+        )
+    else:
+        yield (
+            f"Score: 10 minus the distance in metres of {what} from the target after "
+            f"{knobs.window:g} s, never less than 0."
+        )
+    yield f"10 more if it ends within {target.reach:g} m, and no connection broke."
+    if knobs.cargo.mass:
+        yield "Once the cargo touches the ground or anything but the machine, its place is final."
+    yield (
+        f"The whole machine must come along: a part of the way (there, or back) at the end of "
+        f"which any block is within {LEAST:g} m of where that block began it does not count."
+    )
+
+
+def _moved(knobs: TransportKnobs) -> str:
+    return "the cargo" if knobs.cargo.mass else "the Starting Block"

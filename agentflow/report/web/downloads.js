@@ -1,0 +1,17 @@
+// Buttons that save the files of a machine.
+
+import { el } from "./dom.js";
+import { inflate } from "./film.js";
+
+/** A button for each file: name -> where its content begins and ends in what `packed` gives. */
+export function downloads(files, packed) {
+  return Object.entries(files).map(([name, place]) =>
+    el("button", { title: name, click: async () => save(name, (await inflate(packed())).slice(...place)) }, name.slice(name.lastIndexOf("."))));
+}
+
+/** Save content as a file. */
+function save(name, content) {
+  const url = URL.createObjectURL(new Blob([content]));
+  el("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 1000);
+}

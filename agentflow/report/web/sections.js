@@ -1,0 +1,114 @@
+// The parts of a run's page in words, tables and charts; each is null if there is nothing to show.
+
+import { scoreChart, barChart } from "./charts.js";
+import { el, section, formatNumber, table } from "./dom.js";
+import { taskDetails, callDetails, toolDetails, scoreTable } from "./text.js";
+
+const PLURAL = { reply: "replies", machine: "machines" };
+
+export function header(data) {
+  const { run } = data;
+  return el("header", {},
+    el("p", { class: "kind" }, `agentflow run · ${run.workflow} · seed ${run.seed}`),
+    el("h1", {}, run.task),
+    el("p", { class: "kind" }, data.task.title),
+    el("p", { class: "score" }, el("b", {}, run.score === null ? "no score" : formatNumber(run.score)), " ", run.sentence),
+    run.verified ? verification(run.verified) : null,
+    el("p", { class: "lede" }, run.about),
+    taskDetails(data.task));
+}
+
+/** The verified score, and the scores that it is the median of. */
+function verification({ score, low, high, scores }) {
+  const summary = score === null ? "No verified score: some simulations failed"
+    : `Verified score ${formatNumber(score)}, from simulations that scored ${formatNumber(low)} to ${formatNumber(high)}`;
+  return el("details", {}, el("summary", {}, summary),
+    el("p", { class: "quiet" }, "The best machine was simulated again with a finer time step, and with slightly different masses, friction and motor torque. The verified score is the median."),
+    scoreTable("Scores of the best machine", "Simulation", scores));
+}
+
+export function legend() {
+  return el("p", { class: "quiet" }, "Each dot is a machine, edited from the one to its left; stronger colour means a higher score. ",
+    "Red ring: something broke. Hollow: invalid. Cross: rejected edit. Arrow keys move the selection.");
+}
+
+export function scoreCharts({ progress }) {
+  if (!progress.length) return null;
+  const tokens = progress.at(-1).tokens > 0;
+  const searched = progress.at(-1).expansions > 0;
+  return section("Score",
+    searched ? scoreChart("Score over expansions", "expansions", progress.map((point) => [point.expansions, point.score])) : null,
+    tokens
+      ? scoreChart("Score over tokens", "tokens", progress.map((point) => [point.tokens, point.score]))
+      : scoreChart("Score over calls (this model reports no tokens)", "calls", progress.map((point) => [point.calls, point.score])));
+}
+
+export function stages({ stages: rows }) {
+  if (!rows.length) return null;
+  const costs = nonzeroColumns(rows, { Calls: "calls", Tokens: "tokens", Rollouts: "rollouts" });
+  const head = ["Stage", "Valid", "Mean", "Mean, invalid = 0", "Best", "Std", ...costs.map(([name]) => name)];
+  return section("Stages", table("Results by stage", head, rows.map((row) => [
+    readable(row.name), `${row.valid} of ${row.trajectories}`, row.mean, row.mean_all, row.max, row.std,
+    ...costs.map(([, key]) => row[key])])));
+}
+
+/** How often an agent called each tool, by stage. */
+export function tools({ stages: rows, tools: calls }) {
+  if (!calls.length) return null;
+  const names = [...new Set(rows.flatMap((row) => Object.keys(row.tools ?? {})))];
+  const uses = ({ calls, refused } = { calls: 0, refused: 0 }) => (refused ? `${calls} (${refused} refused)` : calls);
+  const counts = names.map((name) => [name, ...rows.map((row) => uses(row.tools?.[name]))]);
+  return section("Tools",
+    rows.length ? table("Calls of tools by stage", ["Tool", ...rows.map((row) => readable(row.name))], counts) : null,
+    el("details", { class: "role" }, el("summary", {}, "Calls ", el("small", {}, `${calls.length}`)), ...calls.map(toolDetails)));
+}
+
+/** Columns that are not 0 in every row. */
+function nonzeroColumns(rows, columns) {
+  return Object.entries(columns).filter(([, key]) => rows.some((row) => row[key] !== 0));
+}
+
+export function failures({ validity, reasons, failures: kinds }) {
+  if (!validity.length) return null;
+  const counted = kinds.filter(({ count }) => count > 0);
+  return section("Validity and failures",
+    table("Replies by role, including retries", ["Role", "Replies", "Parsed", "Valid", "Repaired"],
+      validity.map((row) => [readable(row.role), row.attempts, row.parsed, row.valid, row.repaired])),
+    el("h3", {}, "Reasons for rejected replies"),
+    reasons.length ? barChart("Reasons for rejected replies", reasons.map(({ code, count, example }) => [code, count, example]))
+      : el("p", { class: "quiet" }, "No reply was rejected."),
+    el("h3", {}, "Failures by kind"),
+    counted.length ? barChart("Failures by kind", counted.map(({ name, count, unit, level, rule }) =>
+      [name, count, `${level}, of ${PLURAL[unit]}: ${rule}`])) : el("p", { class: "quiet" }, "No failures."));
+}
+
+export function usage({ usage: rows, run }) {
+  if (!rows.length) return null;
+  const costs = nonzeroColumns(rows, {
+    Calls: "calls", Prompt: "prompt", Completion: "completion", Reasoning: "reasoning", Cached: "cached", Seconds: "seconds", Cost: "cost",
+  });
+  return section("Usage", table("Calls, tokens, time and cost by role", ["Role", ...costs.map(([name]) => name)],
+    rows.map((row) => [readable(row.role), ...costs.map(([, key]) => row[key])])),
+    run.prices ? null : el("p", { class: "quiet" }, "No prices are configured, so the cost is unknown."));
+}
+
+export function conversations({ talk }, calls) {
+  if (!talk.length) return null;
+  const group = ({ role, labels }) => {
+    const details = el("details", { class: "role", toggle: async () => {
+      if (!details.open || details.dataset.filled) return;
+      details.dataset.filled = "yes";
+      const known = await calls();
+      details.append(...labels.map((label) => callDetails(known.get(label))));
+    } }, el("summary", {}, readable(role), " ", el("small", {}, labels.length === 1 ? "1 call" : `${labels.length} calls`)));
+    return details;
+  };
+  return section("Prompts and replies", ...talk.map(group));
+}
+
+export function settings({ facts }) {
+  return section("Settings and versions", el("dl", { class: "facts" },
+    ...facts.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])));
+}
+
+const readable = (name) => name.replaceAll("_", " ");
