@@ -1,0 +1,166 @@
+"""The connection of this process to a Ray cluster, which it starts here if there is none."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import socket
+from collections.abc import Mapping
+from contextlib import closing
+from typing import Any, NoReturn
+
+import ray
+
+from agentflow.errors import ConfigError, RunError
+
+ADDRESS = "RAY_ADDRESS"
+"""Environment variable with the address of a cluster, such as 10.0.0.1:6379."""
+QUIET = {
+    "RAY_USAGE_STATS_ENABLED": "0",  # reports to nobody that it runs
+    "RAY_IGNORE_UNHANDLED_ERRORS": "1",  # those of calls that are given up
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # the behaviour of later versions; else it warns
+}
+"""How Ray should behave, unless the user has said otherwise."""
+OBJECTS = 128 * 2**20
+"""Bytes of the object store on this machine: only batches and their results pass through it."""
+ANSWER_LIMIT = 10.0
+"""Seconds that a cluster has to answer."""
+PLACE_LIMIT = 600.0
+"""Seconds that a cluster has to offer processors for the first worker: new nodes take minutes."""
+BEAT, BEATS = 5.0, 9
+"""Seconds between two looks at the head, and how many in vain mean that it is gone. A minute after
+it was lost, Ray ends this process."""
+
+
+def connect(workers: int) -> None:
+    """Connect to the cluster at RAY_ADDRESS; without it, start one for so many workers here.
+
+    The connection stays until this process ends, which also ends a cluster that it started.
+
+    Raises:
+        ConfigError: There is no such cluster, or it has another version of Python or Ray.
+    """
+    if ray.is_initialized():
+        return
+    for name, value in QUIET.items():
+        os.environ.setdefault(name, value)
+    address = os.environ.get(ADDRESS) or None
+    if address is not None:
+        _require_answer(address)
+        # Ray tries 20 times, a minute each, where something else answers; it has no public setting.
+        ray._private.ray_constants.NUM_REDIS_GET_RETRIES = 1
+    here = {"num_cpus": workers, "object_store_memory": OBJECTS, "include_dashboard": False}
+    try:
+        ray.init(
+            address or "local",
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            **({} if address else here),
+        )
+    except Exception as error:  # Ray raises errors of any type
+        raise refusal(address, error) from error
+    # Without a public switch, Ray prints on standard output which of its processes have died.
+    ray._private.worker._worker_logs_enabled = False
+
+
+def _require_answer(address: str) -> None:
+    """Look whether anything answers there: Ray itself would look for minutes."""
+    host, _, port = address.rpartition(":")
+    if not (host and port.isdigit() and "/" not in host):
+        raise ConfigError(
+            f"{ADDRESS} takes the address of a cluster's head, such as 10.0.0.1:6379, "
+            f"not {address!r}"
+        )
+    try:
+        socket.create_connection((host, int(port)), ANSWER_LIMIT).close()
+    except OSError as error:
+        raise ConfigError(
+            f"no Ray cluster answers at {ADDRESS}={address} ({error.strerror or error}): check the "
+            f"address, or unset {ADDRESS} to use this machine alone"
+        ) from None
+
+
+def refusal(address: str | None, error: Exception) -> ConfigError:
+    """What to tell the user when Ray refuses with this error."""
+    if address is None:
+        return ConfigError(f"cannot start Ray on this machine: {_first_line(error)}")
+    cluster = f"the Ray cluster at {ADDRESS}={address}"
+    lines = [line.strip() for line in str(error).splitlines()]
+    found = [line for line in lines if line.startswith(("Ray: ", "Python: "))]
+    if len(found) == 4:
+        theirs, ours = (", ".join(pair).replace(":", "") for pair in (found[:2], found[2:]))
+        return ConfigError(
+            f"{cluster} has {theirs}, this process {ours}: install the same versions on all nodes"
+        )
+    if isinstance(error, ray.exceptions.AuthenticationError):
+        return ConfigError(
+            f"{cluster} asks for a token: set RAY_AUTH_TOKEN to the one that "
+            "`ray get-auth-token` prints on its head"
+        )
+    return ConfigError(
+        f"{cluster} cannot be used from here: run agentflow on one of its nodes, which `ray start` "
+        f"makes of a machine ({_first_line(error)})"
+    )
+
+
+def require_same(ours: Mapping[str, str], theirs: Mapping[str, str], node: str) -> None:
+    """Refuse a node whose results would not be ours.
+
+    Raises:
+        ConfigError: It has other versions.
+    """
+    differ = [name for name in sorted({*ours, *theirs}) if ours.get(name) != theirs.get(name)]
+    if differ:
+        found = ", ".join(
+            f"{name} {theirs.get(name, 'missing')} instead of {ours.get(name, 'none')}"
+            for name in differ
+        )
+        raise ConfigError(
+            f"the node {node} differs from this process: {found}; install the same versions on "
+            "all nodes, since results would differ"
+        )
+
+
+def no_place() -> ConfigError:
+    """What to tell the user when nothing can start."""
+    return ConfigError(
+        f"the Ray cluster had no free processor within {PLACE_LIMIT:g} s: wait until others have "
+        "finished, or add nodes"
+    )
+
+
+async def watch_head() -> NoReturn:
+    """Wait until the head of the cluster has not answered for some time.
+
+    Raises:
+        RunError: It is gone.
+    """
+    address = ray.get_runtime_context().gcs_address
+    host, _, port = address.rpartition(":")
+    silent = 0
+    while silent < BEATS:
+        await asyncio.sleep(BEAT)
+        silent = 0 if await _answers(host, int(port)) else silent + 1
+    raise RunError(
+        f"the head of the Ray cluster, {address}, no longer answers: start the cluster, then this "
+        "command again (design and sweep with --resume)"
+    )
+
+
+async def _answers(host: str, port: int) -> bool:
+    try:
+        _, writer = await asyncio.wait_for(asyncio.open_connection(host, port), BEAT)
+    except (OSError, asyncio.TimeoutError):
+        return False
+    with closing(writer):
+        return True
+
+
+async def result_of(sent: Any) -> Any:
+    """The result of a call of an actor, or of a task."""
+    return await asyncio.wrap_future(sent.future())
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().partition("\n")[0]

@@ -1,0 +1,194 @@
+"""A pool whose workers are Ray actors, on this machine or on the nodes of a cluster."""
+
+from __future__ import annotations
+
+import asyncio
+import pickle
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import ray
+from ray.exceptions import RayError, RayTaskError
+
+from agentflow.cluster.connection import (
+    PLACE_LIMIT,
+    connect,
+    no_place,
+    require_same,
+    result_of,
+    watch_head,
+)
+from agentflow.cluster.pace import Pace
+from agentflow.cluster.worker import Worker, conditions
+from agentflow.env.pool.base import (
+    ATTEMPTS,
+    GRACE,
+    Pool,
+    crashed_rollout,
+    hung_rollout,
+    rollout_in,
+)
+from agentflow.env.pool.worker import Reply
+from agentflow.env.rollout import Rollout
+from agentflow.errors import ConfigError
+
+STARTS = 3
+"""Times in a row that a worker may die before it is ready."""
+
+
+@dataclass(eq=False)
+class _Trial:
+    """A trial that waits for a worker, or is with one."""
+
+    job: bytes
+    limit: float
+    """Seconds after which its worker counts as hung."""
+    reply: asyncio.Future[Reply] = field(default_factory=asyncio.Future)
+    deaths: int = 0
+    alone: bool = False
+    """Whether it goes into a batch of its own, since its last batch came to harm."""
+
+    def settle(self, reply: Reply) -> None:
+        if not self.reply.done():  # else nobody waits for it any more
+            self.reply.set_result(reply)
+
+
+class RayPool(Pool):
+    """A pool of Ray actors, each of which takes one processor of the cluster.
+
+    Workers beyond the processors that are free start as soon as some are.
+    """
+
+    def __init__(self, workers: int, grace: float = GRACE) -> None:
+        super().__init__(workers)
+        self._grace = grace
+        self._waiting: asyncio.Queue[_Trial] = asyncio.Queue()
+        self._unsettled: set[_Trial] = set()
+        self.pace = Pace()
+        self._tasks: list[asyncio.Task[None]] = []
+        self._ready = asyncio.Event()
+        self._fault: BaseException | None = None
+        """Why no worker can run anything any more."""
+
+    async def _start(self) -> None:
+        connect(self.workers)
+        work = [watch_head(), *(self._keep_worker() for _ in range(self.workers))]
+        self._tasks = [asyncio.create_task(each) for each in work]
+        for task in self._tasks:
+            task.add_done_callback(self._give_up)
+        try:
+            await asyncio.wait_for(self._ready.wait(), PLACE_LIMIT)
+            self._raise_fault()
+        except asyncio.TimeoutError:
+            await self._stop()
+            raise no_place() from None
+        except BaseException:
+            await self._stop()
+            raise
+
+    async def _stop(self) -> None:
+        for task in self._tasks:
+            task.cancel()
+        for trial in self._unsettled:
+            trial.reply.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _run_trial(self, job: dict[str, Any]) -> Rollout:
+        self._raise_fault()
+        trial = _Trial(pickle.dumps(job), job["wall_limit"] + self._grace)
+        self._unsettled.add(trial)
+        self._waiting.put_nowait(trial)
+        try:
+            return rollout_in(await trial.reply)
+        finally:
+            trial.reply.cancel()
+            self._unsettled.discard(trial)
+
+    def _raise_fault(self) -> None:
+        if self._fault is not None:
+            raise self._fault
+
+    def _give_up(self, task: asyncio.Task[None]) -> None:
+        """Pass what ended a task to everybody who waits for a rollout."""
+        if task.cancelled() or self._fault is not None:
+            return
+        self._fault = task.exception()
+        self._ready.set()
+        for trial in self._unsettled:
+            if self._fault is not None and not trial.reply.done():
+                trial.reply.set_exception(self._fault)
+
+    async def _keep_worker(self) -> None:
+        """Keep one worker at work; start another when it dies."""
+        failures = 0
+        actor = ray.remote(Worker).options(num_cpus=1, max_restarts=0, max_task_retries=0)
+        while True:
+            worker = actor.remote()
+            try:
+                theirs, node = await result_of(worker.conditions.remote())
+                require_same(conditions(), theirs, node)
+                failures = 0
+                self._ready.set()
+                while await self._play(worker, await self._next_batch()):
+                    pass
+            except RayError as error:  # before it was ready
+                failures += 1
+                if isinstance(error, RayTaskError) or failures == STARTS:
+                    raise ConfigError(
+                        f"a node cannot start a worker: {_last_line(error)}"
+                    ) from error
+            finally:
+                ray.kill(worker)
+
+    async def _next_batch(self) -> list[_Trial]:
+        batch = [await self._waiting.get()]
+        size = self.pace.size(self._waiting.qsize() + 1, self.workers)
+        while len(batch) < size and not batch[0].alone and not self._waiting.empty():
+            trial = self._waiting.get_nowait()
+            if trial.alone:
+                self._waiting.put_nowait(trial)
+                break
+            batch.append(trial)
+        return [trial for trial in batch if not trial.reply.done()]
+
+    async def _play(self, worker: Any, batch: list[_Trial]) -> bool:
+        """Have a worker play a batch; whether it can play another."""
+        if not batch:
+            return True
+        begin = time.perf_counter()
+        limit = max(trial.limit for trial in batch)
+        try:
+            sent = worker.play.remote([trial.job for trial in batch])
+            replies, work = await asyncio.wait_for(result_of(sent), limit)
+        except asyncio.TimeoutError:
+            self._retry(batch, hung=True)
+            return False
+        except RayTaskError as error:
+            raise RuntimeError(f"a worker failed:\n{error}") from error
+        except RayError:  # its process or its node is gone, or cannot be reached
+            self._retry(batch, hung=False)
+            return False
+        self.pace.note(time.perf_counter() - begin, work, len(batch))
+        for trial, reply in zip(batch, pickle.loads(replies), strict=True):
+            trial.settle(reply)
+        return True
+
+    def _retry(self, batch: list[_Trial], hung: bool) -> None:
+        """Run the trials of a lost worker again, each alone, or record what they did to it.
+
+        Of a batch, nobody knows which one it was.
+        """
+        for trial in batch:
+            trial.deaths += not hung
+            if hung and len(batch) == 1:
+                trial.settle(hung_rollout(trial.limit))
+            elif trial.deaths == ATTEMPTS:
+                trial.settle(crashed_rollout())
+            else:
+                trial.alone = True
+                self._waiting.put_nowait(trial)
+
+
+def _last_line(error: Exception) -> str:
+    return str(error).strip().rpartition("\n")[2]

@@ -1,0 +1,105 @@
+"""What keeps a cluster from being used is one sentence."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from collections.abc import Callable
+from importlib.util import find_spec
+
+import pytest
+
+from agentflow.app.pools import pools_on
+from agentflow.cli import main
+from agentflow.env.pool.pool import RolloutPool
+from agentflow.errors import ConfigError
+
+
+def test_local_is_the_pool_of_this_machine() -> None:
+    assert pools_on("local") is RolloutPool
+
+
+@pytest.mark.skipif(find_spec("ray") is not None, reason="Ray is installed")
+def test_without_ray_the_extra_is_named() -> None:
+    with pytest.raises(ConfigError) as error:
+        pools_on("ray")
+    assert str(error.value) == (
+        "--on ray needs Ray; install it on every node with: pip install 'agentflow[cluster]'"
+    )
+
+
+@pytest.fixture
+def connect() -> Callable[[int], None]:
+    """Connects, as a process does that is not connected yet."""
+    ray = pytest.importorskip("ray")
+    from agentflow.cluster.connection import connect
+
+    ray.shutdown()
+    return connect
+
+
+def free_port() -> int:
+    with socket.socket() as closed:
+        closed.bind(("127.0.0.1", 0))
+        return int(closed.getsockname()[1])
+
+
+def test_an_address_where_nothing_answers(
+    connect: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address = f"127.0.0.1:{free_port()}"
+    monkeypatch.setenv("RAY_ADDRESS", address)
+    with pytest.raises(ConfigError) as error:
+        connect(2)
+    assert str(error.value) == (
+        f"no Ray cluster answers at RAY_ADDRESS={address} (Connection refused): check the address, "
+        "or unset RAY_ADDRESS to use this machine alone"
+    )
+
+
+@pytest.mark.parametrize("address", ["head", "ray://head:10001", "head:port"])
+def test_what_is_no_address(
+    address: str, connect: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RAY_ADDRESS", address)
+    with pytest.raises(ConfigError) as error:
+        connect(2)
+    assert str(error.value) == (
+        f"RAY_ADDRESS takes the address of a cluster's head, such as 10.0.0.1:6379, not {address!r}"
+    )
+
+
+def test_a_node_with_other_versions() -> None:
+    pytest.importorskip("ray")
+    from agentflow.cluster.connection import require_same
+
+    ours = {"agentflow": "0.2", "constants": "a", "mujoco": "4.0.1"}
+    require_same(ours, dict(ours), "10.0.0.2")
+    with pytest.raises(ConfigError) as error:
+        require_same(ours, {"agentflow": "0.1", "constants": "a"}, "10.0.0.2")
+    assert str(error.value) == (
+        "the node 10.0.0.2 differs from this process: agentflow 0.1 instead of 0.2, mujoco missing "
+        "instead of 4.0.1; install the same versions on all nodes, since results would differ"
+    )
+
+
+def test_a_cluster_with_another_ray() -> None:
+    ray = pytest.importorskip("ray")
+    from ray._private.utils import check_version_info
+
+    from agentflow.cluster.connection import refusal
+
+    ours = ".".join(map(str, sys.version_info[:3]))
+    with pytest.raises(RuntimeError) as error:
+        check_version_info({"ray_version": "2.9.0", "python_version": "3.9.1"}, "a process")
+    assert str(refusal("10.0.0.1:6379", error.value)) == (
+        "the Ray cluster at RAY_ADDRESS=10.0.0.1:6379 has Ray 2.9.0, Python 3.9.1, this process "
+        f"Ray {ray.__version__}, Python {ours}: install the same versions on all nodes"
+    )
+
+
+def test_one_machine_needs_no_cluster(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "examples/car.json", "--task", "movement", "--on", "ray"]) == 2
+    assert capsys.readouterr().err == (
+        "agentflow: --on ray is for many machines: add --jsonl, or remove --on\n"
+    )
